@@ -31,27 +31,18 @@ TRUTH_EVERY_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
-    """What is shown.
-
-    Attributes
-    ----------
-    folder : Path
-        Where plan, journal, recording and report go.
-    day : date
-        Whose wind blows; the forecast is made of other days of the season.
-    seed : int
-        Of gusts, other drones and errors.
-    autopilot : str
-        Name of its family (`missions.autopilots.NAMES`).
-    planner : str
-        Of the plan and of replanning; empty is the default one.
-    """
+    """What is shown."""
 
     folder: Path
+    """Where plan, journal, recording and report go."""
     day: date = DAY
+    """Whose wind blows; the forecast is made of other days of the season."""
     seed: int = 1
+    """Of gusts, other drones and errors."""
     autopilot: str = NAMES[0]
+    """Name of its family (`missions.autopilots.NAMES`)."""
     planner: str = ""
+    """Of the plan and of replanning; empty is the default one."""
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:

@@ -107,30 +107,19 @@ def journal_name(composition: Composition, now: datetime) -> str:
 
 
 class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How a supervised delivery ended: what ``skyway fly --json`` prints last.
-
-    Attributes
-    ----------
-    delivered : bool
-        The package arrived.
-    state, reason : str
-        The last state, and a sentence.
-    station : str or None
-        Where the drone stands, as far as that is a station.
-    flights : int
-        How many were flown.
-    journal, report : str or None
-        Files that were written.
-    """
+    """How a supervised delivery ended: what ``skyway fly --json`` prints last."""
 
     schema: str = "skyway.fly/1"
     delivered: bool
     state: str
     reason: str
+    """The last state, and a sentence."""
     station: str | None
+    """Where the drone stands, as far as that is a station."""
     flights: int
     journal: str
     report: str | None
+    """Files that were written."""
 
 
 def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSummary:

@@ -18,25 +18,17 @@ _NOT_READ = "unknown: the parameters that decide it could not be read"
 
 @dataclass(frozen=True, slots=True)
 class LinkLoss:
-    """What the settings of a family say about the loss of a link.
-
-    Attributes
-    ----------
-    action, exceptions : str
-        Keys of the settings that say what it does, and when it does nothing all the same.
-    in_mission : int
-        Bit of the exceptions that stands for a mission.
-    words : mapping
-        What each action is, for a person.
-    timeout : str
-        Key of the time that it waits; empty where none is told.
-    """
+    """What the settings of a family say about the loss of a link."""
 
     action: str
     exceptions: str
+    """Keys of the settings that say what it does, and when it does nothing all the same."""
     in_mission: int
+    """Bit of the exceptions that stands for a mission."""
     words: Mapping[int, str]
+    """What each action is, for a person."""
     timeout: str = ""
+    """Key of the time that it waits; empty where none is told."""
 
 
 class Failsafes(ABC):

@@ -11,29 +11,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """The flight modes of one family.
-
-    Attributes
-    ----------
-    numbers : mapping
-        ``custom_mode`` by the names that the families share: ``hold``, ``mission``, ``return``, ``land``, ``position``, and
-        ``guided``, in which it flies to a place that a command names.
-    names : mapping
-        Name for a person by ``custom_mode``.
-    command : callable
-        Parameters of DO_SET_MODE after the first, of a ``custom_mode``.
-    log_names : callable
-        Name as the family's own ground station writes it in logs, by kind of vehicle (`link.logs.common.vehicle_kind`) and
-        ``custom_mode``; None for one that it does not know.
-    on_rotors : tuple of int
-        Modes in which a plane stands on its rotors.
-    """
+    """The flight modes of one family."""
 
     numbers: Mapping[str, int]
+    """``custom_mode`` by the names that the families share: ``hold``, ``mission``, ``return``, ``land``, ``position``,
+    and ``guided``, in which it flies to a place that a command names."""
     names: Mapping[int, str]
+    """Name for a person by ``custom_mode``."""
     command: Callable[[int], tuple[float, ...]]
+    """Parameters of DO_SET_MODE after the first, of a ``custom_mode``."""
     log_names: Callable[[str, int], str | None]
+    """Name as the family's own ground station writes it in logs, by kind of vehicle (`link.logs.common.vehicle_kind`)
+    and ``custom_mode``; None for one that it does not know."""
     on_rotors: tuple[int, ...] = ()
+    """Modes in which a plane stands on its rotors."""
 
     def name(self, custom_mode: int) -> str:
         """Name of a mode, for a person."""

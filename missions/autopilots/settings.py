@@ -47,22 +47,15 @@ def version_of(text: str) -> Version:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """One name of a setting.
-
-    Attributes
-    ----------
-    name : str
-        As the firmware has it.
-    unit : str
-        One of `missions.items.parameters.UNITS`: that of the value on the wire.
-    since, until : (int, int)
-        Versions that have it; `until` has it no more.
-    """
+    """One name of a setting."""
 
     name: str
+    """As the firmware has it."""
     unit: str = ""
+    """One of `missions.items.parameters.UNITS`: that of the value on the wire."""
     since: Version = OLDEST
     until: Version = _NEVER
+    """Versions that have it; `until` has it no more."""
 
     def held_by(self, version: Version) -> bool:
         """Whether a version of the firmware has it."""
@@ -71,24 +64,16 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One meaning.
-
-    Attributes
-    ----------
-    key : str
-        How a person names it to skyway, such as ``mission-speed``.
-    words : str
-        What it is.
-    names : tuple of Name
-        The newest firmware's first.
-    plausible : (float, float)
-        In our unit: a value beyond is in another unit, or means something else, than we know.
-    """
+    """One meaning."""
 
     key: str
+    """How a person names it to skyway, such as ``mission-speed``."""
     words: str
+    """What it is."""
     names: tuple[Name, ...]
+    """The newest firmware's first."""
     plausible: tuple[float, float] = (-1e9, 1e9)
+    """In our unit: a value beyond is in another unit, or means something else, than we know."""
 
     def need(self, rule: Rule, value: float | None, why: str, *otherwise: Parameter, paired: str = "") -> Parameter:
         """Return what a mission needs of it, under each of its names.

@@ -26,56 +26,35 @@ DEFAULT_SPEED_MPS = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A place the vehicle goes to.
-
-    Attributes
-    ----------
-    item : int
-        Number of the item that orders it.
-    point : Point
-        Position.
-    height_m : float
-        Above home; NaN where the file does not let us know.
-    speed_mps : float
-        Commanded ground speed on the way there.
-    hold_s : float
-        Time spent in the air on arrival; infinite for a loiter without end.
-    """
+    """A place the vehicle goes to."""
 
     item: int
+    """Number of the item that orders it."""
     point: Point
     height_m: float
+    """Above home; NaN where the file does not let us know."""
     speed_mps: float
+    """Commanded ground speed on the way there."""
     hold_s: float = 0.0
+    """Time spent in the air on arrival; infinite for a loiter without end."""
 
 
 @dataclass(slots=True)
 class RouteLeg:
-    """One flight, from the ground to the next landing (or to where the mission ends).
-
-    Attributes
-    ----------
-    item_from, item_to : int
-        Numbers of the first and last item.
-    start : Point or None
-        Where it begins; None is unknown.
-    steps : list of Step
-        In order.
-    landing : str
-        ``land``, ``return`` (to launch) or ``none``.
-    released : bool
-        Whether the package is released after this leg.
-    ground_hold_s : float or None
-        Time on the ground afterwards; None where a person or arming ends it; 0 where the next leg follows at once.
-    """
+    """One flight, from the ground to the next landing (or to where the mission ends)."""
 
     item_from: int
     item_to: int
+    """Numbers of the first and last item."""
     start: Point | None
+    """Where it begins; None is unknown."""
     steps: list[Step] = field(default_factory=list)
     landing: str = "none"
+    """``land``, ``return`` (to launch) or ``none``."""
     released: bool = False
+    """Whether the package is released after this leg."""
     ground_hold_s: float | None = 0.0
+    """Time on the ground afterwards; None where a person or arming ends it; 0 where the next leg follows at once."""
 
     @property
     def next_ground_m(self) -> float:
@@ -88,21 +67,14 @@ class RouteLeg:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """What a mission flies.
-
-    Attributes
-    ----------
-    legs : tuple of RouteLeg
-        In flying order.
-    endless_jumps : tuple of int
-        Items that jump back forever.
-    is_cut : bool
-        True where jumps repeat so often that the rest was left out.
-    """
+    """What a mission flies."""
 
     legs: tuple[RouteLeg, ...]
+    """In flying order."""
     endless_jumps: tuple[int, ...]
+    """Items that jump back forever."""
     is_cut: bool
+    """True where jumps repeat so often that the rest was left out."""
 
     @property
     def ends_in_endless_jump(self) -> bool:

@@ -166,22 +166,15 @@ class Home:
 
 @dataclass(frozen=True, slots=True)
 class ComplexItem:
-    """A pattern of a ground station (a survey, a corridor) that some of the items came from.
-
-    Attributes
-    ----------
-    first, count : int
-        The items it was expanded to.
-    source : mapping
-        As the file had it; written again as long as its items are unchanged.
-    is_built : bool
-        The file did not hold its items: they were built from its settings.
-    """
+    """A pattern of a ground station (a survey, a corridor) that some of the items came from."""
 
     first: int
     count: int
+    """The items it was expanded to."""
     source: Mapping[str, Any] = field(repr=False)
+    """As the file had it; written again as long as its items are unchanged."""
     is_built: bool = False
+    """The file did not hold its items: they were built from its settings."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,27 +109,20 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class FlightNeeds:
-    """Settings that a mission needs.
-
-    Attributes
-    ----------
-    ground_speed_mps, climb_rate_mps, descent_rate_mps : float
-        Greatest planned.
-    return_height_m : float
-        Height above home at which a return clears the ground everywhere on the route.
-    fenced, has_rally_points, continues_after_landing, stays_armed, uses_gripper : bool
-        What the mission has.
-    """
+    """Settings that a mission needs."""
 
     ground_speed_mps: float
     climb_rate_mps: float
     descent_rate_mps: float
+    """Greatest planned."""
     return_height_m: float
+    """Height above home at which a return clears the ground everywhere on the route."""
     fenced: bool = False
     has_rally_points: bool = False
     continues_after_landing: bool = False
     stays_armed: bool = False
     uses_gripper: bool = False
+    """What the mission has."""
 
 
 def dumps(

@@ -38,32 +38,22 @@ _DISAGREES = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Transects:
-    """What a survey or corridor is flown by.
-
-    Attributes
-    ----------
-    spacing_m, trigger_m : float
-        Between transects, and between pictures along one; no trigger distance, no pictures.
-    altitude_m : float
-        Counted as `frame` says.
-    turnaround_m : float
-        Flown on beyond the ends of each transect.
-    entry : int
-        Corner to begin at: 0 to 3.
-    hovers : bool
-        It stops for each picture.
-    photographs_turns : bool
-        Pictures are taken while it turns, too.
-    """
+    """What a survey or corridor is flown by."""
 
     spacing_m: float
     trigger_m: float
+    """Between transects, and between pictures along one; no trigger distance, no pictures."""
     altitude_m: float
+    """Counted as `frame` says."""
     frame: Frame
     turnaround_m: float
+    """Flown on beyond the ends of each transect."""
     entry: int
+    """Corner to begin at: 0 to 3."""
     hovers: bool
+    """It stops for each picture."""
     photographs_turns: bool
+    """Pictures are taken while it turns, too."""
 
 
 def survey(source: JsonField) -> list[Mapping[str, Any]]:

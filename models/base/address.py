@@ -15,21 +15,14 @@ LISTENING = ("udpin", "tcpin")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where to speak.
-
-    Attributes
-    ----------
-    kind : str
-        ``udpin`` and ``tcpin`` listen, ``udpout`` and ``tcp`` speak first, ``serial`` opens a device.
-    host : str
-        Host, or the device.
-    port : int
-        Port, or the baud rate of a device; port 0 lets the system choose when listening.
-    """
+    """Where to speak."""
 
     kind: str
+    """``udpin`` and ``tcpin`` listen, ``udpout`` and ``tcp`` speak first, ``serial`` opens a device."""
     host: str
+    """Host, or the device."""
     port: int
+    """Port, or the baud rate of a device; port 0 lets the system choose when listening."""
 
     def __str__(self) -> str:
         if self.kind == "serial":

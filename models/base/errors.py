@@ -30,24 +30,17 @@ def one_line(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault of an input, with what is needed to correct it.
-
-    Attributes
-    ----------
-    problem : str
-        What is wrong, in a few words.
-    file, line, field, value
-        Where it is and what stands there; None where it does not apply. Lines count from 1.
-    remedy : str or None
-        What would be right.
-    """
+    """One fault of an input, with what is needed to correct it."""
 
     problem: str
+    """What is wrong, in a few words."""
     file: str | None = None
     line: int | None = None
     field: str | None = None
     value: object = None
+    """Where it is and what stands there; None where it does not apply. Lines count from 1."""
     remedy: str | None = None
+    """What would be right."""
 
     def __str__(self) -> str:
         where = self.file or ""

@@ -16,25 +16,17 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure and how sure it is.
-
-    Attributes
-    ----------
-    value : float
-        Estimate.
-    low, high : float
-        95 % interval; both are the value where nothing was sampled.
-    error : float
-        Standard error, the days of a forecast being a sample of those that may come.
-    seed_error : float
-        The part of it that another seed would show: queues, gusts and vehicles, with the days of the forecast as they are.
-    """
+    """A figure and how sure it is."""
 
     value: float
     low: float
     high: float
+    """95 % interval; both are the value where nothing was sampled."""
     error: float = 0.0
+    """Standard error, the days of a forecast being a sample of those that may come."""
     seed_error: float = 0.0
+    """The part of it that another seed would show: queues, gusts and vehicles, with the days of the forecast as they
+    are."""
 
     @property
     def half_width(self) -> float:

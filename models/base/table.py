@@ -84,18 +84,12 @@ class FaultCollector:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Some rows of a table, by column.
-
-    Attributes
-    ----------
-    lines : list of int
-        Line of each row, counted from 1.
-    columns : dict
-        Texts of each column asked for, by its name, stripped of nothing.
-    """
+    """Some rows of a table, by column."""
 
     lines: list[int]
+    """Line of each row, counted from 1."""
     columns: dict[str, tuple[str, ...]]
+    """Texts of each column asked for, by its name, stripped of nothing."""
 
     def decode(
         self,

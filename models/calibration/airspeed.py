@@ -41,25 +41,17 @@ STEADY_RAD_S = math.radians(8.0)
 
 @dataclass(frozen=True, slots=True)
 class AirspeedFit:
-    """Airspeed calibration found from one flight.
-
-    Attributes
-    ----------
-    reason : str
-        Why it cannot tell, or what it was found from.
-    model : AirspeedModel or None
-        None where it was not identified.
-    factor_sigma : float
-        Standard deviation of the factor; infinite where nothing was fitted.
-    wind_north_mps, wind_east_mps : float
-        Mean wind, TOWARDS, found along with it; NaN where nothing was fitted.
-    """
+    """Airspeed calibration found from one flight."""
 
     reason: str
+    """Why it cannot tell, or what it was found from."""
     model: AirspeedModel | None = None
+    """None where it was not identified."""
     factor_sigma: float = math.inf
+    """Standard deviation of the factor; infinite where nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
+    """Mean wind, TOWARDS, found along with it; NaN where nothing was fitted."""
 
 
 def identify_airspeed(air: Blocks) -> AirspeedFit:

@@ -41,33 +41,22 @@ MAX_RELATIVE_SIGMA = 0.20
 
 @dataclass(frozen=True, slots=True)
 class DragFit:
-    """Drag found from one flight.
-
-    Attributes
-    ----------
-    identified : bool
-        Whether the flight can tell it at all.
-    reason : str
-        Why not, or what it was found from.
-    drag : DragModel or None
-        As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where it was not identified.
-    relative_sigma : float
-        Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted.
-    wind_north_mps, wind_east_mps : float
-        Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted.
-    course_spread_deg : float
-        How far the courses flown differ, 0 to 180.
-    blocks : int
-        Averages used.
-    """
+    """Drag found from one flight."""
 
     identified: bool
+    """Whether the flight can tell it at all."""
     reason: str
+    """Why not, or what it was found from."""
     drag: DragModel | None = None
+    """As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where it was
+    not identified."""
     relative_sigma: float = math.inf
+    """Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
+    """Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted."""
     course_spread_deg: float = 0.0
+    """How far the courses flown differ, 0 to 180."""
     blocks: int = 0
 
 

@@ -30,25 +30,16 @@ Recharge = Literal["full", "enough"]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a station or delivery target is.
-
-    Attributes
-    ----------
-    lat, lon : float
-        Degrees, WGS-84.
-    elevation_m : float or None
-        Height of the ground above mean sea level; None is unknown.
-    name : str or None
-        What people call it.
-    pads : int
-        Recharging pads; 0 is a delivery target.
-    """
+    """Where a station or delivery target is."""
 
     lat: float
     lon: float
+    """Degrees, WGS-84."""
     elevation_m: float | None = None
+    """Height of the ground above mean sea level; None is unknown."""
     name: str | None = None
     pads: int = 0
+    """Recharging pads; 0 is a delivery target."""
 
     @classmethod
     def of(cls, station: Station) -> Place:
@@ -62,22 +53,15 @@ CALM_MPS = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Wind as speed and FROM direction: one wind, or the range that may blow.
-
-    Attributes
-    ----------
-    speed_mps : float
-        Metres per second; the mean of those that may blow.
-    from_deg : float or None
-        Where it blows FROM, degrees clockwise from true north; None is variable.
-    p10_mps, p90_mps : float or None
-        Speeds that 10 and 90 % of the winds do not exceed; None: one wind.
-    """
+    """Wind as speed and FROM direction: one wind, or the range that may blow."""
 
     speed_mps: float
+    """Metres per second; the mean of those that may blow."""
     from_deg: float | None
+    """Where it blows FROM, degrees clockwise from true north; None is variable."""
     p10_mps: float | None = None
     p90_mps: float | None = None
+    """Speeds that 10 and 90 % of the winds do not exceed; None: one wind."""
 
     @property
     def certain(self) -> bool:
@@ -111,26 +95,18 @@ class Wind:
 
 @dataclass(frozen=True, slots=True)
 class LegSegment:
-    """One segment of a leg.
-
-    Attributes
-    ----------
-    head : str
-        Station that it leads to.
-    distance_m, bearing_deg : float
-        Its length and initial bearing.
-    wind : Wind
-        Forecast for the time and height at which it is flown.
-    tailwind_mps, crosswind_mps : float
-        Mean components of the forecast along it (tailwind positive) and across it (from the left positive).
-    """
+    """One segment of a leg."""
 
     head: str
+    """Station that it leads to."""
     distance_m: float
     bearing_deg: float
+    """Its length and initial bearing."""
     wind: Wind
+    """Forecast for the time and height at which it is flown."""
     tailwind_mps: float
     crosswind_mps: float
+    """Mean components of the forecast along it (tailwind positive) and across it (from the left positive)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,25 +225,18 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class ArrivalDistribution:
-    """When the package arrives, over the forecast (None: unknown), and how sure each figure is.
-
-    Attributes
-    ----------
-    mean, p50, p95 : datetime or None
-        Mean arrival, and when half and 95 % of the deliveries have arrived.
-    delivery_mean, delivery_p50, delivery_p95 : Figure or None
-        The same as delivery times, s, and how sure they are; None where nothing was sampled.
-    runs : int or None
-        Simulated deliveries behind them.
-    """
+    """When the package arrives, over the forecast (None: unknown), and how sure each figure is."""
 
     mean: datetime | None
     p50: datetime | None
     p95: datetime | None
+    """Mean arrival, and when half and 95 % of the deliveries have arrived."""
     delivery_mean: Figure | None = None
     delivery_p50: Figure | None = None
     delivery_p95: Figure | None = None
+    """The same as delivery times, s, and how sure they are; None where nothing was sampled."""
     runs: int | None = None
+    """Simulated deliveries behind them."""
 
 
 def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:

@@ -17,28 +17,19 @@ FLIGHT_TO_FLIGHT_FACTOR, FLIGHT_TO_FLIGHT_HEADING_RAD = 0.03, math.radians(3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirspeedModel:
-    """From sensors to the velocity through the air.
-
-    Attributes
-    ----------
-    factor : float
-        True airspeed is what the sensor says times this.
-    heading_offset_rad : float
-        The vehicle moves through the air where its heading points plus this, clockwise.
-    sigma_mps : float
-        Standard deviation of the airspeed.
-    slip_sigma_rad : float
-        Standard deviation of the heading and of side slip.
-    factor_sigma, heading_sigma_rad : float
-        Standard deviation of the factor (relative) and of the offset themselves, the same through a flight.
-    """
+    """From sensors to the velocity through the air."""
 
     factor: float = 1.0
+    """True airspeed is what the sensor says times this."""
     heading_offset_rad: float = 0.0
+    """The vehicle moves through the air where its heading points plus this, clockwise."""
     sigma_mps: float = 0.7
+    """Standard deviation of the airspeed."""
     slip_sigma_rad: float = math.radians(5.0)
+    """Standard deviation of the heading and of side slip."""
     factor_sigma: float = 0.0
     heading_sigma_rad: float = 0.0
+    """Standard deviation of the factor (relative) and of the offset themselves, the same through a flight."""
 
     def another_flight(self) -> AirspeedModel:
         """Return the same calibration with its uncertainty for another flight of the same aircraft."""

@@ -34,15 +34,10 @@ INDUCED_FACTOR = 1.15
 
 @dataclass(frozen=True, slots=True)
 class AirspeedLoad:
-    """Power over airspeed of one kind of multirotor.
-
-    Attributes
-    ----------
-    drag : DragModel
-        How it is held back by the air.
-    """
+    """Power over airspeed of one kind of multirotor."""
 
     drag: DragModel
+    """How it is held back by the air."""
 
     def factor(self, airspeed_mps: ArrayLike) -> NDArray[np.float64]:
         """Power at an airspeed over that in hover."""

@@ -36,37 +36,25 @@ MAX_TILT_RAD = math.radians(60.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragModel:
-    """Drag of one kind of multirotor.
-
-    Attributes
-    ----------
-    linear_per_s : float
-        c1.
-    quadratic_per_m : float
-        c2.
-    bias_forward_mps2, bias_right_mps2 : float
-        What the tilt shows in still air: the autopilot's level is not quite level.
-    sigma_mps2 : float
-        Standard deviation of the drag seen, averaged over `period_s`.
-    period_s : float
-        Time over which telemetry is averaged to one measurement.
-    relative_sigma : float
-        Relative standard deviation of the coefficients themselves, from this flight to another of the same aircraft.
-    bias_sigma_mps2 : float
-        Standard deviation of each bias, likewise.
-    manoeuvre_share : float
-        What is added to `sigma_mps2` (squares) while the vehicle accelerates: this share of the acceleration.
-    """
+    """Drag of one kind of multirotor."""
 
     linear_per_s: float = 0.30
+    """c1."""
     quadratic_per_m: float = 0.0
+    """c2."""
     bias_forward_mps2: float = 0.0
     bias_right_mps2: float = 0.0
+    """What the tilt shows in still air: the autopilot's level is not quite level."""
     sigma_mps2: float = 0.20
+    """Standard deviation of the drag seen, averaged over `period_s`."""
     period_s: float = 1.0
+    """Time over which telemetry is averaged to one measurement."""
     relative_sigma: float = 0.0
+    """Relative standard deviation of the coefficients themselves, from this flight to another of the same aircraft."""
     bias_sigma_mps2: float = 0.0
+    """Standard deviation of each bias, likewise."""
     manoeuvre_share: float = 0.0
+    """What is added to `sigma_mps2` (squares) while the vehicle accelerates: this share of the acceleration."""
 
     def __post_init__(self) -> None:
         if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):

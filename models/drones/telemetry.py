@@ -23,83 +23,60 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetrySample:
-    """One sample of a vehicle's telemetry; NaN is unknown, or no longer known.
-
-    Attributes
-    ----------
-    time_s : float
-        POSIX seconds (UTC); seconds since the log began where `TimeBase.absolute` is false.
-    system : int
-        MAVLink system id; 1 where a log has none.
-    lat_deg, lon_deg : float
-        WGS-84.
-    alt_msl_m, height_m : float
-        Above mean sea level; above the take-off site (home).
-    vel_north_mps, vel_east_mps, vel_down_mps : float
-        Velocity over the ground.
-    roll_rad, pitch_rad, yaw_rad : float
-        Body (forward, right, down) in north-east-down; pitch is positive nose up, yaw clockwise from true north.
-    airspeed_mps : float
-        True airspeed of a sensor, as far as it can be told: bridges without a sensor repeat the ground speed.
-    wind_north_mps, wind_east_mps : float
-        The autopilot's own estimate, where the air moves TOWARDS; NaN while it is not alive (exactly 0).
-    throttle : float
-        0 to 1.
-    soc : float
-        State of charge, 0 to 1 of nameplate.
-    voltage_v, current_a, power_w : float
-        Of the main battery; current and power are positive when it is discharged. Power is their product where both are
-        known, else what the log says.
-    armed, landed : float
-        1 yes, 0 no.
-    fixed_wing : float
-        1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on the rotors of a
-        multirotor; `NEITHER` where on something else (a VTOL in transition, a helicopter, wheels, a hull).
-    mission_item : float
-        Item that is flown to, as the vehicle counts.
-    mode : float
-        The autopilot's custom mode number.
-    mission_reached : float
-        Item reached last, as the vehicle counts.
-    link_loss : float
-        Share of its latest packets that did not arrive, 0 to 1; NaN in logs.
-    gps_ok, ekf_ok : float
-        1 where the vehicle trusts its receiver, and its own estimate of position and velocity, 0 where it does not
-        (`link.logs.common.trust`).
-    airspeed_ok : float
-        1 where the airspeed is that of a sensor which the vehicle has and believes.
-    """
+    """One sample of a vehicle's telemetry; NaN is unknown, or no longer known."""
 
     time_s: float
+    """POSIX seconds (UTC); seconds since the log began where `TimeBase.absolute` is false."""
     system: int = 1
+    """MAVLink system id; 1 where a log has none."""
     lat_deg: float = math.nan
     lon_deg: float = math.nan
+    """WGS-84."""
     alt_msl_m: float = math.nan
     height_m: float = math.nan
+    """Above mean sea level; above the take-off site (home)."""
     vel_north_mps: float = math.nan
     vel_east_mps: float = math.nan
     vel_down_mps: float = math.nan
+    """Velocity over the ground."""
     roll_rad: float = math.nan
     pitch_rad: float = math.nan
     yaw_rad: float = math.nan
+    """Body (forward, right, down) in north-east-down; pitch is positive nose up, yaw clockwise from true north."""
     airspeed_mps: float = math.nan
+    """True airspeed of a sensor, as far as it can be told: bridges without a sensor repeat the ground speed."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
+    """The autopilot's own estimate, where the air moves TOWARDS; NaN while it is not alive (exactly 0)."""
     throttle: float = math.nan
+    """0 to 1."""
     soc: float = math.nan
+    """State of charge, 0 to 1 of nameplate."""
     voltage_v: float = math.nan
     current_a: float = math.nan
     power_w: float = math.nan
+    """Of the main battery; current and power are positive when it is discharged. Power is their product where both are
+    known, else what the log says."""
     armed: float = math.nan
     landed: float = math.nan
+    """1 yes, 0 no."""
     fixed_wing: float = math.nan
+    """1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on the rotors of a
+    multirotor; `NEITHER` where on something else (a VTOL in transition, a helicopter, wheels, a hull)."""
     mission_item: float = math.nan
+    """Item that is flown to, as the vehicle counts."""
     mode: float = math.nan
+    """The autopilot's custom mode number."""
     mission_reached: float = math.nan
+    """Item reached last, as the vehicle counts."""
     link_loss: float = math.nan
+    """Share of its latest packets that did not arrive, 0 to 1; NaN in logs."""
     gps_ok: float = math.nan
     ekf_ok: float = math.nan
+    """1 where the vehicle trusts its receiver, and its own estimate of position and velocity, 0 where it does not
+    (`link.logs.common.trust`)."""
     airspeed_ok: float = math.nan
+    """1 where the airspeed is that of a sensor which the vehicle has and believes."""
 
     @property
     def ground_speed_mps(self) -> float:
@@ -146,40 +123,26 @@ def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """Clock of a stream of times, and its defects.
-
-    Attributes
-    ----------
-    source : str
-        Whose clock, in words.
-    absolute : bool
-        Whether times are POSIX seconds; otherwise they count from the log's own zero.
-    doubts : tuple of str
-        Each one sentence for a person.
-    """
+    """Clock of a stream of times, and its defects."""
 
     source: str
+    """Whose clock, in words."""
     absolute: bool = True
+    """Whether times are POSIX seconds; otherwise they count from the log's own zero."""
     doubts: tuple[str, ...] = field(default=())
+    """Each one sentence for a person."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TelemetryTrack:
-    """Samples of one vehicle as columns.
-
-    Attributes
-    ----------
-    system : int
-        System id of the vehicle.
-    time_s : ndarray, shape (samples,)
-        Never decreasing.
-    values : ndarray, shape (samples, quantities)
-        In the order of `QUANTITIES`; NaN is unknown.
-    """
+    """Samples of one vehicle as columns."""
 
     system: int
+    """System id of the vehicle."""
     time_s: NDArray[np.float64]
+    """Shape (samples,). Never decreasing."""
     values: NDArray[np.float64]
+    """Shape (samples, quantities). In the order of `QUANTITIES`; NaN is unknown."""
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time_s), len(QUANTITIES)):

@@ -29,18 +29,12 @@ At 10 km and 60 degrees of latitude such a piece lies within 4 m of the geodesic
 
 @dataclass(frozen=True)
 class NoFlyZones:
-    """Named polygons in longitude and latitude (x, y), degrees.
-
-    Attributes
-    ----------
-    names : tuple of str
-        One per polygon.
-    polygons : tuple of shapely Polygon or MultiPolygon
-        Valid and not empty.
-    """
+    """Named polygons in longitude and latitude (x, y), degrees."""
 
     names: tuple[str, ...]
+    """One per polygon."""
     polygons: tuple[shapely.Geometry, ...]
+    """Valid and not empty."""
 
     def crossed_by(
         self,

@@ -30,65 +30,39 @@ class PadServiceError(LinkError):
 
 
 class DroneOnPad(msgspec.Struct, frozen=True, kw_only=True):
-    """Our drone at a station.
-
-    Attributes
-    ----------
-    drone : str
-        Its name.
-    state : str
-        ``absent``; ``waiting`` for a pad on a holding spot; ``charging``; ``done``: charged, still on the pad.
-    soc : float or None
-        State of charge as the pad measures it; None where it is not on a pad.
-    to_soc : float or None
-        Where charging ends.
-    place_in_line : int
-        Drones that get a pad before this one.
-    pad_free_s : float or None
-        When it will get a pad, as far as that is known: POSIX seconds.
-    done_s : float or None
-        When it will be charged: POSIX seconds.
-    """
+    """Our drone at a station."""
 
     drone: str
     state: DroneState
+    """``absent``; ``waiting`` for a pad on a holding spot; ``charging``; ``done``: charged, still on the pad."""
     soc: float | None = None
+    """State of charge as the pad measures it; None where it is not on a pad."""
     to_soc: float | None = None
+    """Where charging ends."""
     place_in_line: int = 0
+    """Drones that get a pad before this one."""
     pad_free_s: float | None = None
+    """When it will get a pad, as far as that is known: POSIX seconds."""
     done_s: float | None = None
+    """When it will be charged: POSIX seconds."""
 
 
 class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """The pads of one station at an instant.
-
-    Attributes
-    ----------
-    station : str
-        Id.
-    posix_s : float
-        The instant.
-    pads, busy : int
-        How many there are, and on how many a drone stands.
-    remaining_s : tuple of float
-        Seconds until busy pads become free, ascending, where that is known.
-    waiting : int
-        Drones in the line.
-    holding_spots, holding_free : int
-        Spots beside the pads, and how many of them are free.
-    drones : tuple of DroneOnPad
-        Drones that asked to be charged here.
-    """
+    """The pads of one station at an instant."""
 
     station: str
     posix_s: float
     pads: int
     busy: int
+    """How many there are, and on how many a drone stands."""
     remaining_s: tuple[float, ...]
+    """Seconds until busy pads become free, ascending, where that is known."""
     waiting: int
     holding_spots: int
     holding_free: int
+    """Spots beside the pads, and how many of them are free."""
     drones: tuple[DroneOnPad, ...] = ()
+    """Drones that asked to be charged here."""
 
 
 class PadService(Protocol):
@@ -108,43 +82,25 @@ class PadService(Protocol):
 
 
 class PadRequest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One request on the wire.
-
-    Attributes
-    ----------
-    op : str
-        ``status``, ``charge`` or ``release``.
-    station, drone : str
-        Which ones.
-    to_soc : float
-        For ``charge``, 0-1.
-    """
+    """One request on the wire."""
 
     op: Literal["status", "charge", "release"]
+    """``status``, ``charge`` or ``release``."""
     station: str
     drone: str = ""
     to_soc: float = 1.0
+    """For ``charge``, 0-1."""
 
 
 class PadAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """One answer on the wire.
-
-    Attributes
-    ----------
-    ok : bool
-        Whether it was done.
-    error : str or None
-        Why not.
-    station : StationStatus or None
-        After the request.
-    drone : DroneOnPad or None
-        The drone of a ``charge`` or ``release``.
-    """
+    """One answer on the wire."""
 
     ok: bool
     error: str | None = None
     station: StationStatus | None = None
+    """After the request."""
     drone: DroneOnPad | None = None
+    """The drone of a ``charge`` or ``release``."""
 
 
 _REQUEST = msgspec.json.Decoder(PadRequest)

@@ -107,33 +107,23 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
 
 @dataclass(frozen=True, eq=False)
 class PadQueue:
-    """Queue of one station, given what is known at an instant.
-
-    Attributes
-    ----------
-    pads : int
-        At least 1.
-    start_s : float
-        The instant, POSIX seconds.
-    first_s : float
-        When the first hour of the rates begins, POSIX seconds.
-    arrivals_per_s, mean_charging_s : ndarray, shape (hours,)
-        Rates of other drones, hour after hour; after the last hour its rates go on.
-    busy : int or None
-        Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads.
-        None: nobody looked, so the station begins as `unseen` at `first_s` and lives through the hours until
-        `start_s`.
-    unseen : ndarray, shape (any,)
-        Probabilities of 0, 1, 2, … drones at `first_s` where nobody looked; an empty station by default.
-    """
+    """Queue of one station, given what is known at an instant."""
 
     pads: int
+    """At least 1."""
     start_s: float
+    """The instant, POSIX seconds."""
     first_s: float
+    """When the first hour of the rates begins, POSIX seconds."""
     arrivals_per_s: NDArray[np.float64]
     mean_charging_s: NDArray[np.float64]
+    """Shape (hours,) each. Rates of other drones, hour after hour; after the last hour its rates go on."""
     busy: int | None = None
+    """Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads. None: nobody
+    looked, so the station begins as `unseen` at `first_s` and lives through the hours until `start_s`."""
     unseen: NDArray[np.float64] = field(default_factory=lambda: np.ones(1), repr=False)
+    """Shape (any,). Probabilities of 0, 1, 2, … drones at `first_s` where nobody looked; an empty station by
+    default."""
 
     def distribution(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the probabilities of 0, 1, 2, … drones on the pads and in the line, shape (times, states).
@@ -171,17 +161,12 @@ class WaitForecast(NamedTuple):
 
     Between the points everything is linear, before and after them constant, so that t + E[W](t) never decreases: who
     arrives later is not expected to start earlier.
-
-    Attributes
-    ----------
-    wait_s : ndarray, shape (times,)
-        Expected wait of a drone that arrives at each point, seconds.
-    p_free : ndarray, shape (times,)
-        Probability that it finds a free pad.
     """
 
     wait_s: NDArray[np.float64]
+    """Shape (times,). Expected wait of a drone that arrives at each point, seconds."""
     p_free: NDArray[np.float64]
+    """Shape (times,). Probability that it finds a free pad."""
 
 
 def _points(hours: float) -> int:

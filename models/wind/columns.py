@@ -120,29 +120,18 @@ def _is_time_format(text: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class WindRows:
-    """The rows of a wind record, in SI units.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (rows,)
-        POSIX seconds.
-    site : ndarray of int, shape (rows,)
-        Index among the sites asked for.
-    speed_mps : ndarray, shape (rows,)
-        NaN is missing, or absurd and dropped.
-    from_deg : ndarray, shape (rows,)
-        NaN is missing or variable.
-    absurd : int
-        Rows dropped because of their speed.
-    warnings : tuple of str
-        What the operator should know.
-    """
+    """The rows of a wind record, in SI units."""
 
     time_s: NDArray[np.float64]
+    """Shape (rows,). POSIX seconds."""
     site: NDArray[np.int64]
+    """Shape (rows,). Index among the sites asked for."""
     speed_mps: NDArray[np.float64]
+    """Shape (rows,). NaN is missing, or absurd and dropped."""
     from_deg: NDArray[np.float64]
+    """Shape (rows,). NaN is missing or variable."""
     absurd: int
+    """Rows dropped because of their speed."""
     warnings: tuple[str, ...]
 
 

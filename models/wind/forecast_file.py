@@ -31,28 +31,19 @@ _COLUMNS = ("time", "site", "member", "speed_mps", "from_deg")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForecastTable:
-    """A forecast as it was written.
-
-    Attributes
-    ----------
-    times_s : ndarray, shape (slots,)
-        POSIX seconds at which each slot begins, evenly spaced.
-    slot_s : float
-        Their distance; an hour where there is only one.
-    members : tuple of str
-        In the order of the file.
-    north, east : ndarray, shape (members, slots, sites)
-        m/s TOWARDS.
-    probability : ndarray, shape (members,)
-        Sums to 1.
-    """
+    """A forecast as it was written."""
 
     times_s: NDArray[np.float64]
+    """Shape (slots,). POSIX seconds at which each slot begins, evenly spaced."""
     slot_s: float
+    """Their distance; an hour where there is only one."""
     members: tuple[str, ...]
+    """In the order of the file."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    """Shape (members, slots, sites) each. m/s TOWARDS."""
     probability: NDArray[np.float64]
+    """Shape (members,). Sums to 1."""
 
 
 def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:

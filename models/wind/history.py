@@ -41,81 +41,50 @@ SUSPECT_MEDIAN_MPS = 15.0
 
 @dataclass(frozen=True, slots=True)
 class WindSite:
-    """Where wind is measured or forecast.
-
-    Attributes
-    ----------
-    id : str
-        As the record names it.
-    lat, lon : float
-        Degrees, WGS-84.
-    """
+    """Where wind is measured or forecast."""
 
     id: str
+    """As the record names it."""
     lat: float
     lon: float
+    """Degrees, WGS-84."""
 
 
 @dataclass(frozen=True, slots=True)
 class RowCounts:
-    """Counts of a record's rows by how they were used.
-
-    Attributes
-    ----------
-    rows : int
-        All rows of the file.
-    calm, variable, missing, absurd : int
-        Rows with speed 0; with a speed and no direction; without a speed; with an impossible speed, dropped.
-    directions_filled : int
-        Hours of a site with a measured speed whose direction came from the hours around or the other sites.
-    hours_interpolated, hours_borrowed : int
-        Hours of a site without wind that were filled from the hours around, and from the other sites.
-    hours_empty : int
-        Hours of a site that stay without wind.
-    """
+    """Counts of a record's rows by how they were used."""
 
     rows: int
     calm: int
     variable: int
     missing: int
     absurd: int
+    """Rows with speed 0; with a speed and no direction; without a speed; with an impossible speed, dropped."""
     directions_filled: int
+    """Hours of a site with a measured speed whose direction came from the hours around or the other sites."""
     hours_interpolated: int
     hours_borrowed: int
+    """Hours of a site without wind that were filled from the hours around, and from the other sites."""
     hours_empty: int
+    """Hours of a site that stay without wind."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindHistory:
-    """Hourly wind of several sites.
-
-    Attributes
-    ----------
-    sites : tuple of WindSite
-        Column ``j`` of the arrays is ``sites[j]``.
-    start_s : float
-        POSIX seconds at which slot 0 begins, a whole hour.
-    north, east : ndarray, shape (slots, sites)
-        m/s TOWARDS, at the height of the measurement; NaN where nothing is known.
-    measured_at_m : float
-        Height of the instruments above ground.
-    source : str
-        The file it was read from.
-    counts : RowCounts
-        What the record was made of.
-    warnings : tuple of str
-        What the operator should know.
-    slot_s : float
-        Length of a slot.
-    """
+    """Hourly wind of several sites."""
 
     sites: tuple[WindSite, ...]
+    """Column ``j`` of the arrays is ``sites[j]``."""
     start_s: float
+    """POSIX seconds at which slot 0 begins, a whole hour."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    """Shape (slots, sites) each. m/s TOWARDS, at the height of the measurement; NaN where nothing is known."""
     measured_at_m: float
+    """Height of the instruments above ground."""
     source: str = ""
     counts: RowCounts | None = None
+    """What the record was made of."""
     warnings: tuple[str, ...] = ()
     slot_s: float = SLOT_S
 

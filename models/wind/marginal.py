@@ -27,19 +27,13 @@ _SPEEDS = len(SPEED_EDGES_MPS) - 1
 
 
 class WindMarginal(NamedTuple):
-    """Winds that may blow in one slot at one place.
-
-    Attributes
-    ----------
-    probability : ndarray, shape (bins,)
-        Of each occupied bin; sums to 1.
-    north, east : ndarray, shape (bins,)
-        Mean vector TOWARDS of the members in the bin, m/s.
-    """
+    """Winds that may blow in one slot at one place."""
 
     probability: NDArray[np.float64]
+    """Shape (bins,). Of each occupied bin; sums to 1."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    """Shape (bins,) each. Mean vector TOWARDS of the members in the bin, m/s."""
 
 
 def marginal(ensemble: WindEnsemble, slot: int, lat: float, lon: float) -> WindMarginal:
@@ -56,18 +50,12 @@ def marginal(ensemble: WindEnsemble, slot: int, lat: float, lon: float) -> WindM
 
 
 class WindRose(NamedTuple):
-    """How often the wind blows from where and how strongly.
-
-    Attributes
-    ----------
-    probability : ndarray, shape (sectors, speeds)
-        Together with `calm` it sums to 1.
-    calm : float
-        Probability of no wind at all, which has no direction.
-    """
+    """How often the wind blows from where and how strongly."""
 
     probability: NDArray[np.float64]
+    """Shape (sectors, speeds). Together with `calm` it sums to 1."""
     calm: float
+    """Probability of no wind at all, which has no direction."""
 
 
 def rose(north: NDArray[np.float64], east: NDArray[np.float64], probability: NDArray[np.float64]) -> WindRose:

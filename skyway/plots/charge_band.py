@@ -24,19 +24,13 @@ MIN_SHARE = 0.05
 
 @dataclass(frozen=True)
 class ChargeBand:
-    """Charge that 8 of 10 of the deliveries still under way have, over time.
-
-    Attributes
-    ----------
-    time_s : ndarray
-        POSIX seconds.
-    low, high : ndarray
-        Quantiles 0.1 and 0.9 of the state of charge, 0-1.
-    """
+    """Charge that 8 of 10 of the deliveries still under way have, over time."""
 
     time_s: NDArray[np.float64]
+    """POSIX seconds."""
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    """Quantiles 0.1 and 0.9 of the state of charge, 0-1."""
 
 
 def charge_band(result: PlanResult) -> ChargeBand | None:

@@ -32,37 +32,25 @@ def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.
 
 
 class WindHour(msgspec.Struct, frozen=True, kw_only=True):
-    """Wind of one slot, over the members; see `models.wind.summary`.
-
-    Attributes
-    ----------
-    start : str
-        ISO 8601.
-    mean_mps, p10_mps, p50_mps, p90_mps : float
-        Speed.
-    from_deg : float or None
-        Prevailing direction; None is variable.
-    sector_share : float
-        Share of the winds within the 90 degrees about it.
-    steadiness : float
-        Length of the mean vector over the mean speed.
-    p_hold : dict of str to float
-        Share of the members over the wind limit of each drone.
-    truth_mps, truth_from_deg : float
-        Wind that blew, where that is known.
-    """
+    """Wind of one slot, over the members; see `models.wind.summary`."""
 
     start: str
+    """ISO 8601."""
     mean_mps: float
     p10_mps: float
     p50_mps: float
     p90_mps: float
     from_deg: float | None
+    """Prevailing direction; None is variable."""
     sector_share: float
+    """Share of the winds within the 90 degrees about it."""
     steadiness: float
+    """Length of the mean vector over the mean speed."""
     p_hold: dict[str, float]
+    """Share of the members over the wind limit of each drone."""
     truth_mps: float | msgspec.UnsetType = msgspec.UNSET
     truth_from_deg: float | msgspec.UnsetType = msgspec.UNSET
+    """Wind that blew, where that is known."""
 
 
 class WindReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -31,21 +31,14 @@ _SAME_S = 10.0
 
 
 class Series(msgspec.Struct, frozen=True, kw_only=True):
-    """The courses of a flight.
-
-    Attributes
-    ----------
-    track : dict
-        The vehicle's telemetry and the filter.
-    truth : dict
-        What really blew, of a simulation.
-    log : dict or None
-        Telemetry of recordings, finer than the journal's.
-    """
+    """The courses of a flight."""
 
     track: Columns
+    """The vehicle's telemetry and the filter."""
     truth: Columns
+    """What really blew, of a simulation."""
     log: Columns | None = None
+    """Telemetry of recordings, finer than the journal's."""
 
 
 class WindFound(msgspec.Struct, frozen=True, kw_only=True):

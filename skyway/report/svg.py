@@ -26,24 +26,15 @@ def safe(value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """One line of a chart.
-
-    Attributes
-    ----------
-    label : str
-        For the legend.
-    style : str
-        CSS class of the line.
-    points : sequence of tuple
-        (POSIX seconds, value); a value of None breaks the line.
-    gap_s : float
-        Breaks the line where nothing was told for longer.
-    """
+    """One line of a chart."""
 
     label: str
     style: str
+    """CSS class of the line."""
     points: Sequence[tuple[float, float | None]]
+    """(POSIX seconds, value); a value of None breaks the line."""
     gap_s: float = math.inf
+    """Breaks the line where nothing was told for longer."""
 
     def pieces(self) -> list[list[tuple[float, float]]]:
         """Return the unbroken pieces."""
@@ -76,45 +67,31 @@ class Band:
 
 @dataclass(slots=True)
 class Chart:
-    """A chart over time.
-
-    Attributes
-    ----------
-    title, unit : str
-        What is shown, and in what.
-    begin_s, end_s : float
-        Range of the time axis, POSIX seconds.
-    courses : list of Course
-        Lines; those first are drawn first.
-    bands : list of Band
-        Areas, behind the lines.
-    level : tuple of float and str, optional
-        A value that matters, and its name.
-    low, high : float, optional
-        Range of the values; without them, what is drawn.
-    step : float, optional
-        Between the lines of the grid.
-    width : float
-        `WIDTH`, or `BROAD` where much happens.
-    spans : sequence of tuple
-        (begin, end) in POSIX seconds that are shaded: the flights.
-    turns : sequence of tuple
-        (POSIX seconds, words): upright marks.
-    """
+    """A chart over time."""
 
     title: str
     unit: str
+    """What is shown, and in what."""
     begin_s: float
     end_s: float
+    """Range of the time axis, POSIX seconds."""
     courses: list[Course] = field(default_factory=list)
+    """Lines; those first are drawn first."""
     bands: list[Band] = field(default_factory=list)
+    """Areas, behind the lines."""
     level: tuple[float, str] | None = None
+    """A value that matters, and its name."""
     low: float | None = None
     high: float | None = None
+    """Range of the values; without them, what is drawn."""
     step: float | None = None
+    """Between the lines of the grid."""
     width: float = WIDTH
+    """`WIDTH`, or `BROAD` where much happens."""
     spans: Sequence[tuple[float, float]] = ()
+    """(begin, end) in POSIX seconds that are shaded: the flights."""
     turns: Sequence[tuple[float, str]] = ()
+    """(POSIX seconds, words): upright marks."""
 
     def drawn(self) -> str:
         """Return the figure with its legend; one that says so where nothing is known."""

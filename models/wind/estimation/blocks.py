@@ -43,38 +43,26 @@ _COLUMNS = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """Telemetry averaged over periods; NaN where a period lacks something.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-        Mean time of the samples of each period.
-    velocity : ndarray, shape (n, 2)
-        Over the ground, (north, east), m/s.
-    drag : ndarray, shape (n, 2)
-        What the thrust gives beyond the acceleration, (north, east), m/s2.
-    yaw_rad, airspeed_mps : ndarray, shape (n,)
-        Heading, and what the sensor says, the climb taken off.
-    acceleration : ndarray, shape (n, 2)
-        Over the ground, (north, east), m/s2; NaN at the ends of the stream and beside gaps.
-    autopilot : ndarray, shape (n, 2)
-        The autopilot's own wind.
-    flying, winged : ndarray of bool, shape (n,)
-        In the air; on wings.
-    place : ndarray, shape (n, 3)
-        Latitude, longitude, degrees, and height above the take-off site, m.
-    """
+    """Telemetry averaged over periods; NaN where a period lacks something."""
 
     time_s: NDArray[np.float64]
+    """Shape (n,). Mean time of the samples of each period."""
     velocity: NDArray[np.float64]
+    """Shape (n, 2). Over the ground, (north, east), m/s."""
     drag: NDArray[np.float64]
+    """Shape (n, 2). What the thrust gives beyond the acceleration, (north, east), m/s2."""
     yaw_rad: NDArray[np.float64]
     airspeed_mps: NDArray[np.float64]
+    """Shape (n,) each. Heading, and what the sensor says, the climb taken off."""
     acceleration: NDArray[np.float64]
+    """Shape (n, 2). Over the ground, (north, east), m/s2; NaN at the ends of the stream and beside gaps."""
     autopilot: NDArray[np.float64]
+    """Shape (n, 2). The autopilot's own wind."""
     flying: NDArray[np.bool_]
     winged: NDArray[np.bool_]
+    """Shape (n,) each. In the air; on wings."""
     place: NDArray[np.float64]
+    """Shape (n, 3). Latitude, longitude, degrees, and height above the take-off site, m."""
 
     def __len__(self) -> int:
         return len(self.time_s)

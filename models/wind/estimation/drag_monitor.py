@@ -27,19 +27,13 @@ TOLERANCE = 0.10
 
 @dataclass(frozen=True, slots=True)
 class DragCheck:
-    """Check of the drag in use against a stretch of flight.
-
-    Attributes
-    ----------
-    factor, sigma : float
-        By which air velocities have to be multiplied, and its standard deviation; NaN where it cannot be told.
-    course_spread_deg : float
-        How far the courses of the stretch differ.
-    """
+    """Check of the drag in use against a stretch of flight."""
 
     factor: float
     sigma: float
+    """By which air velocities have to be multiplied, and its standard deviation; NaN where it cannot be told."""
     course_spread_deg: float
+    """How far the courses of the stretch differ."""
 
     @property
     def wrong(self) -> bool:

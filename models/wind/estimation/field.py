@@ -31,29 +31,20 @@ MIN_PROFILE_M = 5.0
 
 @dataclass(frozen=True, slots=True)
 class WindObservation:
-    """A wind that a filter found, averaged over a slot of time.
-
-    Attributes
-    ----------
-    time_s : float
-        POSIX seconds, middle of the slot.
-    lat_deg, lon_deg : float
-        Where, on average.
-    north_mps, east_mps : float
-        TOWARDS, at the height of the forecast it is compared with (see `at_height`).
-    variance : float
-        Of one component, m2/s2.
-    height_m : float
-        Above ground, where it was measured; NaN where that is not known.
-    """
+    """A wind that a filter found, averaged over a slot of time."""
 
     time_s: float
+    """POSIX seconds, middle of the slot."""
     lat_deg: float
     lon_deg: float
+    """Where, on average."""
     north_mps: float
     east_mps: float
+    """TOWARDS, at the height of the forecast it is compared with (see `at_height`)."""
     variance: float
+    """Of one component, m2/s2."""
     height_m: float = math.nan
+    """Above ground, where it was measured; NaN where that is not known."""
 
     def at_height(self, height_m: float, profile_exponent: float) -> WindObservation:
         """Return what this means at another height, by the power law; the same where its own is not known."""
@@ -71,19 +62,10 @@ class WindObservation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualModel:
-    """How the wind differs from a forecast.
-
-    Attributes
-    ----------
-    sigma_mps : float
-        Standard deviation of one component.
-    tau_s : float
-        Correlation time.
-    length_m : float
-        Correlation length.
-    """
+    """How the wind differs from a forecast."""
 
     sigma_mps: float = 2.5
+    """Standard deviation of one component."""
     tau_s: float = 6 * 3600.0
     length_m: float = 40_000.0
 

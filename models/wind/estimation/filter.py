@@ -76,29 +76,21 @@ class WindFilterSettings(Parameters):
 
 @dataclass(frozen=True, slots=True)
 class WindEstimate:
-    """Estimate of the filter.
-
-    Attributes
-    ----------
-    time_s : float
-        POSIX seconds.
-    north_mps, east_mps : float
-        TOWARDS.
-    var_north, cov_north_east, var_east : float
-        Covariance, m2/s2.
-    source : str
-        ``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast`` before
-        the first measurement, ``inconsistent`` where the innovations are larger than the filter believes they are, so that
-        the numbers are not to be used.
-    """
+    """Estimate of the filter."""
 
     time_s: float
+    """POSIX seconds."""
     north_mps: float
     east_mps: float
+    """TOWARDS."""
     var_north: float
     cov_north_east: float
     var_east: float
+    """Covariance, m2/s2."""
     source: str = "measured"
+    """``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast``
+    before the first measurement, ``inconsistent`` where the innovations are larger than the filter believes they are,
+    so that the numbers are not to be used."""
 
     @property
     def speed_mps(self) -> float:
@@ -294,31 +286,22 @@ class WindFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredWind:
-    """The filter's course over a log.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-    wind : ndarray, shape (n, 2)
-        (north, east) TOWARDS, m/s.
-    covariance : ndarray, shape (n, 3)
-        North-north, north-east, east-east, m2/s2.
-    nis : ndarray, shape (n,)
-        Before the gate; NaN where nothing was measured.
-    accepted : ndarray of bool, shape (n,)
-    forecast : ndarray, shape (n, 2)
-        What it was told to expect, (north, east), m/s.
-    trusted : ndarray of bool, shape (n,)
-        Where the filter's own health did not call the estimate inconsistent.
-    """
+    """The filter's course over a log."""
 
     time_s: NDArray[np.float64]
+    """Shape (n,)."""
     wind: NDArray[np.float64]
+    """Shape (n, 2). (north, east) TOWARDS, m/s."""
     covariance: NDArray[np.float64]
+    """Shape (n, 3). North-north, north-east, east-east, m2/s2."""
     nis: NDArray[np.float64]
+    """Shape (n,). Before the gate; NaN where nothing was measured."""
     accepted: NDArray[np.bool_]
+    """Shape (n,)."""
     forecast: NDArray[np.float64]
+    """Shape (n, 2). What it was told to expect, (north, east), m/s."""
     trusted: NDArray[np.bool_]
+    """Shape (n,). Where the filter's own health did not call the estimate inconsistent."""
 
     def __len__(self) -> int:
         return len(self.time_s)

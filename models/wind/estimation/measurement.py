@@ -35,32 +35,23 @@ MEAN_WIND_S = 60.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurements:
-    """Winds measured, in the order of time.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-    wind : ndarray, shape (n, 2)
-        (north, east) TOWARDS, m/s.
-    noise : ndarray, shape (n, 3)
-        Covariance: north-north, north-east, east-east.
-    source : ndarray of str, shape (n,)
-        ``tilt``, ``airspeed`` or ``autopilot``.
-    velocity : ndarray, shape (n, 2)
-        Over the ground, (north, east), m/s.
-    yaw_rad : ndarray, shape (n,)
-        Heading.
-    air_velocity : ndarray, shape (n, 2)
-        Through the air, (north, east), m/s: for tilt without gusts and noise, because it is what the errors are weighed at.
-    """
+    """Winds measured, in the order of time."""
 
     time_s: NDArray[np.float64]
+    """Shape (n,)."""
     wind: NDArray[np.float64]
+    """Shape (n, 2). (north, east) TOWARDS, m/s."""
     noise: NDArray[np.float64]
+    """Shape (n, 3). Covariance: north-north, north-east, east-east."""
     source: NDArray[np.str_]
+    """Shape (n,). ``tilt``, ``airspeed`` or ``autopilot``."""
     velocity: NDArray[np.float64]
+    """Shape (n, 2). Over the ground, (north, east), m/s."""
     yaw_rad: NDArray[np.float64]
+    """Shape (n,). Heading."""
     air_velocity: NDArray[np.float64]
+    """Shape (n, 2). Through the air, (north, east), m/s: for tilt without gusts and noise, because it is what the
+    errors are weighed at."""
 
     def __len__(self) -> int:
         return len(self.time_s)

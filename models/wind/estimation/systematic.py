@@ -65,19 +65,14 @@ SCALED = {"tilt": (DRAG_SCALE, -1), "airspeed": (AIRSPEED_SCALE, HEADING_OFFSET)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dependence:
-    """How measurements depend on the systematic errors.
-
-    Attributes
-    ----------
-    sensitivity : ndarray, shape (n, 2, COUNT)
-        Change of the measured wind (north, east) per unit of each error.
-    scale, turn : ndarray of int, shape (n,)
-        The error that scales, and the one that turns, the air velocity behind each measurement; -1 is none.
-    """
+    """How measurements depend on the systematic errors."""
 
     sensitivity: NDArray[np.float64]
+    """Shape (n, 2, COUNT). Change of the measured wind (north, east) per unit of each error."""
     scale: NDArray[np.int64]
     turn: NDArray[np.int64]
+    """Shape (n,) each. The error that scales, and the one that turns, the air velocity behind each measurement; -1 is
+    none."""
 
     @classmethod
     def none(cls, count: int, errors: int = COUNT) -> Dependence:

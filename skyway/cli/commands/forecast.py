@@ -32,23 +32,15 @@ OLDEST_H = 24.0
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """A forecast before and after what was measured, for the height of its sites.
-
-    Attributes
-    ----------
-    world : Scenario
-    depart_s : float
-        POSIX seconds.
-    before, after : WindEnsemble
-    seen : tuple of WindObservation
-        At the height of the sites.
-    """
+    """A forecast before and after what was measured, for the height of its sites."""
 
     world: Scenario
     depart_s: float
+    """POSIX seconds."""
     before: WindEnsemble
     after: WindEnsemble
     seen: tuple[WindObservation, ...]
+    """At the height of the sites."""
 
 
 def forecast(

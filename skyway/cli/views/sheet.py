@@ -25,43 +25,26 @@ MIN_WIDTH = 20
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a table.
-
-    Attributes
-    ----------
-    head : str
-        What stands above it.
-    unit : str
-        Below the head.
-    justify : ``left`` or ``right``
-        Of its values.
-    words : str or None
-        How a value is said where a row is a paragraph, such as ``charge {} %``; None is head, value, unit.
-    """
+    """A column of a table."""
 
     head: str
+    """What stands above it."""
     unit: str = ""
+    """Below the head."""
     justify: Literal["left", "right"] = "right"
     words: str | None = None
+    """How a value is said where a row is a paragraph, such as ``charge {} %``; None is head, value, unit."""
 
 
 @dataclass
 class Sheet:
-    """A table whose first columns name a row.
-
-    Attributes
-    ----------
-    columns : list of Column
-        All of them.
-    names : int
-        So many of the first columns name a row: where a row is a paragraph they stand before it.
-    rows : list of tuple of str, or str
-        Cells, or a line between rows.
-    """
+    """A table whose first columns name a row."""
 
     columns: list[Column]
     names: int = 1
+    """So many of the first columns name a row: where a row is a paragraph they stand before it."""
     rows: list[tuple[str, ...] | str] = field(default_factory=list)
+    """Cells, or a line between rows."""
 
     def add(self, *cells: str) -> None:
         """Add a row; a figure that is no finite number is unknown."""
