@@ -85,8 +85,11 @@ class ResidualModel:
     ) -> NDArray[np.float64]:
         """Covariance between (time, lat, lon) of n and of m points, shape (n, m), m2/s2."""
         distance, _ = geodesy.inverse(first[1][:, None], first[2][:, None], second[1][None], second[2][None])
-        lag = np.abs(first[0][:, None] - second[0][None])
-        return np.asarray(self.sigma_mps**2 * np.exp(-distance / self.length_m - lag / self.tau_s))
+        return np.asarray(self.sigma_mps**2 * np.exp(-distance / self.length_m) * self.fade(first[0], second[0]))
+
+    def fade(self, first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Correlation between n and m instants, shape (n, m)."""
+        return np.asarray(np.exp(-np.abs(first_s[:, None] - second_s[None]) / self.tau_s))
 
 
 def places(

@@ -2,7 +2,9 @@
 
 Each member of the ensemble is taken to be the truth but for a residual of known size, correlation time and length
 (`models.wind.estimation.field.ResidualModel`). The likelihood of all observations under that weights the member; the residual that
-is then expected at a horizon h, which falls as ``exp(-h / tau)``, shifts it. Observations are averages over slots: at
+is then expected at a horizon h, which falls as ``exp(-h / tau)``, shifts it. The wind between the sites of a forecast is what is
+interpolated from them, so an observation there tells of the residuals of the sites through the weights of the interpolation: the
+updated forecast says at its place what was measured, however far the sites are. Observations are averages over slots: at
 10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
 """
 
@@ -16,6 +18,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
+from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,18 +120,18 @@ def update_forecast(
     where = places(observations)
     misses = _misses(ensemble, observations)
     noise = np.array([one.variance for one in observations])
-    inverse = np.linalg.inv(model.covariance(where, where) + np.diag(noise))
+    sites = np.zeros(len(ensemble.site_lat)), ensemble.site_lat, ensemble.site_lon
+    weight = idw_weights(where[1], where[2], *sites[1:])
+    reach = weight @ model.covariance(sites, sites)  # of each observation with each site at the same time, m2/s2
+    inverse = np.linalg.inv(reach @ weight.T * model.fade(where[0], where[0]) + np.diag(noise))
     pressed = np.einsum("kl,mlc->mkc", inverse, misses)
     cost = 0.5 * np.einsum("mkc,mkc->m", misses, pressed)
     likelihood = np.exp(cost.min() - cost)
     fine = refined(ensemble, slot_s)
     begin, latest = fine.start_s + np.arange(fine.slots) * fine.slot_s, float(where[0].max())
     middle = np.where(begin <= latest, np.minimum(begin + fine.slot_s / 2.0, latest), begin + fine.slot_s / 2.0)
-    shift = np.empty((len(fine), fine.slots, len(fine.site_lat), 2))
-    for site, (lat, lon) in enumerate(zip(fine.site_lat, fine.site_lon, strict=True)):
-        points = middle, np.full(fine.slots, lat), np.full(fine.slots, lon)
-        shift[:, :, site] = np.einsum("tk,mkc->mtc", model.covariance(points, where), pressed)
-    moved = replace(fine, north=fine.north + shift[..., 0], east=fine.east + shift[..., 1])
+    shift = np.einsum("tk,ks,mkc->cmts", model.fade(middle, where[0]), reach, pressed, optimize=True)
+    moved = replace(fine, north=fine.north + shift[0], east=fine.east + shift[1])
     if not float((moved.probability * likelihood).sum()) > 0.0:
         return moved
     return moved.weighted(_flattened(moved.probability, likelihood, least_members))

@@ -64,6 +64,21 @@ def test_each_member_is_moved_by_its_own_residual_which_fades_with_the_horizon()
         assert moved == pytest.approx((10.0 - before.north[:, 0, 0]) * np.exp(-horizon_s / 7200.0), rel=1e-3)
 
 
+def test_the_updated_forecast_says_what_was_measured_where_it_was_measured_however_far_the_sites_are():
+    before = replace(
+        ensemble(members=30, sites=3), site_lat=np.array([40.6, 40.7, 40.8]), site_lon=np.array([-73.8, -74.2, -73.9])
+    )
+    lat, lon = 41.05, -73.7  # 30 km and more from each site
+    measured = [seen(8.0, -6.0, lat=lat, lon=lon, variance=0.5)]
+    after = update_forecast(before, measured)
+    north, east = after.wind_at(lat, lon, after.slot_at(measured[0].time_s))
+    assert float(after.probability @ north) == pytest.approx(8.0, abs=0.8)
+    assert float(after.probability @ east) == pytest.approx(-6.0, abs=0.8)
+    assert (
+        np.ptp(after.north[:, after.slot_at(measured[0].time_s)].mean(axis=0)) > 0.1
+    )  # the sites farther off learn less
+
+
 def test_the_same_slot_told_a_hundred_times_over_by_a_filter_is_one_observation():
     averages = SlotAverages(slot_s=600.0)
     for number in range(3000):
