@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -123,7 +124,7 @@ class Context:
         for sample in self.vehicle.samples(duration_s):
             self.observed.hear(sample)
             self.battery.hear(self, sample)
-            self.wind.hear(sample)
+            self.wind.hear(sample, math.nan if self.delivery.leg is None else self.delivery.leg.home_ground_m)
             watch_lean(self, sample)
         changes = self.vehicle.changes()
         for change in changes:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.missions.builder.leg_builder import LegBuilder
+from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
 from skyway.models.composition.composition import Place
 
@@ -69,6 +70,19 @@ class Leg:
     """The energy of the whole flight is to be learnt."""
     lookahead: Expected | None = None
     """What was expected of it last."""
+
+    @property
+    def home_ground_m(self) -> float:
+        """Ground above sea level that heights of its mission count from; NaN where it is not known."""
+        home = self.mission.document.mission.home
+        return math.nan if home is None or home.altitude_m is None else home.altitude_m
+
+    @property
+    def top_m(self) -> float:
+        """Greatest height above sea level that its mission orders; NaN where it is not known."""
+        items = self.mission.document.mission.items
+        heights = (item.z for item in items if item.command is Command.NAV_WAYPOINT)
+        return self.home_ground_m + max(heights, default=math.nan)
 
     def begin(self, time_s: float, soc: float, told_soc: float) -> None:
         """Begin with the take-off."""

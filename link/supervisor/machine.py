@@ -70,7 +70,8 @@ class Supervisor:
     ) -> None:
         rules = job.scenario.rules
         wind = WindBook(
-            job.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=job.drag,
+            job.forecast, rules, drag=job.drag,
+            ground_m=lambda lat, lon: float(job.scenario.network.ground_at_m(lat, lon)[0]),
             least_members=job.parameters.online.least_members,
         )  # fmt: skip
         belief = EnergyBelief.first(loaded=job.drag is not None)

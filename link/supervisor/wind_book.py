@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import asdict
 
 from skyway.models.base import geodesy
+from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.estimation.forecast_update import SLOT_S, update_forecast
 from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
 from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from skyway.link.supervisor.flight.lean import WindAtLimit
     from skyway.link.supervisor.journal.parts import Observation
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.telemetry import TelemetrySample
+    from skyway.models.flight.rules import FlightRules
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.filter import WindEstimate
 
@@ -40,10 +44,12 @@ class WindBook:
     ----------
     forecast : WindEnsemble
         At any height.
-    cruise_height_m, exponent : float
+    rules : FlightRules
         Where it is flown, and how wind grows with height.
     drag : DragModel or None
         Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
+    ground_m : callable, optional
+        (latitude, longitude) to the ground there above sea level; by default it is not known.
     least_members : float
         See `update_forecast`: it grows to this in the hour after the last measurement.
     """
@@ -51,17 +57,18 @@ class WindBook:
     def __init__(
         self,
         forecast: WindEnsemble,
-        cruise_height_m: float,
-        exponent: float,
+        rules: FlightRules,
         *,
         drag: DragModel | None = None,
+        ground_m: Callable[[float, float], float] = lambda *_: math.nan,
         least_members: float = 1.0,
     ) -> None:
-        self.base = forecast.at_height(cruise_height_m, exponent)
-        self.cruise_height_m, self.exponent = cruise_height_m, exponent
+        self._rules, self.cruise_height_m, self.exponent = rules, rules.cruise_height_m, rules.wind_profile_exponent
+        self.base = forecast.at_height(self.cruise_height_m, self.exponent)
         self._least_members = least_members
+        self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
-        self._expected = forecast_of(self.base, exponent)
+        self._expected = forecast_of(self.base, self.exponent)
         self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
         self._updated: WindEnsemble = self.base
         self._updated_s = -math.inf
@@ -71,12 +78,19 @@ class WindBook:
         """What the first forecast says of cruise height: (north, east), m/s."""
         return self._expected(time_s, lat_deg, lon_deg, self.cruise_height_m)
 
-    def hear(self, sample: TelemetrySample) -> None:
-        """Learn from a sample in the air, near cruise height."""
+    def hear(self, sample: TelemetrySample, home_ground_m: float = math.nan) -> None:
+        """Learn from a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
         if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
-            self.live.hear(sample)
+            self.live.hear(replace(sample, height_m=self._above_ground_m(sample, home_ground_m)))
 
-    def measure(self, found: WindAtLimit, sample: TelemetrySample) -> bool:
+    def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
+        """Height above the ground below; above where it took off, where the ground is not known."""
+        if not (math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg)):
+            return sample.height_m
+        below_m = home_ground_m - self._ground_m(round(sample.lat_deg, 3), round(sample.lon_deg, 3))
+        return sample.height_m + (below_m if math.isfinite(below_m) else 0.0)
+
+    def measure(self, found: WindAtLimit, sample: TelemetrySample, home_ground_m: float = math.nan) -> bool:
         """Take the wind measured at full lean; how far it and the autopilot's differ along the lean is doubt in the latter."""
         now = self.estimate
         if now is None:
@@ -85,7 +99,7 @@ class WindBook:
         along = np.array(found.along)
         gap = max(abs(float(apart @ along)), self._gap_mps)
         self._gap_mps = gap
-        place = (sample.lat_deg, sample.lon_deg, sample.height_m)
+        place = (sample.lat_deg, sample.lon_deg, self._above_ground_m(sample, home_ground_m))
         return self.live.measure(
             (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
         )
@@ -126,7 +140,9 @@ class WindBook:
         length, bearing = geodesy.inverse(points[:-1, 0], points[:-1, 1], points[1:, 0], points[1:, 1])
         ends = begin_s + duration_s * np.concatenate(([0.0], np.cumsum(length))) / max(float(length.sum()), 1.0)
         lat, lon = geodesy.midpoint(points[:-1, 0], points[:-1, 1], bearing, length)
-        passages = [Passage(*map(float, one)) for one in zip(lat, lon, ends[:-1], ends[1:], strict=True)]
+        ground_m = np.array([self._ground_m(*point) for point in way])
+        factors = wind_factors(self._rules, (ground_m[:-1], ground_m[1:]))
+        passages = [Passage(*map(float, one)) for one in zip(lat, lon, ends[:-1], ends[1:], factors, strict=True)]
         return summarise_wind(self.forecast(begin_s), passages, self.cruise_height_m, self.exponent)
 
     @property

@@ -1,9 +1,8 @@
 """Builder of the items, fence and rally points of one leg, for one autopilot.
 
-Height model: from one station to the next the vehicle is nowhere lower than the cruise height above the higher of the
-two grounds, since the ground need not fall or rise where the vehicle does. So it climbs straight above the station
-that it leaves, passes each station as high as both neighbouring segments want, changes height linearly between, and
-lands straight down. Heights in items count from home: the site of the last arming.
+A leg is as high as `models.flight.heights` says: the vehicle climbs straight above the station that it leaves, passes each
+station as high as both neighbouring segments want, changes height linearly between, and lands straight down. Heights in
+items count from home: the site of the last arming.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from skyway.missions.items.parameters import FlightNeeds
 from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import speed_text
+from skyway.models.flight.heights import cleared_grounds_m
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -117,8 +117,7 @@ class LegBuilder:
     def flying_heights_m(self, service: DroneService) -> tuple[float, ...]:
         """Height above sea level at each station of a leg: the higher that a neighbouring segment wants."""
         grounds = [self.ground_m(station) for station in (service.origin, *service.via, service.destination)]
-        segments = [max(ends) + self.cruise_height_m for ends in pairwise(grounds)]
-        return tuple(max(neighbours) for neighbours in pairwise((segments[0], *segments, segments[-1])))
+        return tuple(ground + self.cruise_height_m for ground in cleared_grounds_m(grounds))
 
     def above(self, service: DroneService, home_ground_m: float) -> MissionItem:
         """Return the waypoint that ends the climb, straight above the origin."""

@@ -232,12 +232,13 @@ def _fly(
     mid_lat, mid_lon = geodesy.midpoint(lat[:-1], lon[:-1], bearing, length)
     commanded = np.array([max(step.speed_mps, 0.1) for step in leg.steps])
     hold = np.array([step.hold_s for step in leg.steps])
-    climb_s, descent_s, apart = _vertical_times(mission, leg, conditions, height_m)
+    climb_s, descent_s, apart, flown_m = _vertical_times(mission, leg, conditions, height_m)
+    above_ground_m = flown_m - _ground_m(leg, length, height_m)
     angle = np.radians(bearing)
     drone = conditions.drone
     elapsed = np.broadcast_to(clock_s[:, None], (members, len(length)))
     for _ in range(2):
-        north, east = conditions.weather.at(mid_lat, mid_lon, elapsed)
+        north, east = conditions.weather.at(mid_lat, mid_lon, elapsed, above_ground_m)
         along, across = along_across(north, east, np.cos(angle), np.sin(angle))
         possible = ground_speed(drone.max_airspeed_mps, along, across, drone.wind_limit_mps)
         speed = np.minimum(possible, commanded)
@@ -265,9 +266,9 @@ def _fly(
 
 def _vertical_times(
     mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Climb and descent of each step, and whether it comes before or after the way instead of on it."""
-    climb, descent, apart = [], [], []
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+    """Climb and descent of each step, whether it comes before or after the way instead of on it, and the mean height of the way."""
+    climb, descent, apart, flown = [], [], [], []
     for index, step in enumerate(leg.steps):
         height = height_m if math.isnan(step.height_m) else step.height_m
         command = mission.items[step.item].command
@@ -278,5 +279,15 @@ def _vertical_times(
         climb.append(max(change, 0.0) / conditions.climb_rate_mps)
         descent.append(max(-change, 0.0) / conditions.descent_rate_mps)
         apart.append(command in TAKEOFF_COMMANDS or command in LAND_COMMANDS or returns)
+        on_way = 0.5 * (height_m + height)
+        flown.append(height if command in TAKEOFF_COMMANDS else height_m if apart[-1] else on_way)
         height_m = height
-    return np.array(climb), np.array(descent), np.array(apart)
+    return np.array(climb), np.array(descent), np.array(apart), np.array(flown)
+
+
+def _ground_m(leg: RouteLeg, length_m: NDArray[np.float64], start_m: float) -> NDArray[np.float64]:
+    """Mean ground below the way of each step, above home: from the start to the landing it is taken to change linearly."""
+    along_m = np.concatenate(([0.0], np.cumsum(length_m)))
+    middle = 0.5 * (along_m[:-1] + along_m[1:]) / max(float(along_m[-1]), 1.0)
+    end_m = leg.steps[-1].height_m if leg.landing == "land" else start_m
+    return np.asarray(start_m + middle * ((start_m if math.isnan(end_m) else end_m) - start_m))

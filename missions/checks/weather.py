@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from skyway.models.wind.triangle import vector
+from skyway.models.wind.estimation.field import MIN_PROFILE_M
+from skyway.models.wind.triangle import height_factor, vector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,9 +24,16 @@ class Weather(Protocol):
         """Of each member, shape (members,)."""
 
     def at(
-        self, lat: NDArray[np.float64], lon: NDArray[np.float64], elapsed_s: NDArray[np.float64]
+        self,
+        lat: NDArray[np.float64],
+        lon: NDArray[np.float64],
+        elapsed_s: NDArray[np.float64],
+        height_m: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(north, east) towards which the air moves; places have shape (n,), times and answer (members, n)."""
+        """(north, east) towards which the air moves, shape (members, n).
+
+        Places and heights above the ground have shape (n,), times (members, n).
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,7 @@ class SteadyWind:
         lat: NDArray[np.float64],
         lon: NDArray[np.float64],  # noqa: ARG002  the same everywhere
         elapsed_s: NDArray[np.float64],  # noqa: ARG002  and always
+        height_m: NDArray[np.float64],  # noqa: ARG002  and at any height
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the one wind, shape (1, n)."""
         north, east = vector(self.speed_mps, self.from_deg)
@@ -62,18 +71,21 @@ class SteadyWind:
 
 @dataclass(frozen=True, slots=True)
 class ForecastWind:
-    """The members of an ensemble, carried to flying height.
+    """The members of an ensemble, carried to the height that is flown.
 
     Attributes
     ----------
     ensemble : WindEnsemble
-        At flying height.
+        At any height.
     depart_s : float
         POSIX seconds of the first take-off.
+    profile_exponent : float
+        How the wind grows with height (`models.wind.triangle.height_factor`), but not below `MIN_PROFILE_M`; 0: not.
     """
 
     ensemble: WindEnsemble
     depart_s: float
+    profile_exponent: float = 0.0
 
     @property
     def probability(self) -> NDArray[np.float64]:
@@ -81,8 +93,14 @@ class ForecastWind:
         return self.ensemble.probability
 
     def at(
-        self, lat: NDArray[np.float64], lon: NDArray[np.float64], elapsed_s: NDArray[np.float64]
+        self,
+        lat: NDArray[np.float64],
+        lon: NDArray[np.float64],
+        elapsed_s: NDArray[np.float64],
+        height_m: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Interpolate between the sites at each place, in the slot of each time."""
         elapsed = np.where(np.isfinite(elapsed_s), elapsed_s, 0.0)
-        return self.ensemble.at_times(lat, lon, self.depart_s + elapsed)
+        north, east = self.ensemble.at_times(lat, lon, self.depart_s + elapsed)
+        factor = height_factor(np.maximum(height_m, MIN_PROFILE_M), self.ensemble.height_m, self.profile_exponent)
+        return factor * north, factor * east

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class FlightRules:
     Attributes
     ----------
     cruise_height_m : float
-        Above the ground of the station below; between stations the height changes linearly.
+        Above the higher of the grounds at the two ends of a segment (`models.flight.heights`).
     climb_rate_mps, descent_rate_mps : float
         Vertical speeds of take-off and landing.
     wind_profile_exponent : float
@@ -66,7 +67,7 @@ class SegmentWind(NamedTuple):
     north, east : ndarray, shape (members, slots, sites)
         Wind at cruise height, m/s, where the air moves TOWARDS.
     weight : ndarray, shape (segments, sites)
-        Inverse-distance weights of the sites at each segment's midpoint.
+        Inverse-distance weights of the sites at each segment's midpoint, times what the wind is more as high as the segment is flown.
     cos_bearing, sin_bearing, distance_m : ndarray, shape (segments,)
         Of the segments.
     airspeed_mps, wind_limit_mps, max_ground_speed_mps : float
@@ -98,7 +99,7 @@ def air_over(
     *,
     airspeed_mps: float | None = None,
 ) -> SegmentWind:
-    """Lay the ensemble's wind, carried to cruise height, over the segments of a network.
+    """Lay the ensemble's wind, carried to the height at which each is flown, over the segments of a network.
 
     Parameters
     ----------
@@ -115,7 +116,8 @@ def air_over(
     airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
     _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    weight = network.site_weights(wind.site_lat, wind.site_lon)
+    ground_m = network.ground_m[network.tail], network.ground_m[network.head]
+    weight = network.site_weights(wind.site_lat, wind.site_lon) * wind_factors(rules, ground_m)[:, None]
     air = _air(wind, weight, network.bearing_deg, network.distance_m, airspeed_mps, drone.max_ground_speed_mps)
     return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
 
@@ -127,8 +129,9 @@ def air_between(
     distance_m: NDArray[np.float64],
     airspeed_mps: float,
     max_ground_speed_mps: float,
+    factor: NDArray[np.float64],
 ) -> SegmentWind:
-    """Lay the wind at cruise height over straight ways of one's own choice; without climb, descent and limits of the wind.
+    """Lay the wind over straight ways of one's own choice; without climb, descent and limits of the wind.
 
     Parameters
     ----------
@@ -140,8 +143,10 @@ def air_between(
         Their courses and lengths.
     airspeed_mps, max_ground_speed_mps : float
         Of the drone.
+    factor : ndarray, shape (ways,)
+        Of the wind as high as each is flown (`models.flight.heights.wind_factors`).
     """
-    weight = idw_weights(*middle, wind.site_lat, wind.site_lon)
+    weight = idw_weights(*middle, wind.site_lat, wind.site_lon) * factor[:, None]
     return _air(wind, weight, bearing_deg, distance_m, airspeed_mps, max_ground_speed_mps)
 
 

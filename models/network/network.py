@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     import networkx as nx
     import pandas as pd
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.network.zones import NoFlyZones
 
@@ -169,6 +170,24 @@ class Network:
     def lon(self) -> NDArray[np.float64]:
         """Longitudes, degrees, shape (nodes,)."""
         return np.array([station.lon for station in self.stations], dtype=np.float64)
+
+    @cached_property
+    def ground_m(self) -> NDArray[np.float64]:
+        """Ground above mean sea level at each node, metres, shape (nodes,); NaN where it is not known."""
+        heights = [station.elevation_m for station in self.stations]
+        return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
+
+    def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
+        """Ground at places, metres above mean sea level, shape (places,): between the stations whose ground is known, as wind is.
+
+        NaN where none is known.
+        """
+        known = np.flatnonzero(np.isfinite(self.ground_m))
+        if not len(known):
+            return np.full(np.shape(np.atleast_1d(lat)), math.nan)
+        lowest = self.ground_m[known].min()  # so that the ground between stations of one height has that very height
+        weights = idw_weights(lat, lon, self.lat[known], self.lon[known])
+        return np.asarray(lowest + weights @ (self.ground_m[known] - lowest))
 
     @cached_property
     def pads(self) -> NDArray[np.int64]:

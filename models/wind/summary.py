@@ -42,12 +42,15 @@ class Passage(NamedTuple):
         WGS-84.
     begin_s, end_s : float
         POSIX seconds; the same twice is an instant.
+    factor : float
+        Of the wind as high as it is flown there, over that at the height of the summary (`models.flight.heights.wind_factors`).
     """
 
     lat_deg: float
     lon_deg: float
     begin_s: float
     end_s: float
+    factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +132,8 @@ def summarise_wind(
     for one, place in zip(passages, places, strict=True):
         for slot, seconds in _slots(ensemble, one):
             share = seconds / total if total > 0.0 else 1.0 / len(passages)
-            north.append(ensemble.north[:, slot] @ place)
-            east.append(ensemble.east[:, slot] @ place)
+            north.append(one.factor * (ensemble.north[:, slot] @ place))
+            east.append(one.factor * (ensemble.east[:, slot] @ place))
             weight.append(share * ensemble.probability)
     return summary_of(factor * np.concatenate(north), factor * np.concatenate(east), np.concatenate(weight))
 

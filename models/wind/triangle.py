@@ -37,9 +37,9 @@ def speed_from(north_mps: ArrayLike, east_mps: ArrayLike) -> tuple[NDArray[np.fl
     return speed, direction
 
 
-def height_factor(height_m: float, measured_at_m: float, exponent: float) -> float:
-    """Ratio of the wind at a height to the wind where it was measured: (h / h0) ** exponent."""
-    return float((height_m / measured_at_m) ** exponent)
+def height_factor(height_m: Quantity, measured_at_m: Quantity, exponent: float) -> Any:
+    """Ratio of the wind at a height to the wind where it was measured: (h / h0) ** exponent. Takes numbers or arrays."""
+    return (height_m / measured_at_m) ** exponent
 
 
 def along_across(north: Quantity, east: Quantity, cos_bearing: Quantity, sin_bearing: Quantity) -> tuple[Any, Any]:

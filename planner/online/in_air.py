@@ -112,7 +112,7 @@ class FlightDecision:
 
     def _reach(self) -> Reach:
         info, chosen = self._info, self._memory.airspeed_mps
-        reach = self._policy.reach(info.forecast, info.belief)
+        reach = self._policy.reach(info.forecast, info.belief, cleared_m=info.cleared_m)
         if info.here is not None:
             reach = reach.where_flown([info.here], info.time_s)
         wanted, limit_mps = reach.airspeed_mps if chosen is None else chosen, info.airspeed_limit_mps
@@ -143,6 +143,7 @@ class FlightDecision:
         piece_s = reach.along(way[:2], airborne.time_s).time_s[:, 0]
         wanted = float(reach.expected(np.asarray(length) / np.maximum(piece_s, 1e-3)))
         north, east = reach.winds(np.array([way[0][0]]), np.array([way[0][1]]), np.array([airborne.time_s]))
+        north, east = reach.factor_at(here) * north, reach.factor_at(here) * east
         figures = {
             "destination": airborne.destination,
             "soc": airborne.soc,

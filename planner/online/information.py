@@ -92,6 +92,8 @@ class Information:
         Stations that it has stood at and left: gone back to for the reserve alone, never because that seems better.
     sudden : bool
         Charge was lost at once: there is no time to look twice.
+    cleared_m : float
+        Ground above sea level that it clears by the cruise height, as high as it flies; minus infinity on the ground.
     airspeed_limit_mps : float
         It is seen not to fly faster through the air than this, though it is told to.
     flight : FlightMemory
@@ -119,6 +121,7 @@ class Information:
     diverts: tuple[str, ...] = ()
     left: frozenset[str] = frozenset()
     sudden: bool = False
+    cleared_m: float = -math.inf
     airspeed_limit_mps: float = math.inf
     flight: FlightMemory = field(default_factory=FlightMemory)
 

@@ -73,13 +73,15 @@ class OnlinePolicy:
 
     # What both need
 
-    def reach(self, forecast: WindEnsemble, belief: EnergyBelief, *, watched: bool = True) -> Reach:
-        """Return what can be flown under a forecast; `watched` counts what real flights take longer."""
+    def reach(
+        self, forecast: WindEnsemble, belief: EnergyBelief, *, watched: bool = True, cleared_m: float = -math.inf
+    ) -> Reach:
+        """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`."""
         request = self.request
         return Reach(
             self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
             load=self.load, parameters=self.parameters,
-            watched=watched,
+            watched=watched, cleared_m=cleared_m,
         )  # fmt: skip
 
     def problem(self, info: Information) -> Problem:

@@ -16,6 +16,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
+from skyway.models.flight.heights import cleared_grounds_m, wind_factors
 from skyway.models.flight.kernels import airborne_times
 from skyway.models.flight.rules import air_between
 from skyway.models.wind.triangle import along_across
@@ -91,6 +92,8 @@ class Reach:
         Of the online policy.
     watched : bool
         A real flight: it takes `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`.
+    cleared_m : float
+        Ground above sea level that a drone in the air clears by the cruise height: it comes no lower before it lands.
     """
 
     def __init__(
@@ -105,11 +108,12 @@ class Reach:
         load: AirspeedLoad | None = None,
         parameters: OnlineParameters = USUAL.online,
         watched: bool = False,
+        cleared_m: float = -math.inf,
     ) -> None:
         self.load, self.parameters = load, parameters
         self.network, self.rules = scenario.network, scenario.rules
         self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
-        self.drone, self.belief = drone, belief
+        self.drone, self.belief, self.cleared_m = drone, belief, cleared_m
         self.airspeed_mps = airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps
         self.power = power = FlightPower.of(drone, payload_kg)
         self.soc_per_s = power.soc_per_s
@@ -123,7 +127,7 @@ class Reach:
     def winds(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], time_s: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Wind of every member at places and times: (north, east), shape (members, n) each.
+        """Wind of every member at places and times, at cruise height: (north, east), shape (members, n) each.
 
         `time_s` has shape (n,) or (members, n).
         """
@@ -135,9 +139,21 @@ class Reach:
         same.airspeed_mps = airspeed_mps
         return same
 
+    def flying_over(self, cleared_m: float) -> Reach:
+        """Return the same where ground of a height is cleared by the cruise height."""
+        same = copy(self)
+        same.cleared_m = max(cleared_m, self.cleared_m)
+        return same
+
+    def factor_at(self, place: Place) -> float:
+        """Wind at a place as high as it flies there now, over that at cruise height."""
+        ground_m = self.network.ground_at_m(*place)
+        above_m = np.maximum(ground_m, self.cleared_m)
+        return float(wind_factors(self.rules, (ground_m, ground_m), (above_m, above_m))[0])
+
     def _cruise(
         self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
-        length_m: NDArray[np.float64], time_s: float, *, in_turn: bool,
+        length_m: NDArray[np.float64], time_s: float, factor: NDArray[np.float64], *, in_turn: bool,
     ) -> Flown:  # fmt: skip
         """Fly straight at the planned airspeed, with at least 1 m/s over the ground; no climb, no descent.
 
@@ -146,14 +162,14 @@ class Reach:
         """
         middle = geodesy.midpoint(*start, bearing, length_m)
         most = self.drone.max_ground_speed_mps
-        air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most)
+        air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most, factor)
         flight_s = airborne_times(air, time_s, in_turn)
         if self.load is None:
             return Flown(flight_s, self.soc_per_s * flight_s)
         # a drone that must not be faster over the ground flies slower through the air
         half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
         north, east = self.winds(*middle, time_s + half_s)
-        along, across = along_across(north, east, air.cos_bearing, air.sin_bearing)
+        along, across = along_across(factor * north, factor * east, air.cos_bearing, air.sin_bearing)
         speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
         return Flown(flight_s, self.soc_per_s * self.load.factor(np.hypot(speed - along, across)) * flight_s)
 
@@ -162,14 +178,20 @@ class Reach:
         lat, lon = self.network.lat[nodes], self.network.lon[nodes]
         length, bearing = geodesy.inverse(*here, lat, lon)
         start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
-        flown = self._cruise(start, bearing, length, time_s, in_turn=False)
+        ground_m = self.network.ground_at_m(*here), self.network.ground_m[nodes]
+        above_m = np.maximum(np.maximum(*ground_m), self.cleared_m)
+        factor = wind_factors(self.rules, ground_m, (above_m, above_m))
+        flown = self._cruise(start, bearing, length, time_s, factor, in_turn=False)
         return Flown(flown.time_s + self.descent_s, flown.soc + self.soc_descent)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
         """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
         places = np.array(points)
         length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
-        flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, in_turn=True)
+        ground_m = self.network.ground_at_m(*places.T)
+        above_m = np.maximum(cleared_grounds_m(ground_m.tolist()), self.cleared_m)
+        factor = wind_factors(self.rules, (ground_m[:-1], ground_m[1:]), (above_m[:-1], above_m[1:]))
+        flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True)
         return Flown(np.cumsum(flown.time_s, axis=1), np.cumsum(flown.soc, axis=1))
 
     def to_the_end(self, way: Sequence[Place], time_s: float, *, climbs: bool = False) -> Flown:
@@ -263,7 +285,8 @@ class Reach:
         points = _points(way, self.parameters.point_every_m)
         places = [place for place, _ in points]
         begins = time_s + (self.rules.climb_s if climbs else 0.0)
-        flown = self.along(places, begins)
+        high = self.flying_over(float(self.network.ground_at_m(*np.array(way).T).max()))
+        flown = high.along(places, begins)
         spent, used = np.zeros((2, len(self.wind), len(points)))
         spent[:, 1:] = flown.time_s
         used[:, 1:] = flown.soc
@@ -280,7 +303,7 @@ class Reach:
         for row, place in enumerate(places):
             if not len(nodes):
                 break
-            flight = self.to_stations(place, begins + float(mean_s[row]), nodes)
+            flight = high.to_stations(place, begins + float(mean_s[row]), nodes)
             left_s = float(mean_s[-1] - mean_s[row]) + self.descent_s
             nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
             cost = used[:, row, None] + flight.soc

@@ -14,6 +14,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import MPS_PER_KMH, S_PER_H
 from skyway.models.flight.energy import FlightPower
+from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
@@ -223,7 +224,9 @@ class Problem:
         distance, bearing = geodesy.inverse(lat, lon, lat[d], lon[d])
         middle = geodesy.midpoint(lat, lon, bearing, distance)
         wind = self.ensemble
-        weight = idw_weights(*middle, wind.site_lat, wind.site_lon)
+        ground_m = self.network.ground_m
+        factor = wind_factors(self.rules, (ground_m, ground_m[d]))
+        weight = idw_weights(*middle, wind.site_lat, wind.site_lon) * factor[:, None]
         angle = np.radians(bearing)
         return self.air._replace(
             weight=np.ascontiguousarray(weight),

@@ -19,6 +19,7 @@ from skyway.models.composition.composition import (
     Stop,
     Wind,
 )
+from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.schedule.schedule_kernels import (
@@ -167,11 +168,12 @@ def _winds(
     lat, lon = geodesy.midpoint(
         network.lat[tail], network.lon[tail], network.bearing_deg[segments], network.distance_m[segments]
     )
+    factors = wind_factors(problem.rules, (network.ground_m[tail], network.ground_m[network.head[segments]]))
     passages = []
     now = off_s + problem.air.climb_s
     for number, segment in enumerate(segments):
         until = now + float(parts[parts[:, 0] == segment, 2].sum())
-        passages.append(Passage(float(lat[number]), float(lon[number]), now, until))
+        passages.append(Passage(float(lat[number]), float(lon[number]), now, until, float(factors[number])))
         now = until
     ways = [passages, *([one] for one in passages)] if len(passages) > 1 else [passages, passages]
     return [summarise_wind(problem.forecast, way, height, exponent) for way in ways]

@@ -8,7 +8,7 @@ from datetime import UTC, date, datetime
 import numpy as np
 import pytest
 from one_leg import wind_triangle
-from worlds import DEPART, make_request, make_wind, make_world
+from worlds import DEPART, make_request, make_wind, make_world, on_level_ground
 
 from skyway.models.base.errors import InputError, NoRouteError, PayloadError
 from skyway.models.composition.composition import State
@@ -54,8 +54,9 @@ def test_legs_and_stops_follow_each_other_and_add_up(newyork, steady, planner):
 
 def test_each_leg_obeys_the_wind_triangle_and_the_battery(newyork, steady):
     c = plan(
-        newyork, ask("siuh-north", "white-plains", airspeed_mps=12.0), planner="pfs-charge-aware", forecast=steady
-    ).composition
+        on_level_ground(newyork), ask("siuh-north", "white-plains", airspeed_mps=12.0), planner="pfs-charge-aware",
+        forecast=steady,
+    ).composition  # fmt: skip
     drone = newyork.drone("m200")
     power = (
         drone.battery_j / drone.endurance_empty_s * ((drone.mass_kg + 0.8) / drone.mass_kg) ** drone.energy_model.kappa

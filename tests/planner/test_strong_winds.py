@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from worlds import on_level_ground
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
@@ -44,8 +45,9 @@ def test_a_drone_that_never_leaves_in_a_head_wind_is_told_with_the_energy_it_lac
 
 
 def test_a_drone_whose_first_route_never_leaves_is_chosen_when_another_of_its_routes_is_the_fastest(newyork):
-    chosen = plan(newyork, ask("bellevue", "jacobi", 0.8), forecast=blowing(11.0, 23.0))
-    alone = plan(newyork, ask("bellevue", "jacobi", 0.8, drone="m200"), forecast=blowing(11.0, 23.0))
+    level = on_level_ground(newyork)
+    chosen = plan(level, ask("bellevue", "jacobi", 0.8), forecast=blowing(11.0, 23.0))
+    alone = plan(level, ask("bellevue", "jacobi", 0.8, drone="m200"), forecast=blowing(11.0, 23.0))
     assert chosen.composition.drone == "m300"
     assert chosen.outcome.mean_s < alone.outcome.mean_s - 600.0
     assert "nan" not in " ".join(chosen.rejected.values())

@@ -38,6 +38,12 @@ def make_wind(rng, *, members=1, mean_mps=6.0, slots=48, slot_s=3600.0, turn_bac
     )
 
 
+def on_level_ground(scenario: Scenario) -> Scenario:
+    """The same with all stations at sea level, so that every leg is flown in the wind of the cruise height."""
+    level = tuple(replace(one, elevation_m=0.0) for one in scenario.network.stations)
+    return replace(scenario, network=replace(scenario.network, stations=level))
+
+
 def make_world(
     rng, stations=6, *, length_m=40_000.0, width_m=8_000.0, max_length_m=16_000.0, utilisation=0.5, target=False
 ):

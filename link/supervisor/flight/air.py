@@ -107,6 +107,7 @@ def information(ctx: Context, memory: FlightMemory) -> Information | None:
         commanded_mps=_obeyed_mps(ctx, leg),
         diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
         left=frozenset((leg.origin, *ctx.delivery.visited)),
+        cleared_m=leg.top_m - ctx.job.scenario.rules.cruise_height_m,
         sudden=ctx.now_s < ctx.battery.lost_s + SUDDEN_S,
         airspeed_limit_mps=_airspeed_limit(ctx),
         flight=memory,

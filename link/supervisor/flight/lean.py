@@ -176,7 +176,7 @@ def watch_lean(ctx: Context, s: TelemetrySample) -> None:
     changed = watch.hear(s, leg.commanded_mps)
     found = watch.measure() if ctx.job.drag is None else None
     if found is not None:
-        ctx.wind.measure(found, s)
+        ctx.wind.measure(found, s, leg.home_ground_m)
     if not changed:
         return
     estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)

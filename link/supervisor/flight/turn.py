@@ -64,7 +64,10 @@ def turn(ctx: Context, station: str, state: State) -> After:
 
 def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
     """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now."""
-    reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
+    cleared_m = (
+        -math.inf if ctx.delivery.leg is None else ctx.delivery.leg.top_m - ctx.job.scenario.rules.cruise_height_m
+    )
+    reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief, cleared_m=cleared_m)
     way = reach.way(here, (), station)
     return round(reach.ground_speed_mps(way, geodesy.distance_m(*way[0], *way[1]), ctx.now_s), 1)
 

@@ -222,8 +222,7 @@ def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> W
         raise InputError(Fault("a forecast needs a scenario", field="--depart", remedy=remedy))
     start = parse_instant(depart, field="--depart")
     rules = region.rules
-    ensemble = region.forecast(start, 24).at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    return ForecastWind(ensemble, start.timestamp())
+    return ForecastWind(region.forecast(start, 24), start.timestamp(), rules.wind_profile_exponent)
 
 
 def _conditions(

@@ -18,6 +18,7 @@ from skyway.link.supervisor.wind_book import WindBook
 from skyway.missions.autopilots.registry import family_named
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.telemetry import TelemetrySample
+from skyway.models.flight.rules import FlightRules
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.estimation.forecast_update import worth
 from skyway.sim_stub.plant.airframe import Airframe
@@ -198,7 +199,11 @@ def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
 def test_what_the_autopilot_says_of_the_wind_counts_for_less_where_full_lean_contradicts_it():
     """As flown: 2.8 m/s from 61 degrees told, 13 m/s from 30 true, 11.8 m/s over ground of 20 commanded, lean 30 degrees."""
     told, truth, course = velocity(2.8, 61.0), velocity(13.0, 30.0), math.radians(30.0)
-    book = WindBook(newyork().forecast(datetime.fromisoformat("2013-07-10T14:00-04:00"), 3.0), 60.0, 0.14, drag=None)
+    book = WindBook(
+        newyork().forecast(datetime.fromisoformat("2013-07-10T14:00-04:00"), 3.0),
+        FlightRules(wind_profile_exponent=0.14),
+        drag=None,
+    )
     watch = LeanWatch(30.0, 22.5)
     place = {"lat_deg": 40.7, "lon_deg": -73.9, "height_m": 60.0, "landed": 0.0, "fixed_wing": 0.0}
     lean = math.radians(30.0)
@@ -236,8 +241,26 @@ def velocity(speed_mps, from_deg):
 def test_a_measurement_tells_of_the_next_minutes_and_less_of_the_hours_after():
     begin = datetime.fromisoformat("2013-07-10T14:00-04:00")
     seen = WindObservation(begin.timestamp() + 300.0, 40.75, -73.97, 9.0, 0.0, 0.3)
-    book = WindBook(newyork().forecast(begin, 3.0), 60.0, 0.14, least_members=30.0)
+    book = WindBook(newyork().forecast(begin, 3.0), FlightRules(wind_profile_exponent=0.14), least_members=30.0)
     book.earlier = (seen,)
     now, later = (worth(book.forecast_by_hour(seen.time_s + age_s).probability) for age_s in (0.0, 3600.0))
     assert now < later
     assert later == pytest.approx(30.0, rel=1e-3)
+
+
+def test_a_wind_is_carried_to_cruise_height_from_the_height_above_the_ground_below():
+    """Over the lower end of a leg from 48 m to 110 m it flies 122 m above the ground, over the higher end 60 m."""
+    begin = datetime.fromisoformat("2013-07-10T14:00-04:00")
+    carried = []
+    for ground_m in (48.0, 110.0):
+        book = WindBook(newyork().forecast(begin, 3.0), FlightRules(), ground_m=lambda *_, ground_m=ground_m: ground_m)
+        for number in range(120):
+            sample = TelemetrySample(
+                time_s=begin.timestamp() + number, lat_deg=40.74, lon_deg=-74.19, height_m=122.0, landed=0.0, fixed_wing=0.0,
+                vel_north_mps=10.0, vel_east_mps=0.0, vel_down_mps=0.0, roll_rad=0.0, pitch_rad=-0.1, yaw_rad=0.0,
+                wind_north_mps=-6.0, wind_east_mps=8.0,
+            )  # fmt: skip
+            book.hear(sample, home_ground_m=48.0)
+        (seen,) = book.observations
+        carried.append(math.hypot(seen.north_mps, seen.east_mps))
+    assert carried[1] / carried[0] == pytest.approx((122.0 / 60.0) ** 0.2, rel=0.02)

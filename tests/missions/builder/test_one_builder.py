@@ -14,6 +14,8 @@ from skyway.link.supervisor.legs import plan_leg, turn_leg
 from skyway.missions import MissionOptions, armed_mission, family_named, leg_mission, whole_mission
 from skyway.missions.items.commands import Command
 from skyway.models.composition.composition import Place, Stop
+from skyway.models.flight.heights import cleared_grounds_m, wind_factors
+from skyway.models.flight.rules import FlightRules
 
 CRUISE_M = 60.0
 FORMS = {"px4": family_named("px4"), "ardupilot": family_named("ardupilot")}
@@ -60,6 +62,24 @@ def assert_clear(items, service, plan, home_ground_m):
     assert (lands[0].x, lands[0].y) == (flown[-1].x, flown[-1].y)  # straight down
 
 
+def assert_as_windy_as_planned(items, service, plan, home_ground_m):
+    """The height above the ground half-way along each segment is that which plans work out the wind at."""
+    flown = [item for item in items if item.command in FLOWN]
+    at = {(item.x, item.y): item.z + home_ground_m for item in flown}
+    names = (service.origin, *service.via, service.destination)
+    top = np.array([at[round(plan.stations[n].lat * 1e7), round(plan.stations[n].lon * 1e7)] for n in names])
+    ground = np.array(station_heights(service, plan))
+    above = 0.5 * (top[:-1] + top[1:]) - 0.5 * (ground[:-1] + ground[1:])
+    cleared = np.array(cleared_grounds_m(ground.tolist()))
+    linear = FlightRules(cruise_height_m=CRUISE_M, wind_profile_exponent=1.0)
+    ends = ground[:-1], ground[1:]
+    np.testing.assert_allclose(CRUISE_M * wind_factors(linear, ends, (cleared[:-1], cleared[1:])), above, atol=0.02)
+    alone = CRUISE_M * wind_factors(linear, ends)  # as plans count it, segment by segment
+    assert (alone <= above + 0.02).all()
+    if len(names) == 2:
+        np.testing.assert_allclose(alone, above, atol=0.02)
+
+
 def legs_of(items):
     """Split a mission at its landings."""
     legs = [[]]
@@ -92,6 +112,7 @@ def test_a_thousand_legs_keep_their_clearance_and_are_the_same_in_every_form(sma
             flies = plan_leg(plan, service, autopilot, options, last=number == 1).document
             assert flies == alone
             assert_clear(alone.mission.items, service, plan, grounds[number])
+            assert_as_windy_as_planned(alone.mission.items, service, plan, grounds[number])
             assert_clear(armed[number], service, plan, grounds[0])
             written = [flown_heights(whole[number], grounds[number]), flown_heights(armed[number], grounds[0])]
             wanted = flown_heights(alone.mission.items, grounds[number])

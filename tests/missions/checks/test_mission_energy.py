@@ -215,6 +215,17 @@ def test_a_forecast_gives_a_probability():
     assert codes(report)["reserve-unsure"] == "warning"
 
 
+def test_what_flies_higher_meets_more_wind():
+    wind = ensemble(6.0)
+    low, high = (run(*out(20.0), weather=ForecastWind(wind, 100.0, exponent)).legs[0] for exponent in (0.0, 0.2))
+    assert low == high  # 60 m above the ground, as high as the forecast is
+    half = replace(wind, height_m=30.0)
+    higher = run(*out(20.0), weather=ForecastWind(half, 100.0, 0.2)).legs[0]
+    assert low.least_airspeed_margin_mps - higher.least_airspeed_margin_mps == pytest.approx(
+        6.0 * (2.0**0.2 - 1.0), abs=0.01
+    )
+
+
 def test_days_on_which_the_wind_forbids_flying_are_told_apart():
     report = run(*out(), weather=ForecastWind(ensemble(5.0, 14.0), 100.0))
     assert codes(report) == {"wind-may-forbid": "warning"}

@@ -5,6 +5,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
+from worlds import on_level_ground
 
 from benchmarks.cases.loads import scaled_to
 from skyway.models.composition.composition import State
@@ -94,6 +95,7 @@ def test_what_is_begun_keeps_the_need_of_its_sure_stretch(nobody):
 
 def against_the_wind(world, **state):
     """One flight of 9.9 km in a head wind of 9 m/s, for which a battery is not sure to be enough."""
+    world = on_level_ground(world)
     network = world.network
     ways = zip(network.tail.tolist(), network.head.tolist(), network.bearing_deg.tolist(), strict=True)
     bellevue, queens = network.index["bellevue"], network.index["nyp-queens"]

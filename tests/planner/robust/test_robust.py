@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from worlds import on_level_ground
 
 from skyway.models.base.errors import InputError, NoRouteError
 from skyway.models.composition.composition import State
@@ -72,7 +73,7 @@ def realizations(newyork, held_out):
 def single(newyork, wind_mps=6.0):
     """A problem in one certain wind, and the segments of its longest flight."""
     wind = constant_wind(wind_mps, 40.0, DEPART, HORIZON_H, 40.7, -74.0, newyork.rules.cruise_height_m)
-    problem = Problem(newyork, ask(), newyork.drone("m200"), wind)
+    problem = Problem(on_level_ground(newyork), ask(), newyork.drone("m200"), wind)
     segment = int(np.argmax(problem.network.distance_m))
     return problem, np.array([segment])
 
