@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Dialect as Dialect
     from skyway.missions.autopilots.read_back import Difference as Difference
     from skyway.missions.autopilots.read_back import diff as diff
+    from skyway.missions.autopilots.registry import family_named as dialect  # noqa: F401  its former name
     from skyway.missions.autopilots.registry import family_named as family_named
     from skyway.missions.autopilots.wire import WireItem as WireItem
     from skyway.missions.builder.from_composition import Export as Export
@@ -45,27 +46,4 @@ if TYPE_CHECKING:
     from skyway.missions.items.rally import RallyPoint as RallyPoint
     from skyway.missions.items.rally import RallyPoints as RallyPoints
 
-__all__, __getattr__ = exports(
-    __name__,
-    {
-        "autopilots.family": "Dialect",
-        "autopilots.read_back": "Difference diff",
-        "autopilots.registry": "family_named family_named:dialect",
-        "autopilots.wire": "WireItem",
-        "builder.from_composition": "Export armed_mission leg_mission whole_mission",
-        "builder.mission_options": "MissionOptions",
-        "checks.energy": "FlightConditions LegEnergy",
-        "checks.report": "CheckReport check",
-        "checks.weather": "ForecastWind SteadyWind",
-        "files.mission_file": "read write",
-        "items.altitude_frames": "Frame",
-        "items.commands": "Command",
-        "items.coordinates": "Point",
-        "items.document": "MissionDocument",
-        "items.finding": "Finding",
-        "items.geofence": "FenceCircle FencePolygon Geofence",
-        "items.mission": "Home Mission MissionItem",
-        "items.parameters": "Parameter",
-        "items.rally": "RallyPoint RallyPoints",
-    },
-)
+__all__, __getattr__ = exports(__name__)

@@ -28,17 +28,4 @@ if TYPE_CHECKING:
     from skyway.sim_stub.world import Event as Event
     from skyway.sim_stub.world import World as World
 
-__all__, __getattr__ = exports(
-    __name__,
-    {
-        "config": "VehicleConfig",
-        "faults": "Fault parse_fault",
-        "fleet": "FleetOptions build_world serve",
-        "pads": "Pads",
-        "transports.channel": "Impairment",
-        "transports.lockstep": "Lockstep LockstepTransport VirtualClock",
-        "vehicle": "Vehicle",
-        "plant.wind_truth": "ConstantWind RecordedWind",
-        "world": "Event World",
-    },
-)
+__all__, __getattr__ = exports(__name__)

@@ -46,29 +46,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__, __getattr__ = exports(
-    __name__,
-    {
-        "building": "build_scenario",
-        "missions.examples": "NEW_YORK",
-        "models.base.errors": "InfeasibleError InputError NoRouteError SkywayError",
-        "models.composition.composition": "Composition DroneService State Stop",
-        "models.composition.file": "load:load_composition save:save_composition",
-        "models.drones.drone": "Drone",
-        "models.flight.rules": "FlightRules",
-        "models.network.network": "ConnectionRule Network Station",
-        "models.queues.load": "PadLoad",
-        "models.scenario.file": "read_scenario",
-        "models.scenario.scenario": "Scenario",
-        "models.wind.ensemble": "WindEnsemble",
-        "models.wind.forecast": "constant_wind",
-        "planner.plan": "compare plan",
-        "planner.problem.objective": "Objective",
-        "planner.problem.request": "Request",
-        "planner.result": "Comparison PlanResult",
-        "plots.plotting": "plot",
-    },
-)
+__all__, __getattr__ = exports(__name__)
 if TYPE_CHECKING:
     __all__ += ["load_composition", "save_composition"]  # the only names that have another at home
 

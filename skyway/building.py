@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.drones.fleet import read_fleet
 from skyway.models.flight.rules import FlightRules
@@ -75,14 +75,12 @@ def build_scenario(
     network = network_of(stations, segments=segments, zones=zones)
     fleet = read_fleet(Path(drones)) if isinstance(drones, str) or hasattr(drones, "__fspath__") else tuple(drones)
     if not fleet:
-        raise InputError(Fault("the fleet is empty", field="drones", remedy="give at least one Drone"))
+        raise InputError("the fleet is empty", field="drones", remedy="give at least one Drone")
     sites = () if history is None else history.sites
     load = PadLoad.none(len(network), timezone) if load is None else load
     if len(load.arrivals_per_s) != len(network):
         shape = f"{len(load.arrivals_per_s)} stations"
-        raise InputError(
-            Fault("does not fit the network", field="load", value=shape, remedy=f"{len(network)} stations")
-        )
+        raise InputError("does not fit the network", field="load", value=shape, remedy=f"{len(network)} stations")
     return Scenario(
         name=name,
         network=network,

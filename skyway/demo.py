@@ -195,11 +195,11 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
 
 def with_day(options: DemoOptions, text: str | None) -> DemoOptions:
     """Return the options with a day as typed."""
-    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.base.errors import InputError
 
     if text is None:
         return options
     try:
         return replace(options, day=date.fromisoformat(text))
     except ValueError:
-        raise InputError(Fault("not a date", field="--day", value=text, remedy="a day of 2013: 2013-05-20")) from None
+        raise InputError("not a date", field="--day", value=text, remedy="a day of 2013: 2013-05-20") from None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from skyway.link.supervisor.journal import fields as of
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.fields import finite
 from skyway.models.base.formatting import duration, percent, zone_clock
 from skyway.models.base.units import from_posix
@@ -45,12 +45,12 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
         folder = Path(str(path))
         if not folder.exists():
             remedy = "give its folder with --scenario"
-            raise InputError(Fault("the scenario of the plan was not found", str(path), remedy=remedy))
+            raise InputError("the scenario of the plan was not found", str(path), remedy=remedy)
     scenario = load_scenario(folder)
     planned, found = composition.scenario_sha256, scenario.sha256
     if planned is not None and found is not None and planned != found:
         remedy = "plan again, or give its scenario with --scenario"
-        raise InputError(Fault("the scenario differs from that of the plan", scenario.path, remedy=remedy))
+        raise InputError("the scenario differs from that of the plan", scenario.path, remedy=remedy)
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]
@@ -87,9 +87,9 @@ def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, flo
         metres = finite(value)
         if not name or metres is None or not -500.0 < metres < 9000.0:
             remedy = "STATION=METRES, for example clinic=34"
-            raise InputError(Fault("not a height", field="--elevation", value=text, remedy=remedy))
+            raise InputError("not a height", field="--elevation", value=text, remedy=remedy)
         if scenario is not None and name.strip() not in scenario.network.index:
-            raise InputError(Fault("no such station", field="--elevation", value=name))
+            raise InputError("no such station", field="--elevation", value=name)
         found[name.strip()] = metres
     return found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error, write_atomically
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def write_template(folder: Path) -> list[Path]:
         The folder holds something already, or cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(Fault("exists already and is not an empty folder", str(folder), remedy="name a new folder"))
+        raise InputError("exists already and is not an empty folder", str(folder), remedy="name a new folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

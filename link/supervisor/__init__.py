@@ -20,13 +20,4 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.operators import Operator as Operator
     from skyway.link.supervisor.states import State as State
 
-__all__, __getattr__ = exports(
-    __name__,
-    {
-        "journal.file": "Journal Record read_journal",
-        "job": "DeliveryJob Outcome",
-        "operators": "NobodyThere Operator",
-        "states": "State",
-        "machine": "Supervisor",
-    },
-)
+__all__, __getattr__ = exports(__name__)

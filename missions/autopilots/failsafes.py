@@ -36,8 +36,6 @@ class Failsafes(ABC):
 
     Parameters
     ----------
-    settings : Settings
-        The family's.
     keys : tuple of str
         Settings that decide what it does by itself.
     station, pilot : LinkLoss

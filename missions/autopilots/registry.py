@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from skyway.missions import autopilots
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
@@ -26,7 +26,7 @@ def family_named(name: str) -> Family:
         return FAMILIES[name]
     except KeyError:
         known = " or ".join(FAMILIES)
-        raise InputError(Fault("is not a known autopilot", None, None, "autopilot", name, known)) from None
+        raise InputError("is not a known autopilot", None, None, "autopilot", name, known) from None
 
 
 def family_of(firmware: int | None) -> Family | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.missions.items.parameters import UNITS, Parameter
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -41,7 +41,7 @@ def version_of(text: str) -> Version:
     found = _VERSION.fullmatch(text.strip())
     if found is None:
         remedy = "major and minor number such as 4.6 or 1.16, or main"
-        raise InputError(Fault("is not a firmware version", field="--firmware", value=text, remedy=remedy))
+        raise InputError("is not a firmware version", field="--firmware", value=text, remedy=remedy)
     return int(found[1]), int(found[2])
 
 
@@ -100,13 +100,7 @@ class Setting:
 
 
 class Settings:
-    """The settings of one autopilot.
-
-    Parameters
-    ----------
-    settings : iterable of Setting
-        All of them.
-    """
+    """The settings of one autopilot."""
 
     def __init__(self, settings: Iterable[Setting]) -> None:
         self._by_key = {setting.key: setting for setting in settings}

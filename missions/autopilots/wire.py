@@ -11,7 +11,7 @@ from skyway.missions.items.commands import LOCATED_COMMANDS, Command, command_of
 from skyway.missions.items.coordinates import E7
 from skyway.missions.items.fence_items import from_fence, from_rally, to_fence, to_rally
 from skyway.missions.items.mission import MissionItem
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,14 +63,10 @@ def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0,
 
     Parameters
     ----------
-    item : MissionItem
-        The item.
     number : int
         Ours, named in errors.
     shift : int
         What the autopilot's number is above ours.
-    current, mission_type : int
-        As in the message.
 
     Raises
     ------
@@ -79,7 +75,7 @@ def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0,
     """
     scaled = is_scaled(item.command, item.frame)
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):
-        raise InputError(Fault("has no altitude", field=f"item {number}", remedy="give each position an altitude"))
+        raise InputError("has no altitude", field=f"item {number}", remedy="give each position an altitude")
     return WireItem(
         number + shift,
         int(item.frame),
@@ -99,7 +95,7 @@ def _integer(value: int | None, scaled: bool, number: int) -> int:  # noqa: FBT0
         return 0
     plain = value if scaled else round(value / E7)
     if abs(plain) > _INT32_MAX:
-        raise InputError(Fault("is too large for the wire", field=f"item {number}", value=value))
+        raise InputError("is too large for the wire", field=f"item {number}", value=value)
     return plain
 
 

@@ -132,8 +132,7 @@ def _of_the_vehicle(
     ]
     for finding in found:
         if conditions.drone_is_assumed and finding.severity != "info":
-            message = f"{finding.message} (vehicle assumed: {drone.name})"
-            yield replace(finding, severity="warning", message=message)
+            yield replace(finding, severity="warning", message=f"{finding.message} (vehicle assumed: {drone.name})")
         else:
             yield finding
 

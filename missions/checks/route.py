@@ -92,8 +92,6 @@ def fly(mission: Mission, *, default_speed_mps: float = DEFAULT_SPEED_MPS, autop
 
     Parameters
     ----------
-    mission : Mission
-        The items.
     default_speed_mps : float
         Where the mission gives none.
     autopilot : Dialect, optional

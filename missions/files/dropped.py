@@ -20,15 +20,7 @@ _REPEATED = frozenset({"Altitude", "AMSLAltAboveTerrain", "AltitudeMode"})
 
 
 def dropped(document: MissionDocument, suffix: str) -> tuple[str, ...]:
-    """Return what a file with this suffix cannot hold of a document, a line each.
-
-    Parameters
-    ----------
-    document : MissionDocument
-        As read.
-    suffix : str
-        ``.plan`` or ``.waypoints``.
-    """
+    """Return what a file with this suffix cannot hold of a document, a line each."""
     text = suffix == ".waypoints"
     return (*(_of_waypoints(document) if text else _of_plan(document)), *_of_both(document))
 

@@ -6,7 +6,7 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FencePolygon, Geofence
 from skyway.missions.items.rally import RallyPoint, RallyPoints
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 
 MAX_LINES = 100_000
 
@@ -33,8 +33,7 @@ def loads_fence(text: str, file: str = "fence") -> MissionDocument:
     if not faults and len(vertices) < 3:
         remedy = "a return point, then at least three vertices"
         faults.append(Fault("is not a fence", file, None, None, f"{len(points)} points", remedy))
-    if faults:
-        raise InputError(faults[:20])
+    refuse(faults[:20])
     return MissionDocument(fence=Geofence((FencePolygon(tuple(vertices)),), return_point=points[0]))
 
 
@@ -59,15 +58,14 @@ def loads_rally(text: str, file: str = "rally") -> MissionDocument:
             altitude, break_altitude, direction, flags = numbers
             extra = {"breakAltitude": break_altitude, "landDirection": direction, "flags": flags}
             points.append(RallyPoint(point, altitude, extra))
-    if faults:
-        raise InputError(faults[:20])
+    refuse(faults[:20])
     return MissionDocument(rally=RallyPoints(tuple(points)))
 
 
 def _lines(text: str, file: str) -> list[tuple[int, list[str]]]:
     lines = text.splitlines()
     if len(lines) > MAX_LINES:
-        raise InputError(Fault(f"has more than {MAX_LINES} lines", file, None, None, len(lines)))
+        raise InputError(f"has more than {MAX_LINES} lines", file, None, None, len(lines))
     split = ((number, line.split()) for number, line in enumerate(lines, start=1))
     return [(number, cells) for number, cells in split if cells and not cells[0].startswith("#")]
 

@@ -53,9 +53,9 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8)) from error
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8) from error
     if "\0" in text[:1000]:  # UTF-16 without its mark
-        raise InputError(Fault("is not UTF-8 text: it has null characters", file, remedy=SAVE_AS_UTF_8))
+        raise InputError("is not UTF-8 text: it has null characters", file, remedy=SAVE_AS_UTF_8)
     head = text.lstrip()[:200]
     if head.startswith(("{", "[")):
         return plan_reader.loads(text, file)
@@ -67,7 +67,7 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     if words and len(words[0]) == 2 and finite(words[0][0]) is not None:
         return legacy_files.loads_fence(text, file)
     remedy = "expected a .plan, a QGC WPL 110 file, or an ArduPilot fence or rally file"
-    raise InputError(Fault("is not a known mission format", file, None, None, head[:40], remedy))
+    raise InputError("is not a known mission format", file, None, None, head[:40], remedy)
 
 
 def write(document: MissionDocument, path: Path | str, *, force: bool = False) -> tuple[Path, ...]:
@@ -97,7 +97,7 @@ def files_of(document: MissionDocument, path: Path) -> dict[Path, Callable[[Miss
         return {path: plan_writer.dumps}
     if path.suffix != ".waypoints":
         remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
-        raise InputError(Fault("has a suffix that is not a mission format", str(path), remedy=remedy))
+        raise InputError("has a suffix that is not a mission format", str(path), remedy=remedy)
     files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
     fence_path, rally_path = _siblings(path)
     # A fence left over from another mission would be read with this one: replace it, or refuse.

@@ -23,7 +23,7 @@ from skyway.missions.items.mission import ComplexItem, Home, Mission, MissionIte
 from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.missions.patterns import patterns
 from skyway.missions.patterns.patterns import MAX_ITEMS
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,13 +58,6 @@ _PLAN_KEYS = frozenset({"fileType", "version", "groundStation", "mission", "geoF
 def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     """Read the text of a ``.plan`` or ``.mission`` file.
 
-    Parameters
-    ----------
-    data : bytes or str
-        JSON.
-    file : str
-        Named in errors.
-
     Raises
     ------
     InputError
@@ -74,7 +67,7 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     try:
         raw = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(Fault(f"is not JSON: {error}", file)) from error
+        raise InputError(f"is not JSON: {error}", file) from error
     plan = JsonField(raw, file)
     if "mission" not in plan and "items" in plan:
         mission, strays = _read_mission(plan, old=True)
@@ -184,8 +177,7 @@ def _read_items(raw_items: JsonField) -> tuple[list[MissionItem], list[int | Non
             faults += error.faults
             if len(faults) >= MAX_FAULTS:
                 break
-    if faults:
-        raise InputError(faults[:MAX_FAULTS])
+    refuse(faults[:MAX_FAULTS])
     return items, ids, tuple(complex_items)
 
 

@@ -20,7 +20,7 @@ from skyway.missions.items.coordinates import Point, to_e7
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.json_fields import MAX_FLOAT32, MAX_PARAM
 from skyway.missions.items.mission import Home, Mission, MissionItem
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.fields import finite
 
 if TYPE_CHECKING:
@@ -53,10 +53,10 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
     header = lines[0].split() if lines else []
     if header[:2] != ["QGC", "WPL"]:
         remedy = f"the first line of a waypoint file is {HEADER}"
-        raise InputError(Fault("is not a waypoint file", file, 1, None, lines[0] if lines else "", remedy))
+        raise InputError("is not a waypoint file", file, 1, None, lines[0] if lines else "", remedy)
     if header[2:] not in (["110"], ["120"]):
         version = " ".join(header[2:])
-        raise InputError(Fault("not supported: version of the waypoint file", file, 1, None, version, HEADER))
+        raise InputError("not supported: version of the waypoint file", file, 1, None, version, HEADER)
     rows = _read_rows(lines, file)
     home, rows = _split_home(rows, file) if header[2] == "110" else (None, rows)
     strays = [row for row in rows if row.item.command in fence_items.COMMANDS]
@@ -65,8 +65,7 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
     mission_rows = [row for row in rows if row.item.command not in fence_items.COMMANDS] if strays else rows
 
     def ambiguous(index: int, wanted: int) -> InputError:
-        problem = f"the jump is ambiguous: several rows have number {wanted}"
-        return InputError(Fault(problem, file, mission_rows[index].line))
+        return InputError(f"the jump is ambiguous: several rows have number {wanted}", file, mission_rows[index].line)
 
     numbers = [row.number for row in mission_rows]
     items = resolved([row.item for row in mission_rows], numbers, min(numbers[0], 1) if numbers else 0, ambiguous)
@@ -79,7 +78,7 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
 
 def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
     if len(lines) > 2 * MAX_ROWS:
-        raise InputError(Fault(f"has more than {2 * MAX_ROWS} lines", file, None, None, len(lines)))
+        raise InputError(f"has more than {2 * MAX_ROWS} lines", file, None, None, len(lines))
     rows: list[_Row] = []
     faults: list[Fault] = []
     comment: list[str] = []
@@ -98,16 +97,15 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
                 break
         comment = []
         if len(rows) > MAX_ROWS:
-            raise InputError(Fault(f"has more than {MAX_ROWS} items", file))
-    if faults:
-        raise InputError(faults)
+            raise InputError(f"has more than {MAX_ROWS} items", file)
+    refuse(faults)
     return rows
 
 
 def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Row:
     if len(cells) != 12:  # Mission Planner takes 11 or more, and cannot know which one is missing
         remedy = f"index, current, frame, command, {', '.join(_FLOATS)}, autocontinue; decimals with a point"
-        raise InputError(Fault("is not a row of 12 numbers", file, line, None, len(cells), remedy))
+        raise InputError("is not a row of 12 numbers", file, line, None, len(cells), remedy)
     try:
         index, frame, command, autocontinue = int(cells[0]), int(cells[2]), int(cells[3]), int(cells[11])
         a, b, c, d, x, y, z = map(float, cells[4:11])
@@ -120,12 +118,12 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
         a, b, c, d, x, y, z = _float_cells(cells, line, file)
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if abs(x) > 90.0:
-            raise InputError(Fault("latitude is not between -90 and 90", file, line, None, x))
+            raise InputError("latitude is not between -90 and 90", file, line, None, x)
         if abs(y) > 180.0:
-            raise InputError(Fault("longitude is not between -180 and 180", file, line, None, y))
+            raise InputError("longitude is not between -180 and 180", file, line, None, y)
     elif abs(x) > MAX_PARAM or abs(y) > MAX_PARAM:
         field, value = ("latitude", x) if abs(x) > MAX_PARAM else ("longitude", y)
-        raise InputError(Fault("is too large for a mission", file, line, field, value))
+        raise InputError("is too large for a mission", file, line, field, value)
     item = MissionItem(
         command_of(command),
         frame_of(frame),
@@ -148,9 +146,9 @@ def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
     for field, (column, most) in _WHOLE.items():
         number = finite(cells[column])
         if number is None or not number.is_integer():
-            raise InputError(Fault("is not a whole number", file, line, field, cells[column]))
+            raise InputError("is not a whole number", file, line, field, cells[column])
         if not 0 <= number <= most:
-            raise InputError(Fault(f"is not from 0 to {most}", file, line, field, int(number)))
+            raise InputError(f"is not from 0 to {most}", file, line, field, int(number))
         values.append(int(number))
     return values
 
@@ -161,9 +159,9 @@ def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
         try:
             values.append(float(cell))
         except ValueError:
-            raise InputError(Fault("is not a number", file, line, field, cell, "write 0 or NaN for none")) from None
+            raise InputError("is not a number", file, line, field, cell, "write 0 or NaN for none") from None
         if abs(values[-1]) > MAX_FLOAT32:
-            raise InputError(Fault("is too large for a mission", file, line, field, values[-1]))
+            raise InputError("is too large for a mission", file, line, field, values[-1])
     return values
 
 
@@ -177,7 +175,7 @@ def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:
     if first.x is None or first.y is None or (first.x == 0 and first.y == 0):
         return None, rows[1:]
     if abs(first.param5) > 90.0 or abs(first.param6) > 180.0:
-        raise InputError(Fault("home is not a place on Earth", file, rows[0].line, None, (first.param5, first.param6)))
+        raise InputError("home is not a place on Earth", file, rows[0].line, None, (first.param5, first.param6))
     known = first.frame in (Frame.GLOBAL, Frame.GLOBAL_INT) and not math.isnan(first.z)
     return Home(Point(first.x, first.y), first.z if known else None), rows[1:]
 

@@ -12,7 +12,7 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.items.mission import MissionItem
 from skyway.missions.items.rally import RallyPoint, RallyPoints
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,16 +87,16 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
             position += len(polygons[-1].vertices)
         elif item.command in _CIRCLES:
             if not item.param1 > 0:
-                raise InputError(Fault("a fence circle has no radius", file, None, f"item {position}"))
+                raise InputError("a fence circle has no radius", file, None, f"item {position}")
             center = _point(item, position, file)
             circles.append(FenceCircle(center, item.param1, _CIRCLES[Command(item.command)]))
             position += 1
         elif item.command == HOME_CIRCLE:
             remedy = "use a circle with a centre of its own (5003)"
             problem = "not supported: a fence circle around wherever home is"
-            raise InputError(Fault(problem, file, None, f"item {position}", HOME_CIRCLE, remedy))
+            raise InputError(problem, file, None, f"item {position}", HOME_CIRCLE, remedy)
         else:
-            raise InputError(Fault(f"{item.name} is not part of a fence", file, None, f"item {position}"))
+            raise InputError(f"{item.name} is not part of a fence", file, None, f"item {position}")
     return Geofence(tuple(polygons), tuple(circles), return_point, return_altitude)
 
 
@@ -109,9 +109,7 @@ def _polygon(items: Sequence[MissionItem], first: int, file: str) -> FencePolygo
             break
     if alike < 3:
         remedy = "each vertex carries the number of vertices of its polygon, at least 3"
-        raise InputError(
-            Fault("a fence polygon with fewer than 3 vertices", file, None, f"item {first}", alike, remedy)
-        )
+        raise InputError("a fence polygon with fewer than 3 vertices", file, None, f"item {first}", alike, remedy)
     vertices = tuple(_point(item, first + i, file) for i, item in enumerate(items[first : first + alike]))
     claimed = {} if alike == head.param1 else {CLAIMED_COUNT: head.param1}
     return FencePolygon(vertices, _POLYGONS[Command(head.command)], claimed)
@@ -126,17 +124,17 @@ def to_rally(items: Sequence[MissionItem], file: str = "rally") -> RallyPoints:
     points = []
     for position, item in enumerate(items):
         if item.command != Command.NAV_RALLY_POINT:
-            raise InputError(Fault(f"{item.name} is not a rally point", file, None, f"item {position}"))
+            raise InputError(f"{item.name} is not a rally point", file, None, f"item {position}")
         points.append(RallyPoint(_point(item, position, file), 0.0 if math.isnan(item.z) else item.z))
     return RallyPoints(tuple(points))
 
 
 def _point(item: MissionItem, position: int, file: str) -> Point:
     if item.x is None or item.y is None:
-        raise InputError(Fault("has no coordinates", file, None, f"item {position}"))
+        raise InputError("has no coordinates", file, None, f"item {position}")
     if abs(item.param5) > 90.0 or abs(item.param6) > 180.0:
         value = (item.param5, item.param6)
-        raise InputError(Fault("is not a place on Earth", file, None, f"item {position}", value))
+        raise InputError("is not a place on Earth", file, None, f"item {position}", value)
     return Point(item.x, item.y)
 
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.items.coordinates import Point, to_e7
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,8 +21,6 @@ class JsonField:
 
     Parameters
     ----------
-    value : object
-        As decoded; None also where nothing stands there.
     file, name : str
         Named in errors; the name as in ``mission.items[3].command``, empty for the whole file.
     """
@@ -51,7 +49,7 @@ class JsonField:
 
     def fault(self, problem: str, value: object = None, remedy: str | None = None) -> InputError:
         """Make the error for this field."""
-        return InputError(Fault(problem, self.file, None, self.name or "the file", value, remedy))
+        return InputError(problem, self.file, None, self.name or "the file", value, remedy)
 
     def mapping(self) -> Mapping[str, Any]:
         """Take a JSON object."""

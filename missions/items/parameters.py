@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -77,9 +77,7 @@ class Parameter:
         known = [known for known in UNITS if known.removeprefix("c") == self.unit.removeprefix("c")]
         if unit not in known:
             remedy = " or ".join(known) or "no unit"
-            raise InputError(
-                Fault(f"is not a unit of {self.meaning}", field="--parameter-name", value=unit, remedy=remedy)
-            )
+            raise InputError(f"is not a unit of {self.meaning}", field="--parameter-name", value=unit, remedy=remedy)
         scale = UNITS[unit] / UNITS[self.unit]
         value = None if self.value is None else self.value * scale
         low, high = self.plausible

@@ -44,8 +44,6 @@ def offset(line: NDArray[np.float64], distance_m: float, *, closed: bool) -> NDA
         Vertices; every corner of the result is where two moved edges, made longer, meet.
     distance_m : float
         To the left of the direction of each edge; negative is to the right.
-    closed : bool
-        The last vertex is joined to the first.
     """
     following = np.roll(line, -1, axis=0)
     edges = (following - line) if closed else (following - line)[:-1]

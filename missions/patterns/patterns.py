@@ -34,8 +34,6 @@ def expand(source: JsonField, number_here: int) -> tuple[list[Mapping[str, Any]]
 
     Parameters
     ----------
-    source : JsonField
-        The complex item of the plan file.
     number_here : int
         Of the item it begins at, for errors.
 
@@ -64,8 +62,7 @@ def expand(source: JsonField, number_here: int) -> tuple[list[Mapping[str, Any]]
     if kind not in BUILT or version == 1 or (inner is None and not never_held):
         # QGroundControl opens no plan in which the list is missing
         remedy = "open and save the plan in QGroundControl, or replace the pattern by waypoints"
-        problem = f"not supported: {kind} (item {number_here}) without the items it expands to"
-        raise source.fault(problem, remedy=remedy)
+        raise source.fault(f"not supported: {kind} (item {number_here}) without the items it expands to", remedy=remedy)
     return BUILT[kind](source), True
 
 

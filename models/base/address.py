@@ -6,7 +6,7 @@ import socket
 from dataclasses import dataclass
 from typing import Any
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 LOOPBACK = "127.0.0.1"
 LISTENING = ("udpin", "tcpin")
@@ -47,8 +47,7 @@ def resolve(address: Address, kind: int) -> tuple[int, Any]:
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except OSError as error:
-        problem = f"unknown host: {error.strerror or error}"
-        raise InputError(Fault(problem, field="--connect", value=address.host)) from error
+        raise InputError(f"unknown host: {error.strerror or error}", field="--connect", value=address.host) from error
     return found[0][0], found[0][4]
 
 
@@ -68,4 +67,4 @@ def bind(listener: socket.socket, target: Any, address: Address) -> None:
             f"cannot listen: {error.strerror or error}",
             "another program listens there; choose another port",
         )
-        raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from error
+        raise InputError(problem, field="--connect", value=str(address), remedy=remedy) from error

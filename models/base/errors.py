@@ -64,16 +64,30 @@ class InputError(SkywayError, ValueError):
     Parameters
     ----------
     faults : str, Fault or sequence of Fault
-        What is wrong.
+        What is wrong; in words, the other parameters are those of its `Fault`.
     """
 
-    def __init__(self, faults: str | Fault | Sequence[Fault]) -> None:
+    def __init__(
+        self,
+        faults: str | Fault | Sequence[Fault],
+        file: str | None = None,
+        line: int | None = None,
+        field: str | None = None,
+        value: object = None,
+        remedy: str | None = None,
+    ) -> None:
         if isinstance(faults, str):
-            faults = Fault(faults)
+            faults = Fault(faults, file, line, field, value, remedy)
         if isinstance(faults, Fault):
             faults = (faults,)
         self.faults: tuple[Fault, ...] = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+def refuse(faults: Sequence[Fault]) -> None:
+    """Raise an `InputError` if there are faults."""
+    if faults:
+        raise InputError(faults)
 
 
 class InfeasibleError(SkywayError):
@@ -103,12 +117,8 @@ class AuditError(SkywayError):
 
     Parameters
     ----------
-    planner : str
-        Whose answer.
     leg : int or None
         Which leg, from 1; None is the whole.
-    what : str
-        Which figure, with its unit.
     claimed, flown : object
         The two figures, or in words what was claimed and what is.
     """
@@ -145,15 +155,7 @@ class LinkLostError(LinkError):
 
 
 class VehicleTimeoutError(LinkError):
-    """The vehicle did not answer.
-
-    Parameters
-    ----------
-    what : str
-        What was asked.
-    waited_s : float
-        For how long.
-    """
+    """The vehicle did not answer."""
 
     def __init__(self, what: str, waited_s: float) -> None:
         super().__init__(f"the vehicle did not answer within {duration(waited_s)}: {what}")
@@ -161,17 +163,7 @@ class VehicleTimeoutError(LinkError):
 
 
 class CommandRefusedError(LinkError):
-    """The vehicle refused a command.
-
-    Parameters
-    ----------
-    what : str
-        What was asked.
-    result : str
-        Its answer, in words.
-    reasons : sequence of str
-        What it said besides.
-    """
+    """The vehicle refused a command."""
 
     def __init__(self, what: str, result: str, reasons: Sequence[str] = ()) -> None:
         said = f" ({'; '.join(reasons)})" if reasons else ""
@@ -195,13 +187,7 @@ class StationConflictError(LinkError):
 
 
 class ParameterAbsentError(LinkError):
-    """The vehicle answers, and has no such parameter.
-
-    Parameters
-    ----------
-    names : sequence of str
-        What was asked for: one name, or all that a setting is known by.
-    """
+    """The vehicle answers, and has no such parameter."""
 
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for others")

@@ -26,15 +26,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file of at most 1 MB; an error names the line."""
     text = read_text(path, max_bytes=MAX_BYTES)
     if _DEEP_KEY.search(text):
-        raise InputError(Fault("is nested too deeply", str(path)))
+        raise InputError("is nested too deeply", str(path))
     try:
         return tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         where = re.search(r" \(at line (\d+), column \d+\)$", str(error))
         reason = str(error)[: where.start()] if where else str(error)
-        raise InputError(Fault(f"is not TOML: {reason}", str(path), int(where[1]) if where else None)) from error
+        raise InputError(f"is not TOML: {reason}", str(path), int(where[1]) if where else None) from error
     except RecursionError:
-        raise InputError(Fault("is nested too deeply", str(path))) from None
+        raise InputError("is nested too deeply", str(path)) from None
 
 
 def finite(text: object) -> float | None:
@@ -53,12 +53,8 @@ class Table:
 
     Parameters
     ----------
-    values : object
-        What stands there; anything but a mapping is a fault.
     file, path : str
         File, and dotted path of the table, for the faults.
-    faults : list of Fault
-        Faults are added here.
     """
 
     def __init__(self, values: object, file: str, path: str, faults: list[Fault]) -> None:

@@ -9,7 +9,7 @@ import zlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def file_error(action: str, path: Path, error: Exception) -> InputError:
     """Return the error of a file that the system does not let be ``read``, ``written`` or ``made`` (`action`)."""
-    return InputError(Fault(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path)))
+    return InputError(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path))
 
 
 def read_bytes(path: Path, *, max_bytes: int) -> bytes:
@@ -34,18 +34,14 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
         with opener(path, "rb") as stream:
             data = stream.read(max_bytes + 1)
     except FileNotFoundError:
-        raise InputError(Fault("no such file", str(path))) from None
+        raise InputError("no such file", str(path)) from None
     except IsADirectoryError:
-        raise InputError(Fault("is a folder, not a file", str(path))) from None
+        raise InputError("is a folder, not a file", str(path)) from None
     except (OSError, EOFError, zlib.error, ValueError) as error:
         raise file_error("read", path, error) from error
     if len(data) > max_bytes:
         raise InputError(
-            Fault(
-                f"is larger than {max_bytes / 1e6:.0f} MB",
-                str(path),
-                remedy="cut it to the part that is needed",
-            )
+            f"is larger than {max_bytes / 1e6:.0f} MB", str(path), remedy="cut it to the part that is needed"
         )
     return bytes(data)
 
@@ -55,12 +51,12 @@ def read_text(path: Path, *, max_bytes: int) -> str:
     data = read_bytes(path, max_bytes=max_bytes)
     nul = data.find(0)
     if nul >= 0 and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(Fault(f"is not text: byte {nul} is NUL", str(path)))
+        raise InputError(f"is not text: byte {nul} is NUL", str(path))
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"is not UTF-8 text (byte {error.start})"
-        raise InputError(Fault(problem, str(path), remedy="save it with the encoding UTF-8")) from error
+        raise InputError(problem, str(path), remedy="save it with the encoding UTF-8") from error
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
@@ -86,8 +82,7 @@ def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """
     try:
         if path.exists() and not force:
-            remedy = "give another name, or --force to overwrite it"
-            raise InputError(Fault("exists already", str(path), remedy=remedy))
+            raise InputError("exists already", str(path), remedy="give another name, or --force to overwrite it")
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(descriptor, "wb") as stream:

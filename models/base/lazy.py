@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+_EXPORT = re.compile(r"^    from (\S+) import (\w+) as (\w+)", re.MULTILINE)
 
 
 def load(name: str) -> Any:
@@ -15,22 +19,13 @@ def load(name: str) -> Any:
     return getattr(import_module(module), attribute)
 
 
-def exports(package: str, homes: dict[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+def exports(package: str) -> tuple[list[str], Callable[[str], Any]]:
     """Return ``__all__`` and ``__getattr__`` of a package whose names are imported when they are first used.
 
-    Parameters
-    ----------
-    package : str
-        Its ``__name__``.
-    homes : dict of str to str
-        Modules of the package, with the names that each gives, separated by spaces; ``load:load_plan`` gives `load` as
-        `load_plan`.
+    They are the ``from module import name as name`` that its source gives to type checkers only, indented.
     """
-    home_of = {
-        word.split(":")[-1]: f"{package}.{module}:{word.split(':')[0]}"
-        for module, words in homes.items()
-        for word in words.split()
-    }
+    source = sys.modules[package].__loader__.get_source(package)  # type: ignore[union-attr]
+    home_of = {name: f"{module}:{own}" for module, own, name in _EXPORT.findall(source)}
 
     def get(name: str) -> Any:
         if name not in home_of:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -51,8 +51,7 @@ class Parameters:
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
         faults = [fault for one in entries(self) if (fault := one.fault(one.value)) is not None]
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,9 +174,7 @@ def with_settings(part: P, settings: Iterable[str]) -> P:
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
-            raise InputError(
-                Fault("is no name=value", field="--set", value=setting, remedy="planner.robust.members=50")
-            )
+            raise InputError("is no name=value", field="--set", value=setting, remedy="planner.robust.members=50")
         values[name.strip()] = _find(known, name.strip()).parsed(text)
     return with_values(part, values)
 
@@ -189,4 +186,4 @@ def _find(known: Mapping[str, Entry], name: str) -> Entry:
     last = name.rpartition(".")[2]
     close = get_close_matches(name, known, 3, 0.5)
     close = close or sorted(known, key=lambda one: one.rpartition(".")[2] != last)[:3]
-    raise InputError(Fault("no such parameter", field=name, remedy="near it: " + ", ".join(close)))
+    raise InputError("no such parameter", field=name, remedy="near it: " + ", ".join(close))

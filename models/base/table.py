@@ -159,10 +159,10 @@ def read_table(
                 yield Chunk(lines, {name: columns[place] for name, place in places.items()})
             faults.raise_if_hopeless()
     except csv.Error as error:
-        raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from error
+        raise InputError(f"is not CSV: {error}", faults.file, reader.line_num) from error
     if not count:
         faults.raise_if_any()
-        raise InputError(Fault("has a header but no rows", faults.file))
+        raise InputError("has a header but no rows", faults.file)
 
 
 def _whole(
@@ -184,11 +184,10 @@ def _text(path: Path) -> str:
         too_large = False  # files.read_text says what is wrong
     if too_large:
         remedy = "cut it to the part that is needed"
-        raise InputError(Fault(f"is larger than {MAX_BYTES / 1e6:.0f} MB", str(path), remedy=remedy))
+        raise InputError(f"is larger than {MAX_BYTES / 1e6:.0f} MB", str(path), remedy=remedy)
     text = files.read_text(path, max_bytes=MAX_BYTES)
     if text.count("\n") > MAX_ROWS + 1:
-        remedy = "cut it to the part that is needed"
-        raise InputError(Fault(f"has more than {MAX_ROWS:,} rows", str(path), remedy=remedy))
+        raise InputError(f"has more than {MAX_ROWS:,} rows", str(path), remedy="cut it to the part that is needed")
     return text
 
 
@@ -196,7 +195,7 @@ def _places(
     header: list[str] | None, required: Sequence[str] | None, optional: Sequence[str], faults: FaultCollector
 ) -> dict[str, int]:
     if header is None:
-        raise InputError(Fault("is empty", faults.file, remedy="a header line and rows"))
+        raise InputError("is empty", faults.file, remedy="a header line and rows")
     names = [cell.strip() for cell in header]
     required = names if required is None else required
     has = "the file has the columns " + ", ".join(names)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 J_PER_WH = 3600.0
 MPS_PER_KMH = 1000.0 / 3600.0
@@ -40,19 +40,12 @@ SPEED_UNITS_MPS = {
 
 
 def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
-    """Read an ISO 8601 instant that says its offset.
+    """Read an ISO 8601 instant that says its offset; it is returned in UTC.
 
     Parameters
     ----------
     text : str
         For example ``2013-07-10T14:00-04:00`` or ``2013-07-10T18:00Z``.
-    field, file
-        Named in the error.
-
-    Returns
-    -------
-    datetime
-        In UTC.
 
     Raises
     ------
@@ -63,20 +56,20 @@ def parse_instant(text: str, *, field: str = "time", file: str | None = None) ->
     try:
         instant = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise InputError(Fault("not an ISO 8601 time", file, None, field, text, example)) from None
+        raise InputError("not an ISO 8601 time", file, None, field, text, example) from None
     if instant.tzinfo is None:
-        raise InputError(Fault("the time has no UTC offset", file, None, field, text, example))
+        raise InputError("the time has no UTC offset", file, None, field, text, example)
     return utc(instant)
 
 
 def utc(instant: datetime) -> datetime:
     """Turn an aware instant into UTC; a naive one is an `InputError`."""
     if instant.tzinfo is None:
-        raise InputError(Fault("the time has no UTC offset", field="time", value=instant.isoformat()))
+        raise InputError("the time has no UTC offset", field="time", value=instant.isoformat())
     try:
         return instant.astimezone(UTC)
     except OverflowError:
-        raise InputError(Fault("the time is out of range", field="time", value=instant.isoformat())) from None
+        raise InputError("the time is out of range", field="time", value=instant.isoformat()) from None
 
 
 def from_posix(posix_s: float) -> datetime:

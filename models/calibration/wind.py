@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration, percent, speed_text
 from skyway.models.drones.drag import DragModel
 from skyway.models.wind.estimation.blocks import MIN_SPEED_MPS, MIN_SPREAD_DEG, course_spread_deg
@@ -61,15 +61,7 @@ class DragFit:
 
 
 def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
-    """Find drag, level bias and wind in one flight.
-
-    Parameters
-    ----------
-    air : Blocks
-        From `models.wind.estimation.blocks.blocks`.
-    period_s : float
-        Their period.
-    """
+    """Find drag, level bias and wind in one flight."""
     good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
     count = int(good.sum())
     if air.flying.any() and air.winged[air.flying].mean() > 0.5:
@@ -142,7 +134,7 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
     """
     good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
     if good.sum() < max(MIN_BLOCKS, 2 * smooth):
-        raise InputError(Fault("too little flight to fit a drag to", field="blocks", value=int(good.sum())))
+        raise InputError("too little flight to fit a drag to", field="blocks", value=int(good.sum()))
     through = _running(air.velocity[good] - wind[good], smooth)
     seen = _running(air.drag[good], smooth)
     linear = float((seen * through).sum() / (through**2).sum())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
-from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.statistics import Figure
 from skyway.models.base.units import J_PER_WH, iso, parse_instant
@@ -107,11 +107,9 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     try:
         raw = msgspec.json.decode(data, type=schema.Composition)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
-        raise InputError(
-            Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")
-        ) from error
+        raise InputError(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o") from error
     if raw.schema != SCHEMA:
-        raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
+        raise InputError("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}")
     _check_references(raw, file)
     services = tuple(
         _read(DroneService, leg, file, f"legs[{n}].", id=leg.id or f"leg-{n}", energy_j=leg.energy_wh * J_PER_WH)
@@ -160,13 +158,12 @@ def _check_order(services: tuple[DroneService, ...], file: str) -> None:
         for number, (before, after) in enumerate(pairwise(services), start=1)
         if after.depart < before.arrive
     ]
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
 
 
 def _check_references(raw: schema.Composition, file: str) -> None:
     if not raw.services:
-        raise InputError(Fault("has no legs", file, field="legs"))
+        raise InputError("has no legs", file, field="legs")
     named = [
         (f"legs[{i}]", key) for i, leg in enumerate(raw.services) for key in (leg.origin, *leg.via, leg.destination)
     ]
@@ -192,5 +189,4 @@ def _check_references(raw: schema.Composition, file: str) -> None:
         for i, (before, after) in enumerate(pairwise(raw.services))
         if before.destination != after.origin
     ]
-    if faults:
-        raise InputError(faults)
+    refuse(faults)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 FLIGHT_TO_FLIGHT_FACTOR, FLIGHT_TO_FLIGHT_HEADING_RAD = 0.03, math.radians(3.0)
 """How far sensor and heading of one aircraft may differ between flights: the probe's place in the flow, the compass beside its load."""
@@ -42,7 +42,7 @@ class AirspeedModel:
     def __post_init__(self) -> None:
         if not (0.2 <= self.factor <= 5.0 and abs(self.heading_offset_rad) <= math.pi):
             value = (self.factor, self.heading_offset_rad)
-            raise InputError(Fault("is not an airspeed calibration", field="airspeed", value=value))
+            raise InputError("is not an airspeed calibration", field="airspeed", value=value)
         if not (self.sigma_mps > 0.0 and self.slip_sigma_rad > 0.0):
             value = (self.sigma_mps, self.slip_sigma_rad)
-            raise InputError(Fault("must be above 0", field="airspeed sigma", value=value))
+            raise InputError("must be above 0", field="airspeed sigma", value=value)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -64,7 +64,7 @@ class ChargingCurve:
             ("recharge_power", self.max_rate_per_s, math.inf),
         ):
             if not 0.0 < value <= limit:
-                raise InputError(Fault("must be above 0", field=name, value=value))
+                raise InputError("must be above 0", field=name, value=value)
 
     @property
     def battery_rate_per_s(self) -> float:

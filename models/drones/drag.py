@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
@@ -58,11 +58,9 @@ class DragModel:
 
     def __post_init__(self) -> None:
         if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):
-            raise InputError(
-                Fault("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m))
-            )
+            raise InputError("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m))
         if not self.linear_per_s + self.quadratic_per_m > 0.0:
-            raise InputError(Fault("with a drag of 0 the wind cannot be estimated", field="drag"))
+            raise InputError("with a drag of 0 the wind cannot be estimated", field="drag")
 
     def another_flight(self) -> DragModel:
         """Return the same drag with its uncertainty for another flight of the same aircraft."""

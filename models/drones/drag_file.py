@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.drones.airspeed import AirspeedModel
 from skyway.models.drones.drag import DragModel
@@ -55,7 +55,7 @@ def read_drag(path: Path) -> DragModel:
     """
     drag = read_air(path).drag
     if drag is None:
-        raise InputError(Fault("is missing", str(path), None, "linear_per_s"))
+        raise InputError("is missing", str(path), None, "linear_per_s")
     return drag
 
 
@@ -75,8 +75,7 @@ def read_air(path: Path) -> AirFile:
     top.finish()
     if drag is not None and not faults and drag["linear_per_s"] + drag["quadratic_per_m"] <= 0.0:
         top.fault("linear_per_s", "is 0, and so is quadratic_per_m: with a drag of 0 the wind cannot be estimated")
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return AirFile(None if drag is None else DragModel(**drag), None if airspeed is None else AirspeedModel(**airspeed))
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, refuse
 from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.interpolation import idw_weights
 
@@ -200,5 +200,4 @@ def _check_flown(network: Network, drone: Drone, rules: FlightRules, airspeed_mp
         faults.append(Fault("out of range", field="rules.wind_profile_exponent", value=value, remedy="a number"))
     if not (np.isfinite(network.distance_m).all() and (network.distance_m > 0.0).all()):
         faults.append(Fault("out of range", field="network.distance_m", remedy=remedy))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.network.network import ConnectionRule, Network, Station
 
 if TYPE_CHECKING:
@@ -38,13 +38,11 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: N
         Unknown rule, lengths or counts out of range, or so many pairs that the network would not be usable.
     """
     if rule.kind not in RULES:
-        raise InputError(
-            Fault("unknown rule", field="network.rule", value=rule.kind, remedy="one of " + ", ".join(RULES))
-        )
+        raise InputError("unknown rule", field="network.rule", value=rule.kind, remedy="one of " + ", ".join(RULES))
     if not rule.max_length_m > 0:
-        raise InputError(Fault("must be above 0", field="network.max_length_m", value=rule.max_length_m))
+        raise InputError("must be above 0", field="network.max_length_m", value=rule.max_length_m)
     if rule.nearest < 1:
-        raise InputError(Fault("must be at least 1", field="network.nearest", value=rule.nearest))
+        raise InputError("must be at least 1", field="network.nearest", value=rule.nearest)
     lat = np.array([s.lat for s in stations], dtype=np.float64)
     lon = np.array([s.lon for s in stations], dtype=np.float64)
     rounded = np.asarray(np.round(np.column_stack((lat, lon)), DECIMALS), dtype=np.float64)
@@ -83,7 +81,7 @@ def _within(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int
     if count > MAX_PAIRS:
         remedy = f"shorten network.max_length_m or use rule nearest: {count} segments are more than {MAX_PAIRS}"
         field, value = "network.max_length_m", rule.max_length_m
-        raise InputError(Fault("joins too many pairs", field=field, value=value, remedy=remedy))
+        raise InputError("joins too many pairs", field=field, value=value, remedy=remedy)
     return np.asarray(tree.query_pairs(reach, output_type="ndarray"), dtype=np.int64).reshape(-1, 2)
 
 

@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.geodesy import coordinate_faults, line_geometry
@@ -40,8 +40,6 @@ def read_stations(
 
     Parameters
     ----------
-    path : Path
-        The file.
     columns : mapping, optional
         Column (or property) of the file for each of `STATION_FIELDS` that is called otherwise there.
     pads, holding_spots : int
@@ -75,8 +73,7 @@ def read_stations(
             stations.append(station)
     if not faults and not stations:
         faults.append(Fault("has no stations", str(path)))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return tuple(stations)
 
 
@@ -173,8 +170,7 @@ def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterato
         wrong = [replace(place, problem="two columns have this name", line=1, field=name) for name in twice]
         absent = [name for name in needed if name not in header]
         wrong += [replace(place, problem="column is missing", line=1, field=name, remedy=remedy) for name in absent]
-        if wrong:
-            raise InputError(wrong)
+        refuse(wrong)
         for cells in reader:
             here = replace(place, line=reader.line_num)
             if not any(cell.strip() for cell in cells):
@@ -184,7 +180,7 @@ def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterato
             else:
                 faults.append(replace(here, problem=f"has {len(cells)} cells, the header has {len(header)}"))
     except csv.Error as error:
-        raise InputError(Fault(f"is not CSV: {error}", str(path), reader.line_num)) from error
+        raise InputError(f"is not CSV: {error}", str(path), reader.line_num) from error
 
 
 def _geojson_rows(
@@ -246,8 +242,7 @@ def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, in
         pairs.append(ends)
         if both not in ONE_WAY:
             pairs.append(ends[::-1])
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return pairs
 
 

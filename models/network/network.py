@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy, views
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
 from skyway.models.wind.interpolation import idw_weights
 
@@ -137,8 +137,7 @@ class Network:
         faults += [Fault("names no node", field="segment", value=pair) for pair in pairs[unknown].tolist()]
         loop = "a segment leads from a station to itself"
         faults += [Fault(loop, field="segment", value=stations[node].id) for node in loops.tolist()]
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
         lat = np.array([s.lat for s in stations])
         lon = np.array([s.lon for s in stations])
         if zones is not None and len(pairs):
@@ -303,10 +302,8 @@ class Network:
             return hits[0]
         if hits:
             names = ", ".join(self.stations[i].id for i in hits[:6]) + (", …" if len(hits) > 6 else "")
-            raise InputError(
-                Fault("fits several stations", field="station", value=text, remedy=f"choose one of {names}")
-            )
-        raise InputError(Fault("no such station", field="station", value=text, remedy=self._suggest(wanted)))
+            raise InputError("fits several stations", field="station", value=text, remedy=f"choose one of {names}")
+        raise InputError("no such station", field="station", value=text, remedy=self._suggest(wanted))
 
     def _suggest(self, wanted: str) -> str:
         names = {s.id.casefold(): s.id for s in self.stations}
@@ -331,11 +328,10 @@ class Network:
             The position is out of range or inside a no-fly zone.
         """
         faults = geodesy.coordinate_faults(lat, lon)
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
         zone = None if self.zones is None else self.zones.contains(lat, lon)
         if zone is not None:
-            raise InputError(Fault(f"lies in the no-fly zone {zone}", field="target", value=f"{lat},{lon}"))
+            raise InputError(f"lies in the no-fly zone {zone}", field="target", value=f"{lat},{lon}")
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Network, Station
@@ -69,9 +69,7 @@ def _rows(source: Any) -> list[Any]:
     if hasattr(source, "to_crs"):
         points = source.geometry if source.crs is None else source.to_crs(WGS84).geometry
         if set(points.geom_type) - {"Point"}:
-            raise InputError(
-                Fault("stations are points", field="geometry", value=", ".join(sorted(set(points.geom_type))))
-            )
+            raise InputError("stations are points", field="geometry", value=", ".join(sorted(set(points.geom_type))))
         columns = source.drop(columns=source.geometry.name)
         positions = [{"lat": point.y, "lon": point.x} for point in points]
         return [row | place for row, place in zip(_table_rows(columns), positions, strict=True)]
@@ -80,7 +78,7 @@ def _rows(source: Any) -> list[Any]:
     if isinstance(source, Iterable) and not isinstance(source, str | bytes | Mapping):
         return list(source)
     kinds = "stations, a DataFrame, a GeoDataFrame or a networkx graph"
-    raise InputError(Fault("is not a network", field="stations", value=type(source).__name__, remedy=f"give {kinds}"))
+    raise InputError("is not a network", field="stations", value=type(source).__name__, remedy=f"give {kinds}")
 
 
 def _table_rows(table: Any) -> list[dict[str, Any]]:
@@ -92,8 +90,7 @@ def _stations(rows: Iterable[Any]) -> list[Station]:
     stations = [row if isinstance(row, Station) else _station(row, faults) for row in rows]
     for station in stations:
         faults += coordinate_faults(station.lat, station.lon) if math.isfinite(station.lat + station.lon) else []
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return stations
 
 
@@ -136,6 +133,5 @@ def _pairs(stations: list[Station], segments: Iterable[tuple[str, str]]) -> Any:
         strangers = [end for end in (tail, head) if str(end) not in index]
         faults += [Fault("is not a known station", field="segments", value=end) for end in strangers]
         pairs.append((index.get(str(tail), 0), index.get(str(head), 0)))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)

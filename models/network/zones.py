@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.files import read_text
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ def read_zones(path: Path) -> NoFlyZones:
         else:
             names.append(name)
             polygons.append(polygon)
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return NoFlyZones(tuple(names), tuple(polygons))
 
 
@@ -143,9 +142,9 @@ def read_geojson(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(read_text(path, max_bytes=MAX_BYTES))
     except (ValueError, RecursionError) as error:
-        raise InputError(Fault(f"is not JSON: {error}", str(path))) from error
+        raise InputError(f"is not JSON: {error}", str(path)) from error
     if not isinstance(document, dict) or "type" not in document:
-        raise InputError(Fault("is not GeoJSON", str(path), remedy="expected a FeatureCollection"))
+        raise InputError("is not GeoJSON", str(path), remedy="expected a FeatureCollection")
     return document
 
 
@@ -160,7 +159,7 @@ def features(document: dict[str, Any], file: str) -> list[dict[str, Any]]:
     if document["type"] == "FeatureCollection":
         found = document.get("features")
         if not isinstance(found, list):
-            raise InputError(Fault("must be a list", file, None, "features", found))
+            raise InputError("must be a list", file, None, "features", found)
         return [feature if isinstance(feature, dict) else {} for feature in found]
     if document["type"] == "Feature":
         return [document]

@@ -15,7 +15,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.units import S_PER_H
 
 if TYPE_CHECKING:
@@ -58,13 +58,12 @@ class PadLoad:
         shape = self.arrivals_per_s.shape
         if len(shape) != 2 or shape[1] != WEEK_H or self.mean_charging_s.shape != shape:
             shapes = f"{shape} and {self.mean_charging_s.shape}"
-            raise InputError(Fault("pad loads need the shape (stations, 168)", field="load", value=shapes))
+            raise InputError("pad loads need the shape (stations, 168)", field="load", value=shapes)
         if not np.all((self.arrivals_per_s >= 0.0) & (self.arrivals_per_s <= MAX_ARRIVALS_PER_S)):
             faults.append(Fault("arrivals per second outside 0 to 1", field="arrivals_per_s"))
         if not np.all((self.mean_charging_s >= MIN_CHARGING_S) & (self.mean_charging_s <= MAX_CHARGING_S)):
             faults.append(Fault("mean charging time outside a second to a week", field="mean_charging_s"))
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
 
     def __repr__(self) -> str:
         arrivals = float(self.arrivals_per_s.mean(axis=1).sum()) * 86400.0 if len(self.arrivals_per_s) else 0.0
@@ -80,12 +79,7 @@ class PadLoad:
         return len(self.arrivals_per_s)
 
     def utilisation(self, pads: ArrayLike) -> NDArray[np.float64]:
-        """Share of the pads that the arrivals of each hour would keep busy; above 1 the line grows.
-
-        Parameters
-        ----------
-        pads : array_like of int, shape (stations,)
-            Pads of each station.
+        """Share of the pads, shape (stations,), that the arrivals of each hour would keep busy; above 1 the line grows.
 
         Returns
         -------
@@ -104,12 +98,8 @@ class PadLoad:
 
         Parameters
         ----------
-        station : int
-            Row.
         start_s : float
             POSIX seconds.
-        hours : int
-            How many.
 
         Returns
         -------
@@ -134,7 +124,7 @@ def zone(timezone: str) -> ZoneInfo:
         return ZoneInfo(timezone)
     except (LookupError, ValueError, OSError, TypeError):
         remedy = "an IANA name such as America/New_York"
-        raise InputError(Fault("unknown time zone", field="timezone", value=timezone, remedy=remedy)) from None
+        raise InputError("unknown time zone", field="timezone", value=timezone, remedy=remedy) from None
 
 
 def hours_of_week(timezone: str, start_s: float, hours: int) -> NDArray[np.int64]:
@@ -142,12 +132,8 @@ def hours_of_week(timezone: str, start_s: float, hours: int) -> NDArray[np.int64
 
     Parameters
     ----------
-    timezone : str
-        IANA name.
     start_s : float
         POSIX seconds; the first hour is the one that holds it.
-    hours : int
-        How many.
 
     Returns
     -------

@@ -46,16 +46,12 @@ _COLUMNS = ("station", "hour_of_week", "arrivals_per_h", "mean_charging_min")
 def read_load(
     path: Path, station_ids: Sequence[str], timezone: str, *, pads: ArrayLike | None = None
 ) -> tuple[PadLoad, list[str]]:
-    """Read a table ``station,hour_of_week,arrivals_per_h,mean_charging_min`` (other columns are ignored).
+    """Read a CSV table ``station,hour_of_week,arrivals_per_h,mean_charging_min`` (other columns are ignored).
 
     Rows of station ``*`` hold for every station and hour without a row of its own.
 
     Parameters
     ----------
-    path : Path
-        CSV, UTF-8; ``.gz`` is unpacked.
-    station_ids : sequence of str
-        In the order of the network's nodes.
     timezone : str
         IANA name, of the hours of the week.
     pads : array_like of int, shape (stations,), optional
@@ -106,16 +102,10 @@ def read_occupancy(
 
     Parameters
     ----------
-    path : Path
-        CSV, UTF-8; ``.gz`` is unpacked.
-    station_ids : sequence of str
-        In the order of the network's nodes.
     timezone : str
         IANA name, of the times without an offset.
     pads : array_like of int, shape (stations,)
         Pads of each station.
-    mean_charging_min : float
-        Minutes: the record does not tell it.
 
     Returns
     -------

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.units import S_PER_H
 from skyway.models.queues.transient_kernels import (
     MAX_JUMPS,
@@ -61,8 +61,6 @@ def erlang_c(pads: int, offered_load: float) -> float:
 
     Parameters
     ----------
-    pads : int
-        At least 1.
     offered_load : float
         Arrival rate times mean charging time, from 0 up; from `pads` on everybody waits.
     """
@@ -79,8 +77,6 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
 
     Parameters
     ----------
-    pads : int
-        At least 1.
     offered_load : float
         Arrival rate times mean charging time, below `pads`.
     states : int
@@ -189,16 +185,8 @@ def forecast_waits(
 
     Parameters
     ----------
-    load : PadLoad
-        Other drones.
     pads : ndarray of int, shape (nodes,)
         Pads of each station; where 0, as at a delivery target, nobody recharges, so nobody waits.
-    stations : sequence of int
-        Which nodes.
-    start_s : float
-        POSIX seconds.
-    hours : float
-        Horizon.
     busy : mapping of int to int
         Drones seen at `start_s` by node (see `PadQueue`); stations left out were not seen.
 
@@ -320,5 +308,5 @@ def _run(
     )
     if lost < 0.0:
         remedy = "check the arrivals and the charging times"
-        raise InputError(Fault(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy))
+        raise InputError(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy)
     return np.asarray(distribution)

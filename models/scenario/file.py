@@ -60,9 +60,9 @@ def read_scenario(path: str | PathLike[str]) -> Scenario:
         if not file.is_file():
             problem = f"the folder has no {FILE}" if path.is_dir() else "is not a scenario folder"
             problem = problem if path.exists() else "no such folder"
-            raise InputError(Fault(problem, str(path), remedy=remedy))
+            raise InputError(problem, str(path), remedy=remedy)
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror}", str(path), remedy=remedy)) from error
+        raise InputError(f"cannot be read: {error.strerror}", str(path), remedy=remedy) from error
     return _Reader(file).read()
 
 
@@ -253,8 +253,7 @@ class _Reader:
             elif not path.is_file():
                 table.fault(key, "no such file", text)
             elif path.stat().st_size > MAX_BYTES:
-                problem = f"is larger than {MAX_BYTES / 1e6:.0f} MB"
-                table.fault(key, problem, text, "cut it to the part that is needed")
+                table.fault(key, f"is larger than {MAX_BYTES / 1e6:.0f} MB", text, "cut it to the part that is needed")
             else:
                 self._add_to_digest(path)
                 return path

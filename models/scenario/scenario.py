@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.models.base import views
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.units import utc
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
 
@@ -94,7 +94,7 @@ class Scenario:
             if drone.id == identity:
                 return drone
         fleet = ", ".join(drone.id for drone in self.drones)
-        raise InputError(Fault("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}"))
+        raise InputError("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}")
 
     def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
         """Ensemble for a departure: the scenario's forecast file, else analogue days of its record.
@@ -118,5 +118,5 @@ class Scenario:
     def _record(self) -> WindHistory:
         if self.history is None:
             remedy = "give [wind] history in scenario.toml, or --wind 8@270, or --forecast FILE"
-            raise InputError(Fault("the scenario has no wind record", self.path, field="wind.history", remedy=remedy))
+            raise InputError("the scenario has no wind record", self.path, field="wind.history", remedy=remedy)
         return self.history

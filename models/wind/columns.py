@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import SPEED_UNITS_MPS
 from skyway.models.wind.cells import check_year, parse_direction, parse_number
@@ -97,8 +97,7 @@ class WindColumns:
         if self.time_format is not None and not _is_time_format(self.time_format):
             example = 'such as "%Y-%m-%d %H:%M"'
             faults.append(_setting("time_format", self.time_format, "not a time format", example))
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
 
     @cached_property
     def zone(self) -> ZoneInfo | None:

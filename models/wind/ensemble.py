@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import views
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.units import iso
 from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor
@@ -85,7 +85,7 @@ class WindEnsemble:
             ("height_m", self.height_m, 0.0 < self.height_m < math.inf),
         ):
             if not fits:
-                raise InputError(Fault("no time, length of time or height of a wind ensemble", field=name, value=value))
+                raise InputError("no time, length of time or height of a wind ensemble", field=name, value=value)
         if not (np.isfinite(self.site_lat).all() and np.isfinite(self.site_lon).all() and len(self.site_lat)):
             raise InputError("the sites of a wind ensemble must have places")
 
@@ -132,7 +132,7 @@ class WindEnsemble:
     def thinned(self, most: int) -> WindEnsemble:
         """Return at most that many members, evenly chosen in their order, their probabilities scaled to 1."""
         if most < 1:
-            raise InputError(Fault("an ensemble needs a member", field="members", value=most))
+            raise InputError("an ensemble needs a member", field="members", value=most)
         return self if len(self) <= most else self._chosen(evenly(len(self), most))
 
     def _chosen(self, members: NDArray[np.int64]) -> WindEnsemble:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.base.units import from_posix, iso, utc
 from skyway.models.wind.ensemble import WindEnsemble
@@ -46,14 +46,8 @@ def analogue_ensemble(
 
     Parameters
     ----------
-    history : WindHistory
-        What was measured; any years.
     depart : datetime
         Aware; it lies in slot 0. It may be in the future of the record.
-    hours : int
-        Length of the series.
-    season_days : int
-        Half width of the season.
     exclude : collection of date
         Days to leave out, such as the truth of a trial, and those whose series overlap theirs.
 
@@ -85,7 +79,7 @@ def analogue_ensemble(
             found = f"{season.sum()} days in that season, none without a gap"
         problem = f"no analogue day for the season {wanted}"
         remedy = f"the record covers {history.covers} ({found}); widen the season or give another record"
-        raise InputError(Fault(problem, history.source or None, remedy=remedy))
+        raise InputError(problem, history.source or None, remedy=remedy)
     return days.ensemble(np.flatnonzero(allowed))
 
 
@@ -110,7 +104,7 @@ def truth_series(history: WindHistory, day: date, depart: datetime, hours: int) 
         nearest = whole[np.argmin(np.abs((whole - wanted).astype(np.int64)))]
         remedy += f"; the nearest day without a gap is {nearest}"
     problem = f"the record has no complete {hours} h of wind for the day"
-    raise InputError(Fault(problem, history.source or None, None, "truth", day.isoformat(), remedy))
+    raise InputError(problem, history.source or None, None, "truth", day.isoformat(), remedy)
 
 
 def constant_wind(
@@ -131,8 +125,7 @@ def constant_wind(
         faults.append(Fault("not a direction", field="wind", value=from_deg, remedy=remedy))
     if not 0.0 < height_m < math.inf:
         faults.append(_not_a_height(height_m))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     north, east = (np.full((1, check_hours(hours), 1), part) for part in vector(speed_mps, from_deg))
     start_s = math.floor(utc(depart).timestamp() / 3600.0) * 3600.0
     label = f"{speed_mps:g} m/s from {from_deg:g}°"
@@ -168,8 +161,7 @@ def read_forecast(
     faults = check_sites(sites)
     if not 0.0 < measured_at_m < math.inf:
         faults.append(_not_a_height(measured_at_m))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     table = read_forecast_table(path, [site.id for site in sites])
     start_s, slot_s = float(table.times_s[0]), table.slot_s
     depart_s, given = utc(depart).timestamp(), len(table.times_s)
@@ -177,7 +169,7 @@ def read_forecast(
     if not 0 <= first < given:
         begin, end = iso(from_posix(start_s)), iso(from_posix(start_s + given * slot_s))
         problem = f"the forecast does not cover the departure, only {begin} to {end}"
-        raise InputError(Fault(problem, str(path), None, "depart", iso(depart)))
+        raise InputError(problem, str(path), None, "depart", iso(depart))
     end_s = depart_s + check_hours(hours) * 3600.0
     last = math.ceil((end_s - start_s) / slot_s)
     chosen = np.minimum(np.arange(first, last), given - 1)
@@ -201,8 +193,7 @@ def _not_a_height(value: float) -> Fault:
 def check_hours(hours: int) -> int:
     """Return a number of hours that a forecast may have, or raise `InputError`."""
     if not 1 <= hours <= MAX_HOURS:
-        remedy = f"from 1 to {MAX_HOURS}"
-        raise InputError(Fault("not a length of forecast", field="hours", value=hours, remedy=remedy))
+        raise InputError("not a length of forecast", field="hours", value=hours, remedy=f"from 1 to {MAX_HOURS}")
     return hours
 
 

@@ -99,11 +99,9 @@ def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:
     for number in faults.first(uneven):
         begin, end = (iso(from_posix(times_s[place])) for place in (number, number + 1))
         problem = f"from {begin} to {end} the step is {steps[number] / 3600.0:g} h"
-        remedy = f"the same step everywhere, here {usual / 3600.0:g} h"
-        faults.add(problem, remedy, line=None, field="time", value=None)
+        faults.add(problem, f"the same step everywhere, here {usual / 3600.0:g} h", line=None, field="time", value=None)
     if usual > MAX_SLOT_S:
-        problem = f"the times are {usual / 3600.0:g} h apart"
-        faults.add(problem, "at most 6 h", line=None, field="time", value=None)
+        faults.add(f"the times are {usual / 3600.0:g} h apart", "at most 6 h", line=None, field="time", value=None)
     return usual
 
 

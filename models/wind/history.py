@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import date_clock, speed_text
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.base.units import iso
@@ -124,10 +124,6 @@ def read_history(path: Path, columns: WindColumns, sites: Sequence[WindSite], me
     ----------
     path : Path
         CSV, at most 64 MB and 5 million rows; ``.gz`` is unpacked.
-    columns : WindColumns
-        Which column says what.
-    sites : sequence of WindSite
-        The sites of the record.
     measured_at_m : float
         Height of the instruments above ground, usually 10.
 
@@ -143,7 +139,7 @@ def read_history(path: Path, columns: WindColumns, sites: Sequence[WindSite], me
     north, east, speed_only = _into_slots(rows, first, slots, len(sites))
     if not np.isfinite(north).any():
         remedy = "are the columns and the missing values the right ones?"
-        raise InputError(Fault("has no row with both a speed and a direction", str(path), remedy=remedy))
+        raise InputError("has no row with both a speed and a direction", str(path), remedy=remedy)
     filled = _fill(north, east, speed_only, _closeness(sites))
     silent = [site.id for number, site in enumerate(sites) if not (rows.site == number).any()]
     counts = RowCounts(
@@ -181,10 +177,8 @@ def _check_request(sites: Sequence[WindSite], columns: WindColumns, measured_at_
         faults.append(Fault("the record does not name its site", field="wind.site", remedy=remedy))
     if columns.site is None and columns.default_site is not None and columns.default_site not in ids:
         remedy = "one of " + ", ".join(ids)
-        field = "wind.default_site"
-        faults.append(Fault("unknown site", field=field, value=columns.default_site, remedy=remedy))
-    if faults:
-        raise InputError(faults)
+        faults.append(Fault("unknown site", field="wind.default_site", value=columns.default_site, remedy=remedy))
+    refuse(faults)
 
 
 def check_sites(sites: Sequence[WindSite]) -> list[Fault]:
@@ -209,7 +203,7 @@ def _span(rows: WindRows, sites: int, file: str) -> tuple[int, int]:
     if slots > MAX_YEARS * 8766 or slots * sites > MAX_CELLS:
         span = " to ".join(datetime.fromtimestamp(t, UTC).date().isoformat() for t in (first, last))
         limit = f"at most {min(MAX_YEARS, MAX_CELLS // (8766 * sites))} years for {sites} sites"
-        raise InputError(Fault("covers too long a time", file, field="time", value=span, remedy=limit))
+        raise InputError("covers too long a time", file, field="time", value=span, remedy=limit)
     return math.floor(first / SLOT_S), slots
 
 

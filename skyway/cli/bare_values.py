@@ -19,8 +19,6 @@ def fill(arguments: Sequence[str], bare: Mapping[str, str]) -> list[str]:
 
     Parameters
     ----------
-    arguments : sequence of str
-        As typed.
     bare : mapping
         Options that take a number, with the value of the bare option.
     """

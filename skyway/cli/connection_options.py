@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import options
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -111,12 +111,10 @@ def own_names(given: Sequence[str], family: Family) -> dict[str, tuple[str, str]
         name, _, unit = rest.partition(":")
         if key not in settings.keys:
             known = ", ".join(settings.keys)
-            raise InputError(
-                Fault(f"no such setting of {family.name}", field="--parameter-name", value=key, remedy=known)
-            )
+            raise InputError(f"no such setting of {family.name}", field="--parameter-name", value=key, remedy=known)
         if not re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", name):
             remedy = "for example mission-speed=WP_SPD:m/s"
-            raise InputError(Fault("is not SETTING=NAME:UNIT", field="--parameter-name", value=text, remedy=remedy))
+            raise InputError("is not SETTING=NAME:UNIT", field="--parameter-name", value=text, remedy=remedy)
         settings[key].need("read", None, "").called(name, unit)  # refuses a unit of something else
         found[key] = (name, unit)
     return found

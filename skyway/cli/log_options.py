@@ -11,7 +11,7 @@ import typer
 
 from skyway.cli import options
 from skyway.link.logs.reader import FORMATS, titles
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
 
@@ -61,11 +61,11 @@ def drone_of(named: Path) -> Drone:
         return BUILT_IN[str(named)]
     if named.suffix != ".toml" and not named.exists():
         remedy = "a fleet file, or one of " + ", ".join(BUILT_IN)
-        raise InputError(Fault("no such drone", field="--drone", value=str(named), remedy=remedy))
+        raise InputError("no such drone", field="--drone", value=str(named), remedy=remedy)
     drones = read_fleet(named)
     if len(drones) > 1:
         names = ", ".join(drone.id for drone in drones)
-        raise InputError(Fault("holds several drones", str(named), field="--drone", value=names, remedy="keep one"))
+        raise InputError("holds several drones", str(named), field="--drone", value=names, remedy="keep one")
     return drones[0]
 
 
@@ -80,7 +80,7 @@ def log_forecast(
     """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is not known."""
     if wind is not None:
         if file is not None or scenario is not None:
-            raise InputError(Fault("--wind excludes --forecast and --scenario", remedy="give one of them"))
+            raise InputError("--wind excludes --forecast and --scenario", remedy="give one of them")
         north, east = towards(wind)
         return (lambda *_: (north, east)), None
     if file is None and scenario is None:
@@ -102,7 +102,7 @@ def dated(log: Log) -> float:
     summary = log.summary
     if not summary.time_base.absolute or not math.isfinite(summary.start_s):
         remedy = "give the wind with --wind"
-        raise InputError(Fault("has no date, so no forecast can be found for it", summary.format, remedy=remedy))
+        raise InputError("has no date, so no forecast can be found for it", summary.format, remedy=remedy)
     return summary.start_s
 
 
@@ -130,7 +130,7 @@ def open_any(path: Path, columns: Path | None) -> Log:
 
     opened = open_log(path, None if columns is None else read_columns(columns))
     if not opened.summary.messages:
-        raise InputError(Fault("holds no valid message", str(path), remedy=titles()))
+        raise InputError("holds no valid message", str(path), remedy=titles())
     usual = FORMATS[opened.summary.format].suffix
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:

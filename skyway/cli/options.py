@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from skyway.missions.autopilots import NAMES
-from skyway.models.base.errors import Fault, InputError, NoRouteError
+from skyway.models.base.errors import Fault, InputError, NoRouteError, refuse
 from skyway.models.base.formatting import distance_text
 from skyway.models.base.ranges import percent_faults
 from skyway.planner.registry import PLANNERS
@@ -101,8 +101,7 @@ def settings_of(settings: list[str] | None, wind_filter: WindFilterSettings | No
 def percent(value: float, option: str, *, high: float = 100.0) -> float:
     """Turn percent, as typed, into a fraction; an `InputError` names the option."""
     faults = percent_faults(option, value, high)
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     return value / 100.0
 
 
@@ -110,13 +109,11 @@ def parse_wind(text: str) -> tuple[float, float]:
     """Read ``SPEED@FROM``, for example ``8@270``: 8 m/s from the west, at cruise height."""
     match = WIND.match(text)
     if match is None:
-        raise InputError(
-            Fault("not a wind", field="--wind", value=text, remedy="write m/s@degrees FROM, such as 8@270")
-        )
+        raise InputError("not a wind", field="--wind", value=text, remedy="write m/s@degrees FROM, such as 8@270")
     speed, direction = float(match[1]), float(match[2])
     if speed > 75.0 or direction > 360.0:
         remedy = "speed up to 75 m/s, direction from 0 to 360 degrees"
-        raise InputError(Fault("out of range", field="--wind", value=text, remedy=remedy))
+        raise InputError("out of range", field="--wind", value=text, remedy=remedy)
     return speed, direction % 360.0
 
 
@@ -153,8 +150,7 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
             faults.append(Fault("no such folder", str(folder), remedy="create it first"))
         elif not os.access(folder, os.W_OK):
             faults.append(Fault("cannot be written to", str(folder), remedy="choose another folder"))
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
 
 
 def say_written(*paths: Path | None) -> None:
@@ -220,8 +216,7 @@ def _instant(text: str, option: str) -> datetime:
     except InputError as error:
         raise InputError([replace(fault, field=option) for fault in error.faults]) from None
     if not YEARS[0] <= instant.year <= YEARS[1]:
-        remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
-        raise InputError(Fault("out of range", field=option, value=text, remedy=remedy))
+        raise InputError("out of range", field=option, value=text, remedy=f"a year from {YEARS[0]} to {YEARS[1]}")
     return instant
 
 
@@ -229,10 +224,10 @@ def parse_duration(text: str, option: str) -> float:
     """Seconds of a length of time as typed with its unit: ``45min``, ``2h``, ``1.5h``."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(h|min|m|s)?\s*", text)
     if found is None:
-        raise InputError(Fault("is not a duration", field=option, value=text, remedy="such as 90min or 2h"))
+        raise InputError("is not a duration", field=option, value=text, remedy="such as 90min or 2h")
     if found[2] is None:
         meant = f"{found[1]}h or {found[1]}min"
-        raise InputError(Fault("has no unit", field=option, value=text, remedy=f"did you mean {meant}?"))
+        raise InputError("has no unit", field=option, value=text, remedy=f"did you mean {meant}?")
     return float(found[1]) * {"h": 3600.0, "min": 60.0, "m": 60.0, "s": 1.0}[found[2]]
 
 
@@ -257,7 +252,7 @@ def wind_forecast(
     from skyway.planner.problem.problem import HORIZON_H
 
     if wind is not None and forecast is not None:
-        raise InputError(Fault("--wind and --forecast exclude each other", remedy="give one of them"))
+        raise InputError("--wind and --forecast exclude each other", remedy="give one of them")
     if wind is not None:
         speed, direction = parse_wind(wind)
         lat, lon = float(scenario.network.lat.mean()), float(scenario.network.lon.mean())
@@ -285,7 +280,7 @@ def true_wind(
         path = Path(text)
         if not path.is_file():
             remedy = "a day of the record such as 2013-07-10, or a forecast file with one member"
-            raise InputError(Fault("neither a date nor a file", field=option, value=text, remedy=remedy)) from None
+            raise InputError("neither a date nor a file", field=option, value=text, remedy=remedy) from None
         sites, height = _sites(scenario)
         return read_forecast(path, sites, depart, HORIZON_H, height), None
     return scenario.truth(day, depart, HORIZON_H), day
@@ -310,5 +305,4 @@ def check_planners(names: Sequence[str], option: str, among: Sequence[str] = PLA
     ]
     if not names:
         faults = [Fault("no planner named", field=option, remedy=f"one or more of {known}")]
-    if faults:
-        raise InputError(faults)
+    refuse(faults)

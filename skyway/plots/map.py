@@ -74,12 +74,6 @@ def plot_composition(
 
     Parameters
     ----------
-    composition : Composition
-        The plan: its typical schedule.
-    scenario : Scenario
-        Where it was made.
-    path : Path, optional
-        FILE.svg or FILE.png.
     band : ChargeBand, optional
         How the charge differs over the simulated deliveries.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from skyway.missions.checks.route import fly
 from skyway.missions.items.geofence import FencePolygon
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
 from skyway.plots.pictures import new_figure, save_figure
 
@@ -29,7 +29,7 @@ def plot_mission(document: MissionDocument, path: Path, *, title: str = "") -> N
     """Draw a mission into a file; an `InputError` where there is nothing to draw."""
     route = fly(document.mission)
     if not (route.steps or document.fence.areas or document.rally.points):
-        raise InputError(Fault("there is nothing to draw", str(path)))
+        raise InputError("there is nothing to draw", str(path))
     figure = new_figure(9, 10)
     top, bottom = figure.subplots(2, 1, height_ratios=(3, 1))
     _map(top, document, route)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,9 +39,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
         from matplotlib.figure import Figure
     except ImportError:
         remedy = "pip install 'skyway-planner[plot]'"
-        raise InputError(
-            Fault("pictures need matplotlib, which is not installed", field="--plot", remedy=remedy)
-        ) from None
+        raise InputError("pictures need matplotlib, which is not installed", field="--plot", remedy=remedy) from None
     mpl.rcParams["svg.hashsalt"] = "skyway"  # the same picture gives the same bytes
     mpl.rcParams["text.parse_math"] = False  # a name may hold a dollar sign
     figure = Figure(figsize=(width_in, height_in), layout="constrained", facecolor="white")
@@ -53,7 +51,7 @@ def check_format(path: Path, field: str) -> None:
     """Refuse a picture of a format that is not drawn; the `InputError` names the option or parameter."""
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(
-            Fault("is not a picture format", field=field, value=path.name, remedy="FILE.png, FILE.svg or FILE.pdf")
+            "is not a picture format", field=field, value=path.name, remedy="FILE.png, FILE.svg or FILE.pdf"
         )
 
 
@@ -72,8 +70,6 @@ class LabelPlacer:
 
     Parameters
     ----------
-    axes : matplotlib Axes
-        Where to write.
     x, y : ndarray
         Points to keep clear of, in data coordinates.
     lines : sequence of tuple

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.scenario.scenario import Scenario
 from skyway.planner.result import PlanResult
 from skyway.plots.charge_band import charge_band
@@ -45,6 +45,4 @@ def plot(what: PlanResult | Scenario, path: str | PathLike[str] | None = None) -
         return plot_composition(what.composition, what.problem.scenario, file, charge_band(what))
     if isinstance(what, Scenario):
         return plot_network(what, file)
-    raise InputError(
-        Fault("cannot be drawn", field="what", value=type(what).__name__, remedy="a PlanResult or Scenario")
-    )
+    raise InputError("cannot be drawn", field="what", value=type(what).__name__, remedy="a PlanResult or Scenario")

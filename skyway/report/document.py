@@ -51,8 +51,6 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
 
     Parameters
     ----------
-    records : tuple of Record
-        The journal, as `link.supervisor.read_journal` reads it.
     plan : dict, optional
         Composition to compare with; without it, the one that the journal begins with.
     """

@@ -72,15 +72,7 @@ def framed(places: Sequence[Place]) -> Frame:
 
 
 def drawn_map(document: FlightReport, zones: list[Zone] | None) -> str:
-    """Return the map with its legend, as HTML.
-
-    Parameters
-    ----------
-    document : FlightReport
-        What was planned and what happened.
-    zones : list of Zone, optional
-        No-fly zones; None where they are not known.
-    """
+    """Return the map with its legend, as HTML."""
     drawn = map_picture(document, zones)
     if drawn is None:
         return '<p class="none">no position is known</p>'

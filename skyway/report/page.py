@@ -38,15 +38,7 @@ _ENDS = {
 
 
 def page(document: FlightReport, zones: list[Zone] | None) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    document : FlightReport
-        What was planned and what happened.
-    zones : list of Zone, optional
-        No-fly zones for the map; None where they are not known.
-    """
+    """Return the page."""
     template = page_template()
     delivery = document.delivery
     title = f"{_headline(document)}: {delivery.origin or UNKNOWN} to {delivery.destination or UNKNOWN}"

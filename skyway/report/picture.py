@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.report import map as chart_of_places
 from skyway.report.charts import charts
 from skyway.report.page import page_template
@@ -33,7 +33,7 @@ def picture(document: FlightReport, zones: list[Zone] | None) -> str:
     """
     drawn = chart_of_places.map_picture(document, zones)
     if drawn is None:
-        raise InputError(Fault("the journal has no positions to draw", field="--plot"))
+        raise InputError("the journal has no positions to draw", field="--plot")
     inner, map_height = drawn
     wide = BROAD * _MAP_SHARE
     tall = wide * map_height / chart_of_places.WIDTH

@@ -64,14 +64,10 @@ def write_report(
     ----------
     journal, logs, plan
         See `flight`.
-    report : Path
-        The page.
     scenario : Scenario, optional
         Where it flew, for the no-fly zones on the map. Without it the built-in one, if the plan was made in it.
     plot : Path, optional
         Write map, charge and wind as a picture too: FILE.svg.
-    force : bool
-        Overwrite.
 
     Raises
     ------

@@ -131,12 +131,12 @@ def _log_rows(path: Path) -> dict[float, tuple[float, ...]]:
     import numpy as np
 
     from skyway.link.logs.reader import open_log
-    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.base.errors import InputError
     from skyway.models.drones.telemetry import QUANTITIES
 
     log = open_log(path)
     if not log.summary.time_base.absolute or not log.summary.systems:
-        raise InputError(Fault("has no telemetry with a time of day, to set beside the journal", str(path)))
+        raise InputError("has no telemetry with a time of day, to set beside the journal", str(path))
     wanted = ("lat_deg", "lon_deg", "height_m", "soc", "vel_north_mps", "vel_east_mps")
     at = [QUANTITIES.index(name) for name in wanted]
     rows: dict[float, tuple[float, ...]] = {}
@@ -147,7 +147,7 @@ def _log_rows(path: Path) -> dict[float, tuple[float, ...]]:
         for time_s, row in zip(track.time_s[last].tolist(), track.values[last][:, at].tolist(), strict=True):
             rows[math.floor(time_s)] = (time_s, *row[:4], math.hypot(row[4], row[5]))
     if not rows:
-        raise InputError(Fault("has no telemetry", str(path)))
+        raise InputError("has no telemetry", str(path))
     return rows
 
 

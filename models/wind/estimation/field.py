@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.wind.estimation.filter import WindEstimate
 from skyway.models.wind.triangle import height_factor
 
@@ -75,8 +75,7 @@ class ResidualModel:
             for name in ("sigma_mps", "tau_s", "length_m")
             if not 0.0 < getattr(self, name) < np.inf
         ]
-        if faults:
-            raise InputError(faults)
+        refuse(faults)
 
     def covariance(
         self,
@@ -105,7 +104,7 @@ def check_observations(observations: Sequence[WindObservation]) -> None:
     for one in observations:
         numbers = (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps, one.variance)
         if not np.isfinite(numbers).all() or one.variance <= 0.0:
-            raise InputError(Fault("is not a wind observation", field="observation", value=one))
+            raise InputError("is not a wind observation", field="observation", value=one)
 
 
 class WindField:
@@ -117,8 +116,6 @@ class WindField:
         Of any drones; one slot of one drone each, so that correlated samples are not counted again and again.
     forecast : ndarray, shape (n, 2)
         (north, east) of the forecast where and when each was measured.
-    residual : ResidualModel
-        How the wind differs from the forecast.
     """
 
     def __init__(

@@ -117,8 +117,6 @@ class WindFilter:
         POSIX seconds.
     north_mps, east_mps : float
         Forecast at the start, TOWARDS.
-    settings : WindFilterSettings
-        How the wind wanders.
     systematic_sigma : array_like, shape (systematic.COUNT,), optional
         Standard deviation of each error that stays the same through the flight (`models.wind.estimation.systematic`); by default
         the measurements have none.
@@ -236,13 +234,7 @@ class WindFilter:
         return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
     def widen(self, variance: ArrayLike) -> None:
-        """Widen the covariance of the slow wind: its measurements so far do not explain what was found.
-
-        Parameters
-        ----------
-        variance : array_like, shape (2, 2)
-            What is added to its covariance, m2/s2.
-        """
+        """Add to the covariance of the slow wind, (2, 2), m2/s2: its measurements so far do not explain what was found."""
         self._filter.P[:2, :2] += np.asarray(variance, dtype=np.float64)
 
     def _persuaded(self, innovation: NDArray[np.float64]) -> bool:

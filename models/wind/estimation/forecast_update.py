@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
 from skyway.models.wind.interpolation import idw_weights
 
@@ -75,7 +75,7 @@ def refined(ensemble: WindEnsemble, slot_s: float) -> WindEnsemble:
     """Return the same wind in shorter slots, for updates whose effect fades within a slot."""
     parts = max(1, math.ceil(ensemble.slot_s / slot_s - 1e-9))
     if parts * ensemble.slots > MAX_SLOTS:
-        raise InputError(Fault("too fine", field="slot_s", value=slot_s))
+        raise InputError("too fine", field="slot_s", value=slot_s)
     return replace(
         ensemble,
         slot_s=ensemble.slot_s / parts,
@@ -100,8 +100,6 @@ def update_forecast(
         At the height of the observations (`WindEnsemble.at_height`).
     observations : sequence of WindObservation
         Averages over slots, of any drones.
-    residual : ResidualModel
-        How the truth differs from the right member.
     slot_s : float
         The updated forecast has slots at most so long.
     least_members : float

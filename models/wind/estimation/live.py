@@ -117,8 +117,6 @@ class LiveWind:
     forecast : callable, optional
         (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
         nothing is.
-    settings : WindFilterSettings, optional
-        How the wind strays from the forecast.
     period_s : float
         Of the averages, each of which gives an estimate.
 

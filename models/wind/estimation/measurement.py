@@ -136,7 +136,6 @@ def autopilot_wind(air: Blocks, after_s: float = -math.inf, told_s: NDArray[np.f
 
     Parameters
     ----------
-    air : Blocks
     after_s : float
         When it was taken last, in blocks before these.
     told_s : ndarray, optional
@@ -166,8 +165,6 @@ def measurements(
 
     Parameters
     ----------
-    air : Blocks
-        From `models.wind.estimation.blocks`.
     drag : DragModel or None
         None: the drag is not known, so tilt tells nothing.
     sensor : AirspeedModel

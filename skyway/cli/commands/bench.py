@@ -11,7 +11,7 @@ import typer
 
 import skyway
 from skyway.cli import options
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 bench = typer.Typer(help="Measure planners.", no_args_is_help=True, rich_markup_mode=None)
 bench.callback()(lambda: None)
@@ -47,7 +47,7 @@ def _benchmark() -> Any:
     root = Path(skyway.__file__).resolve().parent.parent
     if not (root / "benchmarks" / "planners" / "bench_planners.py").is_file():
         remedy = "clone the repository and install it with: pip install -e ."
-        raise InputError(Fault("the benchmarks come with the source, not with the installed package", remedy=remedy))
+        raise InputError("the benchmarks come with the source, not with the installed package", remedy=remedy)
     if str(root) not in sys.path:
         sys.path.append(str(root))
     return importlib.import_module("benchmarks.planners.bench_planners")

@@ -9,7 +9,7 @@ import typer
 
 from skyway.cli.options import FamilyName
 from skyway.missions.autopilots import NAMES
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError, refuse
 from skyway.models.base.ranges import range_faults
 from skyway.scenarios import load_scenario
 
@@ -46,7 +46,7 @@ def demo(
         return
     if payload is not None:
         remedy = "the demonstration carries 0.8 kg; skyway plan and skyway fly take any mass"
-        raise InputError(Fault("goes with --calibration-flight only", field="--payload", value=payload, remedy=remedy))
+        raise InputError("goes with --calibration-flight only", field="--payload", value=payload, remedy=remedy)
     from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
 
     options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
@@ -71,7 +71,6 @@ def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     carried = PAYLOAD_KG if payload is None else payload
     remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"
     faults = range_faults("--payload", carried, 0.0, drone.max_payload_kg, remedy)
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
     record_square(drone, carried, path, force=force)
     typer.echo(f"wrote {path}: a square flown twice with {carried:g} kg by a simulated {drone.name}")

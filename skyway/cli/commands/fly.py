@@ -12,7 +12,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
 
@@ -155,7 +155,7 @@ def _flown(
         job = job_at(now)
         if not (resumes or job.asking == "never" or console.present):
             remedy = "run it at a terminal, or give --yes in a simulation"
-            raise InputError(Fault("take-offs cannot be confirmed: standard input has ended", remedy=remedy))
+            raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
         if job.drag is None:
             console.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
         path = path or _journal_path(link.record, journal_name(job.composition, now))
@@ -177,12 +177,12 @@ def _refuse_together(
 ) -> None:
     """Refuse options that contradict each other."""
     if manual and yes:
-        raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
+        raise InputError("--manual and --yes exclude each other", remedy="give one of them")
     if resume is not None and journal is not None:
-        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal is continued"))
+        raise InputError("--journal and --resume exclude each other", remedy="a resumed journal is continued")
     if keep and no_restore:
         remedy = "--keep-parameters sets no parameters, so there are none to restore"
-        raise InputError(Fault("--keep-parameters and --no-restore exclude each other", remedy=remedy))
+        raise InputError("--keep-parameters and --no-restore exclude each other", remedy=remedy)
 
 
 def _refuse_questions(composition: Composition, pads: str, release: str) -> None:
@@ -192,14 +192,10 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
         problem = (
             f"--yes and --pads manual exclude each other: nobody could confirm the charging at {', '.join(charges)}"
         )
-        raise InputError(
-            Fault(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes")
-        )
+        raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes")
     if release == "operator":
         problem = "--yes and --release operator exclude each other: nobody could confirm that the package was taken off"
-        raise InputError(
-            Fault(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
-        )
+        raise InputError(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
 
 
 def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
@@ -213,11 +209,11 @@ def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
             if planner in PLANNERS
             else "no such planner"
         )
-        raise InputError(Fault(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}"))
+        raise InputError(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}")
     if wind is not None:
         options.parse_wind(wind)
     if forecast is not None and not forecast.is_file():
-        raise InputError(Fault("no such file", str(forecast), field="--forecast"))
+        raise InputError("no such file", str(forecast), field="--forecast")
 
 
 def _pad_service(pads: str) -> TcpPads | None:

@@ -12,7 +12,7 @@ import typer
 
 from skyway.cli import log_options, options
 from skyway.cli.log_options import Columns, open_any
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix
@@ -78,12 +78,12 @@ def forecast(
     from skyway.models.wind.estimation.forecast_update import SLOT_S
 
     if not 1.0 <= slot <= 360.0:
-        raise InputError(Fault("out of range", field="--slot", value=slot, remedy="1 to 360 minutes"))
+        raise InputError("out of range", field="--slot", value=slot, remedy="1 to 360 minutes")
     options.refuse_overwriting(output, force=force)
     instant = None if depart is None else options.parse_depart(depart)
     world = log_options.load_named(scenario)
     if not world.wind_sites:
-        raise InputError(Fault("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]"))
+        raise InputError("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]")
     drag_model, sensor = log_options.air_of(drag)
     asked = ReplayOptions(vehicle=cast("Kind | None", vehicle), drag=drag_model, airspeed=sensor)
     seen = [one for path in logs or () for one in _observations(path, columns, asked)]
@@ -129,8 +129,7 @@ def _update(
     from skyway.models.wind.forecast import read_forecast
 
     if not seen and instant is None:
-        remedy = "give logs with measured wind, or --depart"
-        raise InputError(Fault("no time is known for the forecast", remedy=remedy))
+        raise InputError("no time is known for the forecast", remedy="give logs with measured wind, or --depart")
     depart_s = max(one.time_s for one in seen) if instant is None else instant.timestamp()
     fresh = [one for one in seen if -hours <= (depart_s - one.time_s) / 3600.0 <= OLDEST_H]
     if len(fresh) < len(seen):

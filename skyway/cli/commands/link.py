@@ -11,7 +11,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link, Yes
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
     parts = _parts(document)
     if not parts:
         remedy = "use skyway clear to clear a vehicle"
-        raise InputError(Fault("holds no mission, fence or rally points", str(file), remedy=remedy))
+        raise InputError("holds no mission, fence or rally points", str(file), remedy=remedy)
     return document, parts
 
 
@@ -112,8 +112,7 @@ def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> N
 
     found = [finding for finding in family.cannot_fly(document) if finding.severity == "error"]
     faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
-    if faults:
-        raise InputError(faults)
+    refuse(faults)
 
 
 def _check_parameters(

@@ -12,7 +12,7 @@ from skyway.cli import options
 from skyway.cli.options import FamilyName
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
@@ -76,7 +76,7 @@ def mission(
 
     if leg is not None and (whole or armed_hold):
         other = "--whole" if whole else "--armed-hold"
-        raise InputError(Fault("one leg and all legs exclude each other", field=f"--leg, {other}"))
+        raise InputError("one leg and all legs exclude each other", field=f"--leg, {other}")
     how = MissionOptions(
         cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation)
     )
@@ -95,7 +95,7 @@ def _leg_index(number: int, legs: int) -> int:
     """Index of a leg that a person has typed: they count from 1."""
     if not 1 <= number <= legs:
         known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
-        raise InputError(Fault("no such leg", field="--leg", value=number, remedy=known))
+        raise InputError("no such leg", field="--leg", value=number, remedy=known)
     return number - 1
 
 
@@ -213,13 +213,12 @@ def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> W
 
     if wind is not None:
         if depart is not None:
-            raise InputError(Fault("a steady wind and a forecast exclude each other", field="--wind, --depart"))
+            raise InputError("a steady wind and a forecast exclude each other", field="--wind, --depart")
         return SteadyWind(*options.parse_wind(wind))
     if depart is None:
         return None
     if region is None:
-        remedy = "give --scenario too, or --wind"
-        raise InputError(Fault("a forecast needs a scenario", field="--depart", remedy=remedy))
+        raise InputError("a forecast needs a scenario", field="--depart", remedy="give --scenario too, or --wind")
     start = parse_instant(depart, field="--depart")
     rules = region.rules
     return ForecastWind(region.forecast(start, 24), start.timestamp(), rules.wind_profile_exponent)
@@ -236,7 +235,7 @@ def _conditions(
     from skyway.missions import FlightConditions, SteadyWind
 
     if not 0.0 <= payload_kg <= 1000.0:
-        raise InputError(Fault("is not between 0 and 1000", field="--payload", value=payload_kg))
+        raise InputError("is not between 0 and 1000", field="--payload", value=payload_kg)
     vehicle, assumed = _vehicle(region, drone)
     rules = region.rules if region else None
     return FlightConditions(
@@ -267,7 +266,7 @@ def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool
     if region is not None:
         return region.drone(identity), False
     remedy = f"built in: {', '.join(BUILT_IN)}; a scenario brings its own fleet"
-    raise InputError(Fault("no such drone", field="--drone", value=identity, remedy=remedy))
+    raise InputError("no such drone", field="--drone", value=identity, remedy=remedy)
 
 
 def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None) -> str:

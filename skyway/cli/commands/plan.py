@@ -11,7 +11,7 @@ import typer
 from skyway.cli import completion, options
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions, Depart, RequestOptions
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, ROBUST
@@ -220,7 +220,7 @@ def _solve(
     from skyway.planner.plan import plan as plan_delivery
 
     if not time_limit_s > 0:
-        raise InputError(Fault("must be above 0", field="--time-limit", value=time_limit_s))
+        raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
     truth, clairvoyant = conditions.truth, planner in CLAIRVOYANT_PLANNERS
     if truth is None and clairvoyant and conditions.wind is None and conditions.forecast is None:
         truth = _own_day(scenario, request)
@@ -255,7 +255,7 @@ def _solve_window(
     if planner in CLAIRVOYANT_PLANNERS or conditions.truth is not None:
         problem = "cannot be combined with planners that have perfect information"
         remedy = "robust or one of the pfs planners, without --actual-wind"
-        raise InputError(Fault(problem, field="--depart-window", remedy=remedy))
+        raise InputError(problem, field="--depart-window", remedy=remedy)
     length_s = options.parse_duration(window, "--depart-window")
 
     def known(depart: datetime) -> WindEnsemble:

@@ -13,7 +13,7 @@ import typer
 
 from skyway.cli import log_options, options
 from skyway.cli.log_options import Columns, LogFile, System, open_any
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import (
     counter,
     distance_text,
@@ -187,7 +187,7 @@ def _speed(text: str, connect: str | None) -> float:
         value = math.nan
     if not 0.0 < abs(value) <= 1000.0 or (value < 0.0 and connect is None):
         raise InputError(
-            Fault("is not a speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
+            "is not a speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect"
         )
     return value
 
@@ -196,9 +196,7 @@ def _followed(text: str | None) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(",")) if text else ()
     for name in names:
         if name not in FOLLOWED:
-            raise InputError(
-                Fault("cannot be followed", field="--follow", value=name, remedy="of " + ", ".join(FOLLOWED))
-            )
+            raise InputError("cannot be followed", field="--follow", value=name, remedy="of " + ", ".join(FOLLOWED))
     return names
 
 
@@ -207,9 +205,7 @@ def _offset(text: str | None, option: str) -> float | None:
         return None
     match = _CLOCK.match(text.strip())
     if match is None:
-        raise InputError(
-            Fault("is not a time of the log", field=option, value=text, remedy="H:MM:SS, MM:SS or seconds")
-        )
+        raise InputError("is not a time of the log", field=option, value=text, remedy="H:MM:SS, MM:SS or seconds")
     if match[4] is not None:
         return float(match[4])
     return int(match[1] or 0) * 3600.0 + int(match[2]) * 60.0 + float(match[3])
@@ -218,30 +214,28 @@ def _offset(text: str | None, option: str) -> float | None:
 def _part(log: Log, begin: str | None, end: str | None) -> tuple[float, float]:
     first, last = _offset(begin, "--from"), _offset(end, "--to")
     if first is not None and last is not None and first >= last:
-        raise InputError(Fault("is not after --from", field="--to", value=end))
+        raise InputError("is not after --from", field="--to", value=end)
     zero = log.summary.start_s
     length = log.summary.end_s - zero
     if first is not None and math.isfinite(length) and first > length:
         raise InputError(
-            Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {counter(length)} long")
+            "is after the end of the log", field="--from", value=begin, remedy=f"it is {counter(length)} long"
         )
     return (-math.inf if first is None else zero + first), (math.inf if last is None else zero + last)
 
 
 def _check_control(control: int | None, connect: str | None) -> None:
     if control is not None and connect is None:
-        raise InputError(Fault("needs --connect", field="--control", value=control))
+        raise InputError("needs --connect", field="--control", value=control)
     if control is not None and not 0 <= control <= 65535:
-        raise InputError(Fault("port out of range", field="--control", value=control, remedy="0 to 65535"))
+        raise InputError("port out of range", field="--control", value=control, remedy="0 to 65535")
 
 
 def _check_system(log: Log, system: int | None) -> None:
     known = (*log.summary.systems, *log.summary.others)
     if system is not None and system not in known:
         spoke = ", ".join(str(number) for number in known) or "none"
-        raise InputError(
-            Fault("is not in this log", field="--system", value=system, remedy=f"systems in this log: {spoke}")
-        )
+        raise InputError("is not in this log", field="--system", value=system, remedy=f"systems in this log: {spoke}")
 
 
 def _serve(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from skyway.cli import options
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 
@@ -40,7 +40,7 @@ def report(
 
     page = output or (None if as_json and plot is None else Path("report.html"))
     if plot is not None and plot.suffix.lower() != ".svg":
-        raise InputError(Fault("is not a picture file", str(plot), field="--plot", remedy="FILE.svg"))
+        raise InputError("is not a picture file", str(plot), field="--plot", remedy="FILE.svg")
     options.refuse_overwriting(page, plot, force=force)
     where = None if scenario is None else load_scenario(scenario)
     if page is None:

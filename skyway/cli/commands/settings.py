@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from skyway.cli.views.sheet import Column, Sheet
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 
 
 def settings(
@@ -31,7 +31,7 @@ def settings(
 
     chosen = [one for one in entries(Settings()) if one.name.startswith(name)]
     if not chosen:
-        raise InputError(Fault("no setting begins so", field="name", value=name, remedy="skyway settings lists them"))
+        raise InputError("no setting begins so", field="name", value=name, remedy="skyway settings lists them")
     if as_json:
         typer.echo(json_text({"schema": "skyway.settings/1", "settings": [asdict(one) for one in chosen]}, indent=1))
         return

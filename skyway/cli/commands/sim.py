@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import bare_values, options
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.autopilot import NAMES
@@ -102,7 +102,7 @@ def sim(
     from skyway.sim_stub.transports.urls import parse_address
 
     if lasting is not None and not lasting > 0.0:
-        raise InputError(Fault("out of range", field="--duration", value=lasting, remedy="seconds, above 0"))
+        raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
     begins = options.parse_depart(depart)
     known, places = _placed(load_scenario(scenario), at)
     asked = FleetOptions(
@@ -160,7 +160,7 @@ def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorde
 
 def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
     if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
-        raise InputError(Fault("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles"))
+        raise InputError("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles")
     return tcp
 
 
@@ -192,7 +192,7 @@ def _parameter(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         remedy = "NAME=VALUE, for example WPNAV_SPEED=1500"
-        raise InputError(Fault("not a parameter", field="--parameter", value=text, remedy=remedy)) from None
+        raise InputError("not a parameter", field="--parameter", value=text, remedy=remedy) from None
 
 
 def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth | None:

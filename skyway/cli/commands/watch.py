@@ -10,7 +10,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Line
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
+from skyway.models.base.errors import InputError, VehicleTimeoutError
 
 
 @with_groups
@@ -33,7 +33,7 @@ def watch(
     from skyway.cli.views.watch import Watched, show
 
     if lasting is not None and not 0.0 < lasting < math.inf:
-        raise InputError(Fault("out of range", field="--duration", value=lasting, remedy="seconds, above 0"))
+        raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
     with link.opened() as connection:
         watched = Watched(connection)
         begun_s = connection.clock.now_s()

@@ -45,10 +45,6 @@ class FlightView:
 
     Parameters
     ----------
-    terminal : rich Console
-        Where to.
-    zone : tzinfo
-        Of the times shown.
     typed : callable, optional
         Returns what the operator has typed of a line so far.
     """
