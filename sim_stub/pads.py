@@ -72,14 +72,7 @@ class _Site:
 class Pads:
     """All pads of a world; satisfies `models.queues.pad_service.PadService`.
 
-    Parameters
-    ----------
-    world : World
-        Its vehicles are ours, its stations have the pads.
-    load : PadLoad or None
-        Other drones, in the order of the world's stations; None is none.
-    seed : int
-        Of the other drones.
+    `load` are other drones, in the order of the world's stations, drawn from the seed; None is none.
     """
 
     def __init__(self, world: World, load: PadLoad | None = None, *, seed: int = 1) -> None:

@@ -39,20 +39,9 @@ class Event:
 
 
 class World:
-    """Everything simulated.
+    """Everything simulated: vehicles, the wind that blows (calm by default), stations, faults that will come.
 
-    Parameters
-    ----------
-    epoch_s : float
-        POSIX seconds at simulated time 0.
-    wind : WindTruth
-        The wind that blows; calm by default.
-    stations : sequence of Station
-        Known places, with their heights.
-    faults : sequence of Fault
-        What will go wrong.
-    on_event : callable
-        Told of every event.
+    `epoch_s` are the POSIX seconds at simulated time 0; `on_event` is told of every event.
     """
 
     def __init__(

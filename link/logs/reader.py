@@ -21,30 +21,20 @@ _LOOK = 65_536
 
 @dataclass(frozen=True)
 class LogFormat:
-    """One format of flight logs.
-
-    Parameters
-    ----------
-    title : str
-        For messages, such as ``a PX4 .ulg``.
-    suffix : str
-        Usual suffix of its files, without the dot.
-    reader : str
-        ``module:class`` of a `skyway.link.logs.common.log.Log`, made from a path.
-    begins : callable
-        Whether a file is of this format, from its first bytes and its path.
-    within : callable, optional
-        The same for a file with a damaged beginning, which no `begins` has recognised.
-    takes_columns : bool
-        The reader also takes a mapping of columns.
-    """
+    """One format of flight logs."""
 
     title: str
+    """For messages, such as ``a PX4 .ulg``."""
     suffix: str
+    """Usual suffix of its files, without the dot."""
     reader: str
+    """``module:class`` of a `skyway.link.logs.common.log.Log`, made from a path."""
     begins: Callable[[bytes, Path], bool]
+    """Whether a file is of this format, from its first bytes and its path."""
     within: Callable[[bytes], bool] | None = None
+    """The same for a file with a damaged beginning, which no `begins` has recognised."""
     takes_columns: bool = False
+    """The reader also takes a mapping of columns."""
 
 
 def _is_text(head: bytes) -> bool:

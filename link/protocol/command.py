@@ -40,40 +40,30 @@ class Place(NamedTuple):
 
 
 class Command(Question):
-    """Gives a command and waits for the answer to it.
+    """Gives a command (MAV_CMD) with its first parameters, the rest 0, and waits for the answer to it.
 
-    Parameters
-    ----------
-    target : Target
-        The vehicle.
-    number : int
-        MAV_CMD.
-    parameters : float
-        The first ones; the rest is 0.
-    place : Place or None
-        For COMMAND_INT.
-    give_up_s : float
-        Without an answer for so long, it ends.
+    With a place it is a COMMAND_INT. It ends without an answer after `give_up_s`.
     """
 
     def __init__(
         self, target: Target, number: int, *parameters: float, place: Place | None = None, give_up_s: float = 6.0
     ) -> None:
-        super().__init__(target)
-        self.number, self.parameters, self.place = number, parameters, place
+        values = [*parameters, *[0.0] * 7]
+        fields = {f"param{n + 1}": values[n] for n in range(4 if place is not None else 7)}
+        if place is not None:
+            super().__init__(target, "COMMAND_INT", command=number, **place._asdict(), **fields)
+        else:
+            super().__init__(target, "COMMAND_LONG", command=number, **fields)
+        self.number, self.place = number, place
         self.give_up_s = give_up_s
         self.result: int | None = None
         """MAV_RESULT; None for silence."""
 
     def ask(self) -> None:
-        """Give it."""
-        values = [*self.parameters, *[0.0] * 7]
-        fields: dict[str, float] = {f"param{n + 1}": values[n] for n in range(4)}
-        if self.place is not None:
-            self.send("COMMAND_INT", command=self.number, **self.place._asdict(), **fields)
-        else:
-            fields |= {f"param{n + 1}": values[n] for n in range(4, 7)}
-            self.send("COMMAND_LONG", command=self.number, confirmation=min(self._tries, 255), **fields)
+        """Give it; a COMMAND_LONG says how often it was given."""
+        super().ask()
+        if self.place is None:
+            self.outbox[-1][1]["confirmation"] = min(self._tries, 255)
 
     def hear(self, message: Message, now_s: float) -> None:
         """End at the answer; progress lengthens the wait."""
@@ -93,14 +83,10 @@ class AskFor(Question):
     give_up_s = 6.0
 
     def __init__(self, target: Target, name: str, number: int) -> None:
-        super().__init__(target)
+        super().__init__(target, "COMMAND_LONG", command=512, param1=float(number))
         self.name, self.number = name, number
         self.message: Message | None = None
         """What came; None for nothing."""
-
-    def ask(self) -> None:
-        """Ask."""
-        self.send("COMMAND_LONG", command=512, param1=float(self.number))
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take the message; a refusal may be overtaken by it for a moment."""
@@ -114,21 +100,14 @@ class AskFor(Question):
 class SetCurrent(Question):
     """Makes an item the current one (MISSION_SET_CURRENT), confirmed by MISSION_CURRENT.
 
-    Parameters
-    ----------
-    number : int
-        In the autopilot's numbering; ArduPilot's 0 is the beginning.
+    Its number is the autopilot's; ArduPilot's 0 is the beginning.
     """
 
     def __init__(self, target: Target, number: int) -> None:
-        super().__init__(target)
+        super().__init__(target, "MISSION_SET_CURRENT", seq=number)
         self.number = number
         self.confirmed = False
         """Whether the vehicle says so."""
-
-    def ask(self) -> None:
-        """Ask."""
-        self.send("MISSION_SET_CURRENT", seq=self.number)
 
     def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
         """End when it is so."""

@@ -112,20 +112,9 @@ class SharedClient(Protocol):
 
 
 class Connection(Carrier):
-    """Frames in and out of one transport.
+    """Frames in and out of one transport, all of them recorded; `system` is our id.
 
-    Parameters
-    ----------
-    transport : Transport
-        The bytes.
-    clock : Clock
-        The wall's, or a simulation's.
-    recorder : Recorder or None
-        Takes every frame.
-    system : int
-        Ours.
-    signing : Signing or None
-        With a key, only well signed packets are believed.
+    With a signing key only well signed packets are believed.
     """
 
     def __init__(

@@ -135,14 +135,10 @@ class Clear(Question):
     give_up_s, soonest_s = GIVE_UP_S, 0.0
 
     def __init__(self, target: Target, kind: MissionKind) -> None:
-        super().__init__(target)
+        super().__init__(target, "MISSION_CLEAR_ALL", mission_type=int(kind))
         self.kind = kind
         self.answer: int | None = None
         """MAV_MISSION_RESULT; None for silence."""
-
-    def ask(self) -> None:
-        """Ask."""
-        self.send("MISSION_CLEAR_ALL", mission_type=int(self.kind))
 
     def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
         """End at the acknowledgement."""

@@ -61,14 +61,9 @@ class RoundTrip:
             self._slower = min(self._slower * 2.0, _SLOWEST)
 
     def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
-        """How long to wait for an answer before asking again; longer each time after the first few.
+        """How long to wait for an answer before asking again; longer with each `attempt` after the first few.
 
-        Parameters
-        ----------
-        attempt : int
-            How often it has been asked.
-        spreads : float
-            How much later than usual an answer may be; few where asking too early costs nothing but a packet.
+        An answer may be `spreads` later than usual; few where asking too early costs nothing but a packet.
         """
         first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(spreads * self.spread_s, 0.01)
         return min(max(first, _MIN_RETRY_S) * self._slower * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
@@ -123,14 +118,16 @@ class Question(Exchange):
     soonest_s = 0.1
     """The question is put again after no shorter time."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: Target, name: str, **fields: Any) -> None:
         super().__init__(target)
+        self._question = name, fields
         self._tries = 0
         self._sent_s = self._end_s = 0.0
 
-    @abstractmethod
     def ask(self) -> None:
         """Send the question."""
+        name, fields = self._question
+        self.send(name, **fields)
 
     def begin(self, now_s: float) -> None:
         """Ask."""

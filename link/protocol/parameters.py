@@ -87,18 +87,14 @@ class SetParameter(Question):
         *,
         bytewise: bool,
     ) -> None:
-        super().__init__(target)
         _check_name(name)
+        wire = wire_value(value, kind, bytewise=bytewise)
+        super().__init__(target, "PARAM_SET", param_id=name, param_value=wire, param_type=kind)
         self.name, self.value, self.kind, self.bytewise = name, value, kind, bytewise
         self.found: ParameterValue | None = None
         """What the vehicle answered; None for silence."""
         self.refused: int | None = None
         """MAV_PARAM_ERROR, where it says that it does not take the value."""
-
-    def ask(self) -> None:
-        """Set it."""
-        wire = wire_value(self.value, self.kind, bytewise=self.bytewise)
-        self.send("PARAM_SET", param_id=self.name, param_value=wire, param_type=self.kind)
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take the answer."""
@@ -302,12 +298,9 @@ class ParameterCheck:
 def check_parameters(
     wanted: Sequence[Parameter], actual: Mapping[str, float], absent: Collection[str] = frozenset()
 ) -> tuple[ParameterCheck, ...]:
-    """Compare the parameters that a mission relies on with those read from the vehicle.
+    """Compare the parameters that a mission relies on with those that the vehicle has, and does not have.
 
-    Parameters
-    ----------
-    absent : collection of str
-        What the vehicle does not have; a name in neither was not answered, and could be there.
+    A name in neither was not answered, and could be there.
     """
     return tuple(_check(parameter, actual, absent) for parameter in wanted)
 

@@ -48,18 +48,9 @@ class UploadEnd(Enum):
 
 
 class Upload(Exchange):
-    """Sends items to a vehicle.
+    """Sends items, in the autopilot's numbering from 0, to a vehicle.
 
-    Parameters
-    ----------
-    target : Target
-        The vehicle.
-    items : sequence of WireItem
-        In the autopilot's numbering, from 0.
-    kind : MissionKind
-        What they are.
-    progress : callable or None
-        Told how many items have been asked for, and of how many.
+    `progress` is told how many of them have been asked for, and of how many.
     """
 
     def __init__(

@@ -29,13 +29,7 @@ _YES = (ACCEPTED, IN_PROGRESS)
 
 
 class AskVerdict(Exchange):
-    """Asks whether the mission that is stored can be flown.
-
-    Parameters
-    ----------
-    since_s : float
-        When the mission was taken over, by the connection's clock.
-    """
+    """Asks whether the mission that was taken over at `since_s`, by the connection's clock, can be flown."""
 
     def __init__(self, target: Target, since_s: float) -> None:
         super().__init__(target)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from skyway.models.wind.estimation.filter import FilteredWind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
 
     from skyway.models.wind.estimation.live import LiveWind
 
@@ -28,31 +26,22 @@ MAX_PARTS = 256
 
 
 class _Rows(Protocol):
+    """What can be cut into parts and joined again: a track of telemetry, a course of the wind."""
+
     def __len__(self) -> int: ...
+    def part(self, rows: Any) -> Self: ...
+    @classmethod
+    def joined(cls, parts: Any) -> Self: ...
 
 
 Rows = TypeVar("Rows", bound=_Rows)
 
 
 class Thinned(Generic[Rows]):
-    """Rows of a long stream, evenly spaced, at most `most` of them.
+    """Rows of a long stream, evenly spaced, at most `most` of them; copies, so that the stream can be forgotten."""
 
-    Parameters
-    ----------
-    take : callable
-        Chosen rows of a piece, by their numbers: copies, so that the piece can be forgotten.
-    join : callable
-        Pieces one after the other.
-    most : int
-    """
-
-    def __init__(
-        self,
-        take: Callable[[Rows, NDArray[np.int64]], Rows],
-        join: Callable[[list[Rows]], Rows],
-        most: int = MAX_ROWS,
-    ) -> None:
-        self._take, self._join, self._most = take, join, most
+    def __init__(self, kind: type[Rows], most: int = MAX_ROWS) -> None:
+        self._kind, self._most = kind, most
         self._parts: list[Rows] = []
         self._seen, self._kept, self._stride = 0, 0, 1
 
@@ -61,19 +50,19 @@ class Thinned(Generic[Rows]):
         first = -self._seen % self._stride
         self._seen += len(rows)
         if first < len(rows):
-            part = self._take(rows, np.arange(first, len(rows), self._stride))
+            part = rows.part(np.arange(first, len(rows), self._stride))
             self._parts.append(part)
             self._kept += len(part)
         if len(self._parts) > MAX_PARTS:
-            self._parts = [self._join(self._parts)]
+            self._parts = [self._kind.joined(self._parts)]
         while self._kept > self._most:
-            whole = self._join(self._parts)
-            whole = self._take(whole, np.arange(0, len(whole), 2))
+            whole = self._kind.joined(self._parts)
+            whole = whole.part(np.arange(0, len(whole), 2))
             self._parts, self._kept, self._stride = [whole], len(whole), 2 * self._stride
 
     def rows(self) -> Rows:
         """What was kept."""
-        return self._join(self._parts)
+        return self._kind.joined(self._parts)
 
 
 @dataclass(slots=True)
@@ -114,14 +103,9 @@ class WindTally:
 
 
 class FlightMonitor:
-    """Watches one vehicle.
+    """Watches one vehicle, and the wind by a filter that has its drag and forecast.
 
-    Parameters
-    ----------
-    wind : LiveWind
-        The filter, with the drag and the forecast it is to use.
-    listener : callable, optional
-        Told each whole second: telemetry rows, and the filter's course over the same seconds.
+    `listener` is told each whole second: telemetry rows, and the filter's course over the same seconds.
     """
 
     def __init__(self, wind: LiveWind, listener: Listener | None = None) -> None:
@@ -133,8 +117,8 @@ class FlightMonitor:
         self._wind_watch, self._trust_watch = WindWatch(wind), TrustWatch()
         self._window = math.nan
         self._listener = listener
-        self._rows: Thinned[TelemetryTrack] = Thinned(TelemetryTrack.part, TelemetryTrack.joined)
-        self._course: Thinned[FilteredWind] = Thinned(FilteredWind.part, FilteredWind.joined)
+        self._rows = Thinned(TelemetryTrack)
+        self._course = Thinned(FilteredWind)
 
     def feed(self, track: TelemetryTrack) -> list[Notice]:
         """Take samples not older than those before; return what was noticed, in the order of time."""

@@ -51,10 +51,7 @@ class RateCheck:
 class RateKeeper:
     """Counts messages, and says which to ask for again: first the same again, then more or less than is wanted.
 
-    Parameters
-    ----------
-    live : LiveTelemetry
-        Its clock and its losses: rates are in the vehicle's own seconds, whatever speed a simulation runs at.
+    Rates are in the vehicle's own seconds, whatever speed a simulation runs at.
     """
 
     def __init__(self, live: LiveTelemetry) -> None:

@@ -75,14 +75,9 @@ class Fence:
         return cls(tuple(areas))
 
     def breached(self, lat: float, lon: float, *, any_inclusion: bool) -> bool:
-        """Whether a point is where it must not be.
+        """Whether a point, degrees, is where it must not be.
 
-        Parameters
-        ----------
-        lat, lon : float
-            Degrees.
-        any_inclusion : bool
-            Inside one of several inclusion areas is enough (PX4), or inside all of them (ArduPilot).
+        Inside `any_inclusion` area of several is enough (PX4), or it must be inside all of them (ArduPilot).
         """
         wanted = [area.contains(lat, lon) for area in self.areas if area.inclusion]
         if wanted and not (any(wanted) if any_inclusion else all(wanted)):

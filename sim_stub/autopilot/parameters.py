@@ -38,13 +38,8 @@ def as_float32(value: float) -> float:
 class ParameterStore:
     """All parameters of one vehicle, in a fixed order.
 
-    Parameters
-    ----------
-    table : iterable of (name, kind, value)
-        Names with the family's default values.
-    spelled : mapping of str to (str, float), optional
-        What this version of the firmware calls a parameter that the simulator knows by an older name, and how many of the
-        old unit are one of the new: the simulator asks for the old one; on the wire there is only the new one.
+    `spelled` is what this version of the firmware calls a parameter that the simulator knows by an older name, and how
+    many of the old unit are one of the new: the simulator asks for the old one; on the wire there is only the new one.
     """
 
     def __init__(

@@ -51,19 +51,7 @@ class PowerModel:
         return cls(airframe, profile, scale, loss, error)
 
     def electrical_w(self, thrust_n: float, airspeed_mps: float, climb_mps: float, drag_power_w: float) -> float:
-        """Power drawn from the battery in flight.
-
-        Parameters
-        ----------
-        thrust_n : float
-            Total thrust.
-        airspeed_mps : float
-            Horizontal speed through the air.
-        climb_mps : float
-            Speed upwards; negative when descending.
-        drag_power_w : float
-            Drag times airspeed: what the tilted thrust works against.
-        """
+        """Power drawn from the battery in flight; `drag_power_w` is drag times airspeed, which the thrust works against."""
         frame = self.airframe
         load = max(thrust_n, 0.0) / frame.weight_n
         hover_speed_sq = thrust_n / (2.0 * AIR_DENSITY_KG_M3 * frame.disc_area_m2)

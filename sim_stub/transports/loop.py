@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import selectors
 import time
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from skyway.models.base.errors import InputError
 from skyway.models.base.ranges import range_faults
@@ -12,36 +12,17 @@ from skyway.models.base.ranges import range_faults
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from skyway.sim_stub.transports.tcp import TcpListener, VehiclePeer
+    from skyway.sim_stub.transports.udp import UdpEndpoint
     from skyway.sim_stub.world import World
 
+Endpoint: TypeAlias = "TcpListener | VehiclePeer | UdpEndpoint"
+"""Something with a socket in the loop; never blocking, closed on any error."""
 MAX_SPEEDUP = 20.0
 """In the air: beyond it no ground station keeps up."""
 MAX_PAD_SPEEDUP = 2000.0
 _TICK_S = 0.01
 _MAX_CATCH_UP_S = 0.25
-
-
-class Endpoint(Protocol):
-    """Something with a socket in the loop; never blocking, closed on any error."""
-
-    where: str
-    """How it can be reached."""
-
-    def readable(self) -> None:
-        """Read what is there."""
-        ...
-
-    def flush(self, now_s: float) -> None:
-        """Send what is waiting."""
-        ...
-
-    def next_s(self) -> float:
-        """Wall instant at which a delayed packet is due."""
-        ...
-
-    def close(self) -> None:
-        """Close for good."""
-        ...
 
 
 class SocketLoop:

@@ -131,13 +131,7 @@ def payload_of(received: Any) -> bytes:
 
 
 class Mavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
-    """One side of a link, as pymavlink speaks it.
-
-    Parameters
-    ----------
-    system, component : int
-        The sender.
-    """
+    """One side of a link, as pymavlink speaks it."""
 
     def __init__(self, system: int, component: int = 1) -> None:
         super().__init__(None, system, component)

@@ -59,15 +59,7 @@ class Stretch:
 
 
 class Assembler:
-    """Makes the samples of one vehicle.
-
-    Parameters
-    ----------
-    system : int
-        System id of the vehicle.
-    lasting : frozenset of str
-        Quantities that are told once when they change, and known until then.
-    """
+    """Makes the samples of one vehicle; `lasting` quantities are told once when they change, and known until then."""
 
     def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
         self.system = system

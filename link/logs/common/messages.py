@@ -228,23 +228,5 @@ SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "MISSION_CURRENT": lambda fields: {"mission_item": _numbers(fields["seq"])},
     "MISSION_ITEM_REACHED": lambda fields: {"mission_reached": _numbers(fields["seq"])},
 }
-"""Messages that telemetry is made of, and what each says."""
-
-
-def quantities(name: str, fields: Any) -> Columns:
-    """Return what a message says.
-
-    Parameters
-    ----------
-    name : str
-        Type of message, such as ``ATTITUDE``.
-    fields : mapping of str to number or array
-        As MAVLink sends them, in its units; a structured array does.
-
-    Returns
-    -------
-    dict of str to ndarray
-        By the names of `models.drones.telemetry`; empty where the message says nothing about the vehicle.
-    """
-    speak = SPOKEN.get(name)
-    return {} if speak is None else speak(fields)
+"""Messages that telemetry is made of, and what each says, by the names of `models.drones.telemetry`; empty where it is nothing
+about the vehicle. Its fields come as MAVLink sends them, in its units: a mapping of numbers or arrays, or a structured array."""

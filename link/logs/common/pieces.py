@@ -85,14 +85,7 @@ def read_pieces(
 class InOrder:
     """Makes samples of reports that come a little out of order.
 
-    Parameters
-    ----------
-    system : int
-        System id of the vehicle.
-    lasting : frozenset of str
-        As `link.logs.common.assembly.Assembler` takes it.
-    known_s, known : float, dict of str to float
-        What is known before the first reports, and since when.
+    `lasting` is as `Assembler` takes it; `known`, by quantity, holds since `known_s`, before the first reports.
     """
 
     def __init__(self, system: int, lasting: frozenset[str], known_s: float, known: Mapping[str, float]) -> None:

@@ -44,13 +44,7 @@ _AIRFRAMES: dict[int, Kind] = {
     **dict.fromkeys((10, 11, 12), "helicopter"),
 }
 """PX4's ``CA_AIRFRAME``."""
-_FRAME_CLASSES: dict[int, Kind] = {
-    6: "helicopter",
-    8: "helicopter",
-    9: "helicopter",
-    11: "helicopter",
-    13: "helicopter",
-}
+_FRAME_CLASSES: dict[int, Kind] = dict.fromkeys((6, 8, 9, 11, 13), "helicopter")
 """ArduCopter's ``FRAME_CLASS`` that is no multirotor: helicopters, and single and coaxial rotors with flaps."""
 _PARAMETERS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
     ("helicopter", ("H_RSC_MODE", "H_SWASH_TYPE", "H_SW_TYPE", "H_SV1_POS")),

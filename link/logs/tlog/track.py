@@ -10,7 +10,7 @@ import numpy as np
 
 from skyway.link.logs.common.assembly import Assembler, Stretch
 from skyway.link.logs.common.log import LogSummary
-from skyway.link.logs.common.messages import SPOKEN, quantities
+from skyway.link.logs.common.messages import SPOKEN
 from skyway.link.logs.tlog.events import TlogEvents
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.logs.tlog.tlog import read_frames, scan
@@ -171,7 +171,7 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
 def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, float]) -> dict[int, Stretch]:
     """What each system says about itself in a chunk; vertical speed is turned where it agrees with the climb."""
     stretches: dict[int, Stretch] = defaultdict(Stretch)
-    for name in SPOKEN:
+    for name, speak in SPOKEN.items():
         rows = frames.rows_of(name)
         if not len(rows):
             continue
@@ -181,7 +181,7 @@ def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, 
             chosen = senders == system
             if name == "HEARTBEAT":
                 chosen &= frames.component[rows] == 1
-            columns = quantities(name, fields[chosen]) if chosen.any() else {}
+            columns = speak(fields[chosen]) if chosen.any() else {}
             if "vel_down_mps" in columns and climbs.get(int(system), 0.0) > 0.0:
                 columns["vel_down_mps"] = -columns["vel_down_mps"]
             if columns:

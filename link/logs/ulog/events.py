@@ -93,12 +93,7 @@ class ULogEvents:
     def happened(self, columns: dict[str, NDArray[Any]], latest_us: float) -> None:
         """Take messages ``event``; those from before the log are written at its beginning.
 
-        Parameters
-        ----------
-        columns : dict of str to ndarray
-            Fields of the messages.
-        latest_us : float
-            Latest time known of the log; a message that is far after it takes place then.
+        One that is far after `latest_us`, the latest time known of the log, takes place then.
         """
         if not {"timestamp", "id", "arguments[0]"} <= columns.keys():
             return

@@ -225,10 +225,7 @@ class Messages:
 class ULogScan:
     """Finds the messages of a log piece by piece (a `link.logs.common.pieces.Scan`).
 
-    Parameters
-    ----------
-    last_sync : int
-        Place of the last sync sequence of the log, -1: nowhere; damage is left at the next one.
+    Damage is left at the next sync sequence; `last_sync` is the place of the last one of the log, -1: nowhere.
     """
 
     def __init__(self, last_sync: int) -> None:

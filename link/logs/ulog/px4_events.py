@@ -169,13 +169,7 @@ def _own() -> dict[int, tuple[str, EventKind]]:
 
 
 class EventWords:
-    """Texts of events.
-
-    Parameters
-    ----------
-    packed : bytes
-        The metadata of a log, as they stand in it; empty where it has none.
-    """
+    """Texts of events, by the metadata of a log as they stand in it, `packed`; empty where it has none."""
 
     def __init__(self, packed: bytes = b"") -> None:
         found = _read(packed) if packed else None

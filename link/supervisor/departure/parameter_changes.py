@@ -126,18 +126,10 @@ def _set(ctx: Context, one: ParameterChange) -> None:
 
 
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
-    """Give the vehicle back the values it had; returns why that could not be done for all, or nothing.
+    """Give a disarmed vehicle back the values it had; returns why that could not be done for all, or nothing.
 
-    One that has neither its old value nor ours was changed by somebody else, and is left.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        On the ground, disarmed.
-    changes : ParameterChanges
-        What is still changed; not modified here.
-    tell : callable
-        Takes name, ``restored`` or ``released``, a sentence and the value that it has now.
+    One that has neither its old value nor ours was changed by somebody else, and is left. `tell` takes name,
+    ``restored`` or ``released``, a sentence and the value that it has now; `changes` is not modified here.
     """
     problems = []
     for name, before in list(changes.before.items()):

@@ -35,13 +35,7 @@ def lies(ctx: Context) -> str:
 
 
 def crashed(ctx: Context, since_s: float) -> str:
-    """Why it is taken for crashed; nothing where it is not.
-
-    Parameters
-    ----------
-    since_s : float
-        What it has said since then counts, by the clock.
-    """
+    """Why it is taken for crashed, by what it has said since an instant of the clock; nothing where it is not."""
     said = ctx.texts.saying(ctx.vehicle.family.crash_texts, since_s)
     return f'it reports "{said}"' if said else lies(ctx)
 

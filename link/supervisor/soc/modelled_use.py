@@ -45,13 +45,7 @@ class ModelledUse:
         self.soc, self.heard_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
-        """Count the time since the last call, with the airspeed of now.
-
-        Parameters
-        ----------
-        velocity, wind : (north, east)
-            Over the ground, and of the air, m/s.
-        """
+        """Count the time since the last call; velocity over the ground and of the air are (north, east), m/s."""
         duration_s = time_s - self.heard_s
         if not duration_s > 0.0:
             return

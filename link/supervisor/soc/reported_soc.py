@@ -65,16 +65,9 @@ class ReportedSoc:
         self._believe(time_s, soc)
 
     def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
-        """Take a report with the voltage that the battery would have without load; returns charge lost at once, mostly 0.
+        """Take a report with the voltage that the battery has without load; returns charge lost at once, mostly 0.
 
-        Parameters
-        ----------
-        told : float
-            State of charge; NaN where the vehicle does not know it.
-        open_v : float
-            Volts; NaN where it is not known.
-        rate_per_s : float
-            Charge drawn a second.
+        The state of charge `told` and the voltage are NaN where they are not known.
         """
         if math.isfinite(open_v):
             self._volts.append((time_s, open_v))

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from statistics import median, quantiles
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -59,20 +61,12 @@ RAW_SHARE = 0.4
 
 def open_voltage(soc: float) -> float:
     """Voltage of a cell without load at a state of charge."""
-    return _between(soc, _SOC, _CELL_V)
+    return float(np.interp(soc, _SOC, _CELL_V))
 
 
 def soc_of(cell_v: float) -> float:
     """State of charge of a cell with some voltage without load."""
-    return _between(cell_v, _CELL_V, _SOC)
-
-
-def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) -> float:
-    for k in range(1, len(given)):
-        if value <= given[k] or k == len(given) - 1:
-            share = min(max((value - given[k - 1]) / (given[k] - given[k - 1]), 0.0), 1.0)
-            return wanted[k - 1] + share * (wanted[k] - wanted[k - 1])
-    return wanted[-1]
+    return float(np.interp(cell_v, _CELL_V, _SOC))
 
 
 class _Heard(NamedTuple):
@@ -179,14 +173,10 @@ class VoltageWatch:
     def hear(
         self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
     ) -> float:
-        """Take what the vehicle tells; returns charge found lost just now, usually 0; less than 0 where it is there again.
+        """Take what the vehicle tells; returns charge found lost just now, usually 0; below 0 where it is there again.
 
-        Parameters
-        ----------
-        load : float
-            Power at the airspeed and climb of now, over that of hover; NaN where it is not known.
-        flies : bool
-            It is known to be in the air, whatever the current says.
+        `load` is the power at the airspeed and climb of now over that of hover, NaN where it is not known. `flies` says
+        that it is known to be in the air, whatever the current says.
         """
         if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
             return 0.0
@@ -229,13 +219,9 @@ class VoltageWatch:
     def doubtful(self, *, affordable: bool = True) -> bool:
         """Whether nothing but a voltage of the moment says that charge was lost.
 
-        A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near empty; and one
-        that stays low for longer than any burst of wrong values is believed where there is no time to wait for that.
-
-        Parameters
-        ----------
-        affordable : bool
-            If the loss is true, there is still charge for more than a landing.
+        A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near
+        empty; and one that stays low for longer than any burst of wrong values is believed where there is no time to
+        wait for that: where the charge, if the loss is true, is not `affordable`, enough for more than a landing.
         """
         blind = self.ohm == 0.0
         late_s = -math.inf if affordable else self._heard_s - DOUBTED_S

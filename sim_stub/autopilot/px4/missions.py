@@ -136,18 +136,8 @@ def infeasible(
 ) -> str | None:
     """Explain why an accepted mission cannot be flown, or None.
 
-    Parameters
-    ----------
-    items : sequence of Item
-        The mission.
-    fence : Fence
-        In force.
-    home_alt_m : float or None
-        Height of home above mean sea level.
-    near : (lat, lon)
-        Where the vehicle is.
-    first_m : float
-        MIS_DIST_1WP: how far the first waypoint may be; 0 or less is any distance.
+    The vehicle is `near` a latitude and longitude; the first waypoint may be `first_m` away (MIS_DIST_1WP), 0 or less
+    is any distance.
     """
     if not items:
         return "No valid mission available"

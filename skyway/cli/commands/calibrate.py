@@ -231,7 +231,7 @@ def _record(
         if math.isnan(package):
             raise InputError(Fault("does not state the payload", str(path), remedy="give --payload, kg"))
     chosen = choose_system(opened.summary, system)
-    kept = Thinned(TelemetryTrack.part, TelemetryTrack.joined, most=MAX_SAMPLES)
+    kept = Thinned(TelemetryTrack, most=MAX_SAMPLES)
     for track in opened.tracks():
         if track.system == chosen:
             kept.add(track)

@@ -13,7 +13,7 @@ from tlog_factory import START_US, Recorder
 from skyway.link.logs import csv_log
 from skyway.link.logs.common import pieces
 from skyway.link.logs.common.assembly import Assembler, Stretch
-from skyway.link.logs.common.messages import quantities
+from skyway.link.logs.common.messages import SPOKEN
 from skyway.link.logs.csv_log import read_columns
 from skyway.link.logs.reader import format_of, open_log
 from skyway.models.base.errors import InputError
@@ -132,7 +132,7 @@ def test_a_live_link_gives_the_same_samples_as_the_log(tmp_path):
     source = mavutil.mavlogfile(str(path))
     while (message := source.recv_msg()) is not None:
         fields = {name: getattr(message, name) for name in message.get_fieldnames()}
-        told = {name: float(value) for name, value in quantities(message.get_type(), fields).items()}
+        told = {name: float(value) for name, value in SPOKEN[message.get_type()](fields).items()}
         sample = live.feed_one(message._timestamp, told) if told else None
         if sample is not None:
             from_link.append(sample)
@@ -167,20 +167,20 @@ def test_pieces_of_a_stream_give_the_same_as_the_whole():
 
 
 def test_a_heartbeat_of_a_ground_station_does_not_arm_the_vehicle():
-    assert quantities("HEARTBEAT", {"type": 6, "autopilot": 8, "base_mode": 128, "custom_mode": 0}) == {}
+    assert SPOKEN["HEARTBEAT"]({"type": 6, "autopilot": 8, "base_mode": 128, "custom_mode": 0}) == {}
 
 
 def test_wind_messages_point_the_same_way():
-    wind = quantities("WIND", {"direction": -90.0, "speed": 5.0, "speed_z": 0.0})  # FROM the west
-    cov = quantities("WIND_COV", {"wind_x": 0.0, "wind_y": 5.0})  # TOWARDS the east
+    wind = SPOKEN["WIND"]({"direction": -90.0, "speed": 5.0, "speed_z": 0.0})  # FROM the west
+    cov = SPOKEN["WIND_COV"]({"wind_x": 0.0, "wind_y": 5.0})  # TOWARDS the east
     for name in ("wind_north_mps", "wind_east_mps"):
         assert float(wind[name]) == pytest.approx(float(cov[name]), abs=1e-9)
-    assert math.isnan(float(quantities("WIND", {"direction": -180.0, "speed": 0.0})["wind_north_mps"]))
+    assert math.isnan(float(SPOKEN["WIND"]({"direction": -180.0, "speed": 0.0})["wind_north_mps"]))
 
 
 def test_unknown_battery_values_are_not_known():
     sensors = {f"onboard_control_sensors_{name}": 0 for name in ("present", "enabled", "health")}
-    told = quantities("SYS_STATUS", sensors | {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1})
+    told = SPOKEN["SYS_STATUS"](sensors | {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1})
     assert all(math.isnan(float(told[name])) for name in ("voltage_v", "current_a", "soc"))
     assert told["airspeed_ok"] == 0.0
 

@@ -23,6 +23,7 @@ from skyway.models.base.json_text import plain
 from skyway.models.calibration.airspeed import identify_airspeed
 from skyway.models.drones.airspeed import AirspeedModel
 from skyway.models.drones.drag import DragModel
+from skyway.models.drones.telemetry import TelemetryTrack
 from skyway.models.wind.estimation.measurement import airspeed_wind
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
@@ -146,10 +147,11 @@ def test_a_replay_keeps_pace_with_the_time_of_the_log(flight):
 def test_the_monitors_need_no_more_memory_for_a_longer_flight():
     from skyway.link.replay.flight_monitor import MAX_ROWS, Thinned
 
-    kept = Thinned(lambda rows, part: rows[part], np.concatenate, most=100)
+    kept = Thinned(TelemetryTrack, most=100)
     for begin in range(0, 10_000, 7):
-        kept.add(np.arange(begin, min(begin + 7, 10_000)))
-    assert kept.rows().tolist() == list(range(0, 10_000, 128))
+        times = np.arange(begin, min(begin + 7, 10_000), dtype=float)
+        kept.add(TelemetryTrack.of_columns(1, times, {}))
+    assert kept.rows().time_s.tolist() == list(range(0, 10_000, 128))
     assert MAX_ROWS < 100_000
 
 
