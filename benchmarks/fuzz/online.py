@@ -17,8 +17,8 @@ from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.models.base.units import from_posix
 from skyway.models.composition.composition import State
 from skyway.models.composition.file import to_json
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.planner.evaluation.evaluate import Realizations, Rolling, evaluate, fly_policy
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.policy import OnlinePolicy
@@ -99,15 +99,14 @@ def _realizations(online: Online, wind: WindEnsemble, request: Any) -> Realizati
     case, rng = online.case, online.rng
     days = tuple(date(2001, 1, 1) + timedelta(days=5 * k) for k in range(len(wind.probability)))
     runs = 2 * len(days)
-    energy = float(rng.choice([0.0, 0.05, 0.9]))
     errors = Errors(
         gust_sd=float(rng.choice([0.0, 0.15, 1.0])),
         gust_time_s=float(rng.choice([1.0, 180.0, 86_400.0])),
-        energy=energy,
+        energy=EnergyBelief(1.0, float(rng.choice([0.0, 0.05, 0.5])), float(rng.choice([0.0, 0.03, 0.3]))),
     )
     return Realizations(
         case.scenario, request, days, wind, np.arange(runs) % len(days), np.arange(runs) % 7, int(rng.integers(2**31)),
-        1.0 + energy * rng.uniform(-1.0, 1.0, runs), rng.integers(0, 2**63, runs).astype(np.uint64), errors,
+        rng.integers(0, 2**63, runs).astype(np.uint64), rng.integers(0, 2**63, runs).astype(np.uint64), errors,
     )  # fmt: skip
 
 

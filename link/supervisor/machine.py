@@ -22,7 +22,6 @@ from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.models.base.errors import LinkError, StationConflictError
 from skyway.models.composition.file import to_json
-from skyway.planner.online.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -74,10 +73,10 @@ class Supervisor:
             ground_m=lambda lat, lon: float(job.scenario.network.ground_at_m(lat, lon)[0]),
             least_members=job.parameters.online.least_members,
         )  # fmt: skip
-        belief = EnergyBelief.first(loaded=job.drag is not None)
+        belief = job.scenario.drone(job.request.drone or "").energy_belief
         self.context = Context(
             vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
-            EnergyLearning(belief), Conversation(operator), on_tick=on_tick,
+            EnergyLearning(belief if job.drag is None else belief.counting_airspeed()), Conversation(operator), on_tick=on_tick,
         )  # fmt: skip
         if resume:
             records = read_journal(journal.path).records

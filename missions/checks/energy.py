@@ -1,7 +1,7 @@
 """Time, energy and state of charge of every flight of a mission, in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it
-does not. The energy error of the vehicle is uniform within `models.flight.energy.ENERGY_ERROR`.
+does not. What is believed of its energy, `models.drones.energy_belief`, tells how surely it keeps the reserve.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.models.base import geodesy
 from skyway.models.base.json_text import HIDDEN
 from skyway.models.base.units import J_PER_WH
-from skyway.models.flight.energy import ENERGY_ERROR, FlightPower
+from skyway.models.flight.energy import FlightPower
 from skyway.models.wind.triangle import along_across, ground_speed
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route, RouteLeg
     from skyway.missions.items.mission import Mission
     from skyway.models.drones.drone import Drone
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.network.network import Station
 
 
@@ -188,7 +189,8 @@ def _leg_energy(
         time_s = float(weight @ np.where(flown.flyable, flown.time_s, 0.0))
         energy_wh = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0)) / J_PER_WH
         soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
-        p_reserve = float(weight @ _p_within(spent_j, (soc - conditions.reserve_soc) * conditions.drone.battery_j))
+        budget_j = (soc - conditions.reserve_soc) * conditions.drone.battery_j
+        p_reserve = float(weight @ _p_within(spent_j, budget_j, conditions.drone.energy_belief))
     return LegEnergy(
         leg.item_from,
         leg.item_to,
@@ -205,11 +207,11 @@ def _leg_energy(
     )
 
 
-def _p_within(energy_j: NDArray[np.float64], budget_j: float) -> NDArray[np.float64]:
-    """Probability that an energy with its even error stays within a budget."""
+def _p_within(energy_j: NDArray[np.float64], budget_j: float, belief: EnergyBelief) -> NDArray[np.float64]:
+    """Probability that what is taken for a modelled energy stays within a budget."""
     with np.errstate(divide="ignore"):
         ratio = np.where(energy_j > 0.0, budget_j / np.maximum(energy_j, 1e-9), math.inf if budget_j >= 0 else -1)
-    return np.asarray(np.clip((ratio - (1.0 - ENERGY_ERROR)) / (2.0 * ENERGY_ERROR), 0.0, 1.0))
+    return belief.p_at_most(ratio)
 
 
 def _fly(

@@ -7,13 +7,14 @@ that needs little power.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import S_PER_MIN
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -91,6 +92,11 @@ class EnergyFit:
     left_out_error: tuple[float, ...]
 
     @property
+    def belief(self) -> EnergyBelief:
+        """What these flights say of others of the same drone."""
+        return EnergyBelief.calibrated(self.left_out_error)
+
+    @property
     def worst(self) -> float:
         """Largest error without its sign."""
         return max(abs(error) for error in self.left_out_error)
@@ -128,8 +134,8 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
     track = track.part(known)
     time_s, power, rise = track.time_s, track["power_w"], -track["vel_down_mps"]
     duration = np.minimum(np.gradient(time_s), LONGEST_GAP_S)
-    climb = _smooth(time_s, rise)
-    on = _smooth(time_s, power) > MOTORS_ON * float(np.median(power))
+    climb = smoothed(time_s, rise)
+    on = smoothed(time_s, power) > MOTORS_ON * float(np.median(power))
     where: dict[Phase, NDArray[np.bool_]] = {
         "climb": on & (climb > VERTICAL_MPS),
         "cruise": on & (np.abs(climb) <= VERTICAL_MPS),
@@ -177,14 +183,16 @@ def published_errors(records: Sequence[PowerRecord], air_density_kg_m3: float) -
     return tuple(record.predicted_j(model) / record.total_j - 1.0 for record in records)
 
 
-def calibrated(drone: Drone, model: EnergyModel) -> Drone:
-    """Return the drone with a fitted model; its endurances follow from the model."""
+def calibrated(drone: Drone, fit: EnergyFit) -> Drone:
+    """Return the drone with a fitted model, and what is believed of it; its endurances follow from the model."""
+    model = fit.model
     full_kg = drone.mass_kg + drone.max_payload_kg
     return replace(
         drone,
         endurance_empty_s=drone.battery_j / model.power_w(drone.mass_kg),
         endurance_full_s=drone.battery_j / model.power_w(full_kg),
         energy=model if isinstance(model, MomentumEnergy) else None,
+        energy_belief=fit.belief,
     )
 
 
@@ -202,6 +210,8 @@ def drone_file(drone: Drone, notes: Sequence[str] = ()) -> str:
         for phase in PHASES:
             b1, b0 = drone.energy.coefficients[phase]
             lines += ["", f"[drone.momentum.{phase}]", f"b1 = {float(b1)!r}", f"b0 = {float(b0)!r}"]
+    lines += ["", "[drone.energy_belief]"]
+    lines += [f"{key} = {float(value)!r}" for key, value in asdict(drone.energy_belief).items()]
     return "\n".join(lines) + "\n"
 
 
@@ -240,7 +250,7 @@ def _momentum(records: Sequence[PowerRecord], phase: Phase, density: float) -> t
     return float((weight**2 * induced * power).sum() / (weight**2 * induced**2).sum()), 0.0
 
 
-def _smooth(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def smoothed(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over `SMOOTH_S` about each sample."""
     total = np.concatenate(([0.0], np.cumsum(values)))
     first = np.searchsorted(time_s, time_s - SMOOTH_S / 2.0, side="left")

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.charging import ChargingCurve
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.power import EnduranceEnergy, EnergyModel
 
 
@@ -37,6 +38,8 @@ class Drone:
         Price, in any one currency; only compared.
     energy : EnergyModel or None
         Power in flight; None is the `endurance` model of the figures above.
+    energy_belief : EnergyBelief
+        How far its flights may be from that; by default as of a drone that nobody has measured.
     """
 
     id: str
@@ -53,6 +56,7 @@ class Drone:
     max_ground_speed_mps: float = 20.0
     price_per_km: float | None = None
     energy: EnergyModel | None = field(default=None)
+    energy_belief: EnergyBelief = field(default=EnergyBelief())
 
     @cached_property
     def energy_model(self) -> EnergyModel:

@@ -8,6 +8,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.drone import BUILT_IN, Drone
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _drone(table: Table) -> Drone:
     price = table.number("price_per_km", low=0, high=1e6) if "price_per_km" in table else None
     if full > empty:
         table.fault("endurance_full_min", "is longer than endurance_empty_min", full / S_PER_MIN)
-    energy = _energy(table, mass)
+    energy, belief = _energy(table, mass), _energy_belief(table)
     drone = Drone(
         id=table.text("id"),
         name=table.text("name", base.name if base else None),
@@ -81,9 +82,25 @@ def _drone(table: Table) -> Drone:
         recharge_full_s=recharge,
         price_per_km=price,
         energy=energy,
+        energy_belief=belief,
     )
     table.finish()
     return drone
+
+
+def _energy_belief(table: Table) -> EnergyBelief:
+    usual = EnergyBelief()
+    if "energy_belief" not in table:
+        return usual
+    values = table.table("energy_belief")
+    belief = EnergyBelief(
+        values.number("mean_ratio", usual.mean_ratio, low=0.1, high=10.0),
+        values.number("sd_between", usual.sd_between, low=0.0, high=2.0),
+        values.number("sd_within", usual.sd_within, low=0.0, high=2.0),
+        values.number("degrees_of_freedom", usual.degrees_of_freedom, low=5.0, high=1e6),
+    )
+    values.finish()
+    return belief
 
 
 def _energy(table: Table, mass_kg: float) -> EnergyModel | None:

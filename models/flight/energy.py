@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.drones.power import Phase
 
-ENERGY_ERROR = 0.05
-"""The flights of one vehicle take up to this share more or less than the model's, evenly distributed: assumed, not measured."""
-
 
 @dataclass(frozen=True, slots=True)
 class FlightPower:

@@ -79,14 +79,15 @@ def _fly_decisions(
     schedule: NDArray[np.float64] | None = None
     while len(legs) < problem.parameters.evaluation.max_stops:
         station = network.stations[node].id
-        stop_label = _StopLabel(run, node, station, time_s, soc, visited)
+        stop_label = _StopLabel(run, node, station, time_s, soc, visited, len(visited))
         if isinstance(policy, Adaptive):
             found = _fly_adaptive(realizations, problem, policy, stop_label, watch)
             if found is None:
                 break
             leg, flight = found
             legs = (*legs, leg)
-            _land(realizations, problem, run, int(network.head[leg.segments[-1]]), flight)
+            ratio = realizations.energy_ratio(problem.drone, run, len(visited))
+            _land(realizations, problem, run, int(network.head[leg.segments[-1]]), ratio, flight)
             schedule = flight if schedule is None else np.concatenate((schedule, flight), axis=1)
         else:
             decided = policy.decide(_standing(realizations, problem, stop_label, time_s, soc))
@@ -103,19 +104,21 @@ def _fly_decisions(
     return _given_up(flown, block, problem.soc), legs
 
 
-def _land(realizations: Realizations, problem: Problem, run: int, node: int, flight: NDArray[np.float64]) -> None:
-    """Have a flight, shape (1, 1, 6), hover until there is a place to land."""
+def _land(
+    realizations: Realizations, problem: Problem, run: int, node: int, ratio: float, flight: NDArray[np.float64]
+) -> None:
+    """Have a flight, shape (1, 1, 7), hover until there is a place to land; `ratio` is that of its energy to the model's."""
     came = float(flight[0, 0, TOUCH_DOWN])
     if not np.isfinite(came):
         return
     queue = realizations.queues(problem, [node], int(realizations.queue[run]))[node]
     flight[0, 0, TOUCH_DOWN] = float(queue.land_time(came))
-    flight[0, 0, SOC_LANDING] -= realizations.energy[run] * problem.soc_per_s * (flight[0, 0, TOUCH_DOWN] - came)
+    flight[0, 0, SOC_LANDING] -= ratio * problem.soc_per_s * (flight[0, 0, TOUCH_DOWN] - came)
 
 
 @dataclass(frozen=True)
 class _StopLabel:
-    """Where a drone has landed in a run, when, and with which charge."""
+    """Where a drone has landed in a run, when, and with which charge; or the station that it is over, on its leg number `legs`."""
 
     run: int
     node: int
@@ -123,6 +126,7 @@ class _StopLabel:
     landed_s: float
     soc: float
     visited: tuple[str, ...]
+    legs: int
 
 
 @dataclass(frozen=True)
@@ -166,8 +170,13 @@ def _standing(
         before = max(path.present_at(stop_label.landed_s) - int(left), 0)
         behind = max(busy[stop_label.station] - before, 0)
         busy[stop_label.station] = before
-    energy = float(realizations.energy[stop_label.run]) if stop_label.visited else math.nan
-    return Standing(stop_label.node, stop_label.station, time_s, soc, stop_label.visited, wind, busy, energy, behind)
+    ratios = tuple(realizations.energy_ratio(problem.drone, stop_label.run, leg) for leg in range(stop_label.legs))
+    under_way = None
+    if stop_label.legs < len(stop_label.visited):
+        under_way = realizations.energy_ratio(problem.drone, stop_label.run, stop_label.legs)
+    return Standing(
+        stop_label.node, stop_label.station, time_s, soc, stop_label.visited, wind, busy, ratios, under_way, behind
+    )
 
 
 def _fly_adaptive(
@@ -226,12 +235,13 @@ def _flight(
 ) -> tuple[Leg, NDArray[np.float64]]:
     """Fly, asking the policy over each station with pads; `begun` is (pad, take-off, charge)."""
     pad_s, off, charge = begun
-    disturbance = realizations.disturbance()
+    disturbance = realizations.disturbance(problem.drone)
     run, day, air = stop_label.run, int(realizations.day[stop_label.run]), problem.air
+    ratio = realizations.energy_ratio(problem.drone, run, stop_label.legs)
     flown: tuple[int, ...] = ()
     rest = way.segments
     if way.turn_back is not None:
-        energy = float(disturbance.energy[run]) * problem.soc_per_s / way.turn_back.soc_per_s
+        energy = ratio * problem.soc_per_s / way.turn_back.soc_per_s
         down, turned = out_or_back(air, day, rest[0], off, charge, energy, disturbance.gust_key[run], way.turn_back)
         if turned:
             flown, rest = (rest[0], way.turn_back.back), ()
@@ -243,12 +253,13 @@ def _flight(
         )
         if rest and problem.has_pads(node):
             as_off = down - air.descent_s - air.climb_s
-            soc = charge - float(disturbance.energy[run]) * problem.soc_per_s * (as_off - off)
+            soc = charge - ratio * problem.soc_per_s * (as_off - off)
             over = _StopLabel(
-                run, node, problem.network.stations[node].id, as_off, soc, (*stop_label.visited, stop_label.station)
-            )
+                run, node, problem.network.stations[node].id, as_off, soc, (*stop_label.visited, stop_label.station),
+                stop_label.legs,
+            )  # fmt: skip
             rest = policy.over(_standing(realizations, problem, over, as_off, soc), rest)
-    soc = charge - float(disturbance.energy[run]) * (problem.soc_fixed + problem.soc_per_s * (down - off))
+    soc = charge - ratio * (problem.soc_fixed + problem.soc_per_s * (down - off))
     schedule = np.full((1, 1, COLUMNS), off)
     schedule[0, 0, [PAD, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, ROOM]] = min(pad_s, off), down, charge, soc, 0.0
     return Leg(flown, charge if charge > stop_label.soc else None), schedule

@@ -114,7 +114,7 @@ def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -
     for queue in wanted.tolist():
         found = realizations.queues(problem, nodes, queue)
         paths += [found[node] for node in nodes]
-    disturbance = realizations.disturbance()._replace(queue=position.astype(np.int64))
+    disturbance = realizations.disturbance(problem.drone)._replace(queue=position.astype(np.int64))
     schedule, _ = policy.fly(problem, disturbance, realizations.day, paths)
     return tally(problem, policy.itinerary, realizations.block, schedule)
 
@@ -129,7 +129,7 @@ def schedules(
     for queue in wanted.tolist():
         found = realizations.queues(problem, nodes, queue)
         paths += [found[node] for node in nodes]
-    disturbance = realizations.disturbance(runs)._replace(queue=position.astype(np.int64))
+    disturbance = realizations.disturbance(problem.drone, runs)._replace(queue=position.astype(np.int64))
     return fly_as_it_stands(problem, itinerary, realizations.day[runs], disturbance, paths)
 
 

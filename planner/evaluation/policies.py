@@ -39,8 +39,10 @@ class Standing:
         (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
     busy : dict of str to int
         Others on the pads and in line at each station, as the pad services tell; where it stands, those before it.
-    energy : float
-        Energy that its flights have taken as a multiple of the model's; NaN before the first has shown it.
+    energy_ratios : tuple of float
+        Energy that each leg flown has taken as a multiple of the model's.
+    under_way : float or None
+        The same of the leg so far that it flies.
     behind : int
         Others that came where it stands after it.
     """
@@ -52,7 +54,8 @@ class Standing:
     visited: tuple[str, ...]
     wind: tuple[NDArray[np.float64], NDArray[np.float64]]
     busy: dict[str, int]
-    energy: float
+    energy_ratios: tuple[float, ...]
+    under_way: float | None = None
     behind: int = 0
 
     def state(self) -> State:

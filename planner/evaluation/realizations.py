@@ -1,7 +1,7 @@
 """Realizations that deliveries are evaluated in, the same for all planners.
 
 A truth is the wind of a day of the record that the planner's forecast did not contain, gusts about it, a set of queues,
-and the error of one vehicle's energy model. Run `r` of a day is the same truth whoever flies in it: gusts, queues and
+and the error of one vehicle's energy model, as is believed of its drone. Run `r` of a day is the same truth whoever flies in it: gusts, queues and
 errors depend on the seed, the day and the run alone (common random numbers).
 """
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.drones.drone import Drone
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.sampling import QueuePath
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.parameters.planner import PlannerParameters
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 
 MAX_QUEUES = 500
 """Sets of queues that are sampled at most; with more runs, runs on different days share a set."""
+LEGS = 12
+"""Legs of a delivery whose energy is drawn; later ones take as much as the first ones."""
 MAX_KEPT = 20_000
 """Sampled queue paths, of a few kilobytes each, that are kept at a time."""
 _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
@@ -58,14 +62,16 @@ class Realizations:
         Set of queues of each run.
     queue_seed : int
         Set q is what a request with the seed ``queue_seed + q`` would sample first.
-    energy : ndarray, shape (runs,)
-        Multiple of the energy that flights take.
+    vehicle_key : ndarray of uint64, shape (runs,)
+        Of each run's errors of energy.
     gust_key : ndarray of uint64, shape (runs,)
         Of each run's gusts.
     errors : Errors
         As asked for.
     parameters : PlannerParameters
         Of the problems that are made of these.
+    ratios : ndarray, shape (runs, legs), optional
+        Energy of the legs of each run as a multiple of the model's, whatever is believed of a drone.
     """
 
     scenario: Scenario
@@ -75,17 +81,19 @@ class Realizations:
     day: NDArray[np.int64]
     queue: NDArray[np.int64]
     queue_seed: int
-    energy: NDArray[np.float64]
+    vehicle_key: NDArray[np.uint64]
     gust_key: NDArray[np.uint64]
     errors: Errors
     parameters: PlannerParameters = USUAL
+    ratios: NDArray[np.float64] | None = None
+    _energy: dict[EnergyBelief, NDArray[np.float64]] = field(default_factory=dict, repr=False)
     _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         runs, days = len(self.day), len(self.days)
         faults = [
             Fault("must have one value for each run", field=name, value=np.shape(values), remedy=f"({runs},)")
-            for name, values in (("queue", self.queue), ("energy", self.energy), ("gust_key", self.gust_key))
+            for name, values in (("queue", self.queue), ("vehicle_key", self.vehicle_key), ("gust_key", self.gust_key))
             if np.shape(values) != (runs,)
         ]
         if len(self.wind.probability) != days:
@@ -109,10 +117,28 @@ class Realizations:
         """The request in the winds of all days, for one drone of the fleet."""
         return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind, parameters=self.parameters)
 
-    def disturbance(self, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
-        """What kernels need to know of some runs."""
+    def energy(self, drone: Drone) -> NDArray[np.float64]:
+        """Energy of the legs of each run as a multiple of the model's, shape (runs, LEGS); after the last again from the first."""
+        if self.ratios is not None:
+            return self.ratios
+        belief = self.errors.energy_of(drone)
+        if belief not in self._energy:
+            legs = [belief.sampled(np.random.default_rng(int(key)), 1, LEGS) for key in self.vehicle_key]
+            self._energy[belief] = np.concatenate(legs) if legs else np.ones((0, LEGS))
+        return self._energy[belief]
+
+    def energy_ratio(self, drone: Drone, run: int, leg: int) -> float:
+        """Return that of one leg."""
+        return float(self.energy(drone)[run, leg % LEGS])
+
+    def disturbance(self, drone: Drone, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
+        """What kernels need to know of some runs with a drone."""
         return Disturbance(
-            self.queue[runs], self.energy[runs], self.gust_key[runs], self.errors.gust_sd, self.errors.gust_time_s
+            self.queue[runs],
+            self.energy(drone)[runs],
+            self.gust_key[runs],
+            self.errors.gust_sd,
+            self.errors.gust_time_s,
         )
 
     def queues(self, problem: Problem, nodes: Sequence[int], queue: int) -> dict[int, QueuePath]:
@@ -176,7 +202,7 @@ def sample_realizations(
     day = np.arange(runs) % len(days)
     replicate = np.arange(runs) // len(days)
     first = min(days).toordinal()
-    energy, key = _vehicles(days, day, errors, seed)
+    vehicle, key = _vehicles(days, day, seed)
     queue = np.arange(runs) % MAX_QUEUES if len(days) > 1 else replicate
     stream = np.random.SeedSequence((seed, first, _QUEUES))
     return Realizations(
@@ -187,24 +213,21 @@ def sample_realizations(
         day=day,
         queue=queue % MAX_QUEUES,
         queue_seed=int(stream.generate_state(1, np.uint64)[0] >> np.uint64(2)),
-        energy=energy,
+        vehicle_key=vehicle,
         gust_key=key,
         errors=errors,
     )
 
 
-def _vehicles(
-    days: Sequence[date], day: NDArray[np.int64], errors: Errors, seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
-    """Multiple of energy and key of gusts of each run, from a stream of each day: more runs begin with the same ones."""
-    energy, key = np.empty(len(day)), np.empty(len(day), dtype=np.uint64)
+def _vehicles(days: Sequence[date], day: NDArray[np.int64], seed: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """Keys of the vehicle and of the gusts of each run, from a stream of each day: more runs begin with the same ones."""
+    keys = np.empty((2, len(day)), dtype=np.uint64)
     for number, date_ in enumerate(days):
         rng = np.random.default_rng((seed, date_.toordinal(), _VEHICLE))
         mine = day == number
         table = rng.integers(0, 2**64, (int(mine.sum()), 2), dtype=np.uint64)
-        energy[mine] = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
-        key[mine] = table[:, 1]
-    return energy, key
+        keys[:, mine] = table.T
+    return keys[0], keys[1]
 
 
 def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.estimation.forecast_update import update_forecast
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.information import Information
 from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
@@ -66,14 +64,16 @@ class RollingRobust:
 
     def information(self, standing: Standing) -> Information:
         """What is known at a stop, or over a station."""
-        known, p = not math.isnan(standing.energy), self.start.parameters
+        belief, p = self.errors.energy_of(self.start.drone), self.start.parameters
+        for ratio in standing.energy_ratios:
+            belief = belief.learnt(ratio, 1.0, 0.0)
+        if standing.under_way is not None:
+            belief = belief.in_flight(standing.under_way, 1.0, 0.0)
         return Information(
             time_s=standing.time_s,
             soc=standing.soc,
             forecast=with_measured(self.start.ensemble, standing, p.online.site_variance),
-            belief=EnergyBelief.evenly(p.robust.learned_error, standing.energy)
-            if known
-            else EnergyBelief.evenly(self.errors.energy),
+            belief=belief,
             measured=True,
             watched=False,
             station=standing.station,

@@ -15,7 +15,7 @@ from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.queues.sampling import no_queue
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.online.futures import draw_futures, flight_in
-from skyway.planner.online.turn_back import TurnBacks
+from skyway.planner.online.turn_back import ENERGY_SIGMAS, TurnBacks
 from skyway.planner.problem.flight_table import table_land
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import likely_free
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.planner.online.energy_belief import EnergyBelief
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.online.futures import Future
     from skyway.planner.online.turn_back_kernels import TurnBack
     from skyway.planner.problem.error_model import Errors
@@ -96,12 +96,13 @@ class Following:
         watched: bool = False,
     ) -> None:
         self.parameters = online = problem.parameters.online
-        sigma = math.hypot(belief.sigma, online.wind_spread * belief.factor) if watched else belief.sigma
-        self.unsure, self._measured, self._watched = replace(belief, sigma=sigma).share, measured, watched
-        self._doubt = online.doubt_sigmas * belief.leg_sigma / belief.factor if watched else 0.0
+        sd = math.hypot(belief.sd_between / belief.mean_ratio, online.wind_spread if watched else 0.0)
+        self._relative = replace(belief, mean_ratio=1.0, sd_between=sd, sd_within=0.0)
+        self._measured, self._watched = measured, watched
+        self._doubt = online.doubt_sigmas * belief.sd_within / belief.mean_ratio if watched else 0.0
         self.arrives = False
-        self.problem = problem if belief.factor == 1.0 else heavier(problem, belief.factor)
-        self._later_margin = online.later_margin + online.later_sigmas * belief.leg_sigma / belief.factor
+        self.problem = problem if belief.mean_ratio == 1.0 else heavier(problem, belief.mean_ratio)
+        self._later_margin = online.later_margin + online.later_sigmas * belief.sd_within / belief.mean_ratio
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}
         self._count = futures
         # The forecast of the moment is shifted and weighted by what was measured already. Where the hour was not measured, the next one is
@@ -113,12 +114,12 @@ class Following:
             epsilon=online.p_begin if watched else problem.epsilon / online.energy_shares,
         )
         self._known = known._replace(measured=False)
-        self.turns = TurnBacks(self.problem, self._known, self.unsure)
+        self.turns = TurnBacks(self.problem, self._known, self._relative)
 
     @cached_property
     def futures(self) -> list[Future]:
         """Drawn evenly by probability."""
-        return draw_futures(self.problem, self._known, self.unsure, self._count)
+        return draw_futures(self.problem, self._known, self._relative, self._count)
 
     def need(self, segments: Iterable[int], time_s: float) -> float:
         """Charge with which a flight that takes off at a time keeps the reserve: most probably if watched, else in all but a share."""
@@ -126,7 +127,7 @@ class Following:
         cost = float(p.soc_per_s), float(p.soc_fixed)
         still = np.zeros(p.air.north.shape[2])
         energy, _ = flight_energy(self._known, 0, np.asarray(segments, dtype=np.int64), time_s, still, still, cost)
-        return p.reserve + (1.0 if self._watched else 1.0 + self.unsure) * energy
+        return p.reserve + (1.0 if self._watched else 1.0 + ENERGY_SIGMAS * self._relative.sd_between) * energy
 
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:

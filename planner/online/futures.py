@@ -20,6 +20,7 @@ from skyway.planner.robust.required_soc_kernels import careful_speeds, gust_mean
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.required_soc_kernels import Known
 
@@ -92,13 +93,13 @@ class Future:
         return self.gust * float(np.sum(distance / careful) / np.sum(distance / usual) - 1.0) / self.careful_sigmas
 
 
-def draw_futures(p: Problem, known: Known, unsure: float, count: int) -> list[Future]:
-    """Draw futures evenly by the probability of their winds; `unsure` is the share by which the energy may differ."""
+def draw_futures(p: Problem, known: Known, belief: EnergyBelief, count: int) -> list[Future]:
+    """Draw futures evenly by the probability of their winds; `belief` is about the energy of the next flight."""
     air, sigmas = p.air, p.parameters.online.careful_sigmas
     share = np.cumsum(p.probability) / p.probability.sum()
     members = np.searchsorted(share, (np.arange(count) + 0.5) / count)
     rng = np.random.default_rng((p.request.seed, len(members)))
-    energy = 1.0 + unsure * rng.permutation((2.0 * np.arange(len(members)) + 1.0) / len(members) - 1.0)
+    energy = rng.permutation([belief.quantile((k + 0.5) / len(members)) for k in range(len(members))])
     gusts = rng.permutation([NormalDist().inv_cdf((k + 0.5) / len(members)) for k in range(len(members))])
     ahead_s = max(p.depart_s - air.start_s, 0.0) + p.parameters.online.hours * S_PER_H
     slots = np.arange(min(air.north.shape[1], 1 + int(ahead_s // air.slot_s)))

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.flight.kernels import NEVER
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.following import Following, Step
 from skyway.planner.online.futures import flight_in
 from skyway.planner.robust.free_capacity import blocking_probability_after
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.online.futures import Future
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
@@ -88,7 +88,7 @@ class Hindsight(Following):
         watched: bool = False,
         left: frozenset[str] = frozenset(),
     ) -> None:
-        known = belief if belief is not None else EnergyBelief.evenly(errors.energy)
+        known = belief if belief is not None else errors.energy_of(problem.drone).next_flight()
         super().__init__(
             problem, errors, known, futures or problem.parameters.online.futures, measured=measured, watched=watched
         )

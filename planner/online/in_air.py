@@ -158,8 +158,8 @@ class FlightDecision:
             "wind_east_mps": float(reach.expected(east)[0]),
             "wind_mean_mps": float(reach.expected(np.hypot(north, east))[0]),
             "bearing_deg": float(bearing),
-            "energy_factor": reach.belief.factor,
-            "energy_sigma": reach.belief.sigma,
+            "energy_factor": reach.belief.mean_ratio,
+            "energy_sigma": reach.belief.sd_between,
         }
         return now, figures
 

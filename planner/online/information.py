@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from skyway.models.composition.composition import Composition
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.planner.online.energy_belief import EnergyBelief
     from skyway.planner.online.reach import Place
     from skyway.planner.online.turn_back_kernels import TurnBack
 

@@ -95,7 +95,7 @@ def going_on(
         station,
         reach.airspeed_mps,
         time_s + float(reach.expected(flown.time_s)),
-        soc - float(reach.expected(flown.soc)) * reach.belief.factor,
+        soc - float(reach.expected(flown.soc)) * reach.belief.mean_ratio,
         float(reach.p_below(soc, cost, floors.reserve)[0]),
         float(reach.p_below(soc, cost, floors.half)[0]),
         float(reach.p_below(soc, cost, reach.parameters.empty_soc)[0]),
@@ -125,7 +125,7 @@ def other_stations(
     if not len(nodes):
         return []
     flown = reach.to_stations(here, time_s, nodes)
-    times, costs = reach.expected(flown.time_s), reach.expected(flown.soc) * reach.belief.factor
+    times, costs = reach.expected(flown.time_s), reach.expected(flown.soc) * reach.belief.mean_ratio
     low, lower, empty = (
         reach.p_below(soc, flown.soc, floor) for floor in (floors.reserve, floors.half, reach.parameters.empty_soc)
     )

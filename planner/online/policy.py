@@ -30,9 +30,9 @@ from skyway.planner.problem.problem import Problem
 
 if TYPE_CHECKING:
     from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.planner.online.energy_belief import EnergyBelief
     from skyway.planner.online.information import Action, Information
     from skyway.planner.online.reach import Place
     from skyway.planner.parameters.planner import PlannerParameters
@@ -187,8 +187,8 @@ class OnlinePolicy:
             "needed_soc": least,
             "planned_soc": step.charge,
             "arrival_mean_s": step.arrival_s,
-            "energy_factor": info.belief.factor,
-            "energy_sigma": info.belief.sigma,
+            "energy_factor": info.belief.mean_ratio,
+            "energy_sigma": info.belief.sd_between,
             "turns_back": step.turn_back is not None,
         }
         wanted = charge if charge > info.soc + 0.5 * parameters.charge_step else None

@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.airspeed_load import AirspeedLoad
     from skyway.models.drones.drone import Drone
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.planner.online.energy_belief import EnergyBelief
     from skyway.planner.parameters.online import OnlineParameters
 
+SOC_SD = 0.005
+"""Of a state of charge as vehicles tell it, that landings are judged by."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -119,6 +121,7 @@ class Reach:
         self.soc_per_s = power.soc_per_s
         manoeuvres_s = parameters.manoeuvres_s if watched else 0.0
         self._wind_spread = parameters.wind_spread if watched else 0.0
+        self._soc_sd = SOC_SD if watched else 0.0
         self.descent_s = self.rules.descent_s + manoeuvres_s
         self.soc_climb = power.soc_climb(self.rules.climb_s)
         self.soc_descent = power.soc_descent(self.rules.descent_s) + power.soc_per_s * manoeuvres_s
@@ -219,9 +222,9 @@ class Reach:
         """Probability of landing below a charge in each member, shape of `cost`."""
         from scipy.special import ndtr
 
-        sigma = math.hypot(self.belief.sigma, self._wind_spread * self.belief.factor)
-        spread = np.maximum(np.hypot(cost * sigma, self.belief.soc_sigma), 1e-9)
-        return np.asarray(ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread))
+        sigma = math.hypot(self.belief.sd_between, self._wind_spread * self.belief.mean_ratio)
+        spread = np.maximum(np.hypot(cost * sigma, self._soc_sd), 1e-9)
+        return np.asarray(ndtr(self.belief.normal_deviate((cost * self.belief.mean_ratio - (soc - floor_soc)) / spread)))
 
     def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean over the members of something of shape (members, …)."""

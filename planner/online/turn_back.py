@@ -20,6 +20,7 @@ from skyway.planner.robust.required_soc_kernels import MIN_CHANCE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.required_soc_kernels import Known
 
@@ -35,6 +36,8 @@ SPARE = 0.01
 """So much more energy than a flight takes without gusts is what is tried at least: so well is the wind known."""
 CHANCES = 2.0
 """A flight's epsilon is shared out among so many: it is judged again and again on the way out."""
+ENERGY_SIGMAS = 2.0
+"""A flight that is not watched is charged for so many standard deviations of its energy more."""
 LIKELY = 0.5
 """Least chance to get there that is worth a try."""
 
@@ -65,14 +68,15 @@ class TurnBacks:
         Its costs are the vehicle's as far as they are known.
     known : Known
         What is known, and how sure a flight must be.
-    unsure : float
-        Share by which the vehicle's energy may be more.
+    belief : EnergyBelief
+        About the energy of the flight.
     """
 
-    def __init__(self, problem: Problem, known: Known, unsure: float) -> None:
-        self._problem, self._known, self._unsure = problem, known, unsure
+    def __init__(self, problem: Problem, known: Known, belief: EnergyBelief) -> None:
+        self._problem, self._known = problem, known
+        self._more = belief.mean_ratio + ENERGY_SIGMAS * belief.leg_sd
         self._risk = known.epsilon / CHANCES
-        energies = (1.0 + unsure * np.linspace(-1.0, 1.0, GUSTS)) / (1.0 + unsure)
+        energies = [belief.quantile((k + 0.5) / GUSTS) / self._more for k in range(GUSTS)]
         rng = np.random.default_rng(GUSTS)
         self._energies = rng.permutation(energies)
         share = np.cumsum(problem.probability) / problem.probability.sum()
@@ -90,7 +94,7 @@ class TurnBacks:
         back = out[network.head[out] == p.origin]
         if not len(back):
             return None
-        more = 1.0 + self._unsure
+        more = self._more
         members = p.probability > MIN_CHANCE
         likely = known._replace(air=p.air._replace(north=p.air.north[members], east=p.air.east[members]))
         slot = min(slot_of(p.air, p.depart_s) + 1, p.air.north.shape[1] - 1)

@@ -86,7 +86,11 @@ def check_runs(
     _check_index("member", members, count, "members")
     for name in ("queue", "energy", "gust_key"):
         values = getattr(disturbance, name)
-        if np.shape(values) != (runs,):
+        if (
+            np.shape(values)[:1] != (runs,)
+            or np.ndim(values) != (2 if name == "energy" else 1)
+            or not np.size(values) >= runs
+        ):
             raise InputError(
                 Fault(f"must have one value for each of {runs} runs", field=f"sky.{name}", value=np.shape(values))
             )

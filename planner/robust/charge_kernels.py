@@ -1,10 +1,10 @@
 """Kernels that fly a route whose charges are decided at each stop.
 
 At a stop the drone leaves at the first time t at which its charge is enough for the next flight in all but a share
-epsilon of what it must expect (`planner.robust.required_soc_kernels`), with the error of its energy model, which the
-first flight tells:
+epsilon of what it must expect (`planner.robust.required_soc_kernels`), with the ratio of its energy to the model's
+that must be expected of it, of which each leg tells more:
 
-    soc(t) >= landing + (1 + error) (1 + margin) E(t),    soc(t) = F(F^-1(soc) + t - pad time) once it charges
+    soc(t) >= landing + ratio (1 + margin) E(t),    soc(t) = F(F^-1(soc) + t - pad time) once it charges
 
 with E(t) what a flight at t may need and F the charging curve from empty; and at which the wind lets it fly and there
 is likely room at the station where it goes (`planner.robust.free_capacity_kernels`).
@@ -19,7 +19,7 @@ import numpy as np
 from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look, others_at
-from skyway.planner.robust.required_soc_kernels import energy_about, next_change
+from skyway.planner.robust.required_soc_kernels import charged_ratio, energy_about, next_change
 from skyway.planner.schedule.profile_kernels import interpolate
 from skyway.planner.schedule.schedule_kernels import (
     COLUMNS,
@@ -57,8 +57,8 @@ class Stop(NamedTuple):
         When it can have a pad; infinite where there is none.
     landing : float
         Least charge at the end of the flight.
-    error : float
-        Of the vehicle's energy: the flight may take this share more.
+    ratio : float
+        Multiple of the model's energy that the flight may take.
     at_once, first : bool
         It cannot stay; it is where the delivery begins.
     """
@@ -67,7 +67,7 @@ class Stop(NamedTuple):
     soc: float
     pad_s: float
     landing: float
-    error: float
+    ratio: float
     at_once: bool
     first: bool
 
@@ -112,7 +112,7 @@ def _leave(
     for _ in range(_CHANGES):
         # What the flight may need by what is known now, and the charge wanted with error and margin.
         base = energy_about(known, row, truth, member, segments, at, cost, table)
-        wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
+        wanted = stop.landing + stop.ratio * (1.0 + known.margin) * base
         if known.full and not stop.first:
             wanted = max(wanted, curve_soc[-1])
         charging = charging or wanted > stop.soc
@@ -176,8 +176,8 @@ def fly_by_required_soc(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of legs in several runs, charging by what is known at each stop.
 
-    The error of a vehicle's energy is unknown before its first flight (`known.energy_error` is counted in) and, but for
-    `learned_error`, known after it. O(runs x legs), apart from needs that no table has yet.
+    The energy of each leg is measured; that of the next ones is judged by it (`charged_ratio`). O(runs x legs), apart from needs
+    that no table has yet.
 
     Takes members, rows and sets of queues that are there, and a segment or more for each leg;
     `planner.problem.kernel_inputs` checks them in `ChargePolicy.fly`.
@@ -216,7 +216,7 @@ def fly_by_required_soc(
     for run in range(runs):
         now, soc = start
         joined = now
-        error = known.energy_error
+        seen = 0.0  # sum of the ratios of the legs so far
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
             entry = disturbance.queue[run] * (count + 1) + leg
@@ -225,7 +225,8 @@ def fly_by_required_soc(
             if legs.has_pads[leg]:
                 pad = max(now, sampled_pad(queues, entry, joined))
             first = leg == 0
-            stop = Stop(now, soc, pad, landing[leg], error, at_once and first, first)
+            expected = charged_ratio(known, seen / max(leg, 1), leg)
+            stop = Stop(now, soc, pad, landing[leg], expected, at_once and first, first)
             curve = legs.curve_s[leg], legs.curve_soc[leg]
             pad, ready, off, level, base, for_room = _leave(
                 known,
@@ -244,12 +245,13 @@ def fly_by_required_soc(
             out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, for_room
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, level
             # The flight, in the true wind, with gusts and the vehicle's own energy, and hovering until there is a place.
+            ratio = disturbance.energy[run, leg % disturbance.energy.shape[1]]
             now, joined, soc = to_next_stop(
-                disturbance, run, truth, member[run], segments, off, level, cost, queues, entry
+                disturbance, run, ratio, truth, member[run], segments, off, level, cost, queues, entry
             )
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
-            used = disturbance.energy[run] * (cost[1] + cost[0] * (joined - off))
+            used = ratio * (cost[1] + cost[0] * (joined - off))
             # What the flight has shown of the vehicle.
-            energy_ratio[run, leg] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
-            error = disturbance.energy[run] - 1.0 + known.learned_error
+            energy_ratio[run, leg] = used / (expected * base) if base > 0.0 else 0.0
+            seen += ratio
     return out, energy_ratio

@@ -28,7 +28,7 @@ from skyway.planner.robust.out_of_sample import (
     queue_sets,
     simulated_realizations,
 )
-from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
+from skyway.planner.robust.required_soc_kernels import Known, charged_ratio, required_soc_tables
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
@@ -54,7 +54,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
     Estimation", 1986, eq. 3.28), but is wider: see `RobustParameters.bandwidth`.
     """
-    residual, parameters = ResidualModel(), problem.parameters.robust
+    residual, parameters, energy = ResidualModel(), problem.parameters.robust, errors.energy_of(problem.drone)
     return Known(
         air=problem.air,
         share=np.ascontiguousarray(problem.probability[None]),
@@ -66,13 +66,15 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         else 0.0,
         gust_sd=errors.gust_sd,
         gust_time_s=errors.gust_time_s,
-        energy_error=errors.energy,
+        energy_mean=energy.mean_ratio,
+        energy_between=energy.sd_between**2,
+        energy_within=energy.sd_within**2,
+        energy_sigmas=energy.sigmas(1.0 - min(parameters.energy_share * problem.epsilon, 0.5)),
         epsilon=epsilon,
         margin=0.0,
         full=problem.request.recharge == "full",
         worst_members=parameters.worst_members,
         steady_sigmas=parameters.steady_sigmas,
-        learned_error=parameters.learned_error,
     )
 
 
@@ -118,7 +120,7 @@ class ChargePolicy:
         finite = np.isfinite(costs).all(axis=1)
         if not finite.any():
             return 1.0
-        return float(np.quantile(costs[finite].max(axis=1), 0.98)) * (1.0 + self.known.energy_error)
+        return float(np.quantile(costs[finite].max(axis=1), 0.98)) * charged_ratio(self.known, 0.0, 0)
 
     def fly(
         self,
@@ -233,7 +235,7 @@ class ChargePolicy:
         slots = self.problem.air.north.shape[1]
         bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]
         least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
-        required = self.landing[leg] + (1.0 + self.known.energy_error) * (1.0 + self.known.margin) * least
+        required = self.landing[leg] + charged_ratio(self.known, 0.0, 0) * (1.0 + self.known.margin) * least
         return never_leaves(self.problem, self.itinerary, leg, required)
 
     def with_charges(self, schedule: NDArray[np.float64]) -> ChargePolicy:

@@ -75,9 +75,9 @@ def simulated_realizations(
     sample = np.arange(len(members)) % _queues(problem)[sample_set]
     paths = queue_sets(problem, itinerary, sample_set)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
-    table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
-    energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
-    return members, Disturbance(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s), paths
+    key = rng.integers(0, 2**64, len(members), dtype=np.uint64)
+    energy = errors.energy_of(problem.drone).sampled(rng, len(members), len(itinerary))
+    return members, Disturbance(sample, energy, key, errors.gust_sd, errors.gust_time_s), paths
 
 
 def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:

@@ -63,15 +63,18 @@ class Known(NamedTuple):
         distribution about it, of this share of the standard deviation that a residual has gained by then.
     gust_sd, gust_time_s : float
         Of gusts, see `planner.schedule.gust_kernels.Disturbance`.
-    energy_error : float
-        A vehicle may need this share more than the model says.
+    energy_mean, energy_between, energy_within : float
+        What is believed of the ratio of measured to modelled energy before the first leg: mean, and variances of the part that
+        persists and of that which is fresh on each leg (`models.drones.energy_belief`).
+    energy_sigmas : float
+        So many standard deviations of it more are counted in.
     epsilon : float
         Share of flights that may need more than is charged for.
     margin : float
         Calibrated: multiplies the energy that a flight needs beyond that.
     full : bool
         Every charge is to 100 %, whatever is needed.
-    worst_members, steady_sigmas, learned_error
+    worst_members, steady_sigmas
         See `planner.parameters.robust.RobustParameters`.
     """
 
@@ -83,13 +86,30 @@ class Known(NamedTuple):
     smoothing: float
     gust_sd: float
     gust_time_s: float
-    energy_error: float
+    energy_mean: float
+    energy_between: float
+    energy_within: float
+    energy_sigmas: float
     epsilon: float
     margin: float
     full: bool
     worst_members: int
     steady_sigmas: float
-    learned_error: float
+
+
+@compiled_lean
+def charged_ratio(known: Known, seen: float, legs: int) -> float:
+    """Ratio of energy to the model's that the next leg is charged for, after `legs` legs with the mean ratio `seen`.
+
+    With the mean m and the variances v (persists) and w (fresh), K = v / (v + w / legs), 0 before the first leg:
+
+        m + K (seen - m) + sigmas sqrt((1 - K) v + w)
+    """
+    gain = 0.0
+    if legs > 0 and known.energy_between > 0.0:
+        gain = known.energy_between / (known.energy_between + known.energy_within / legs)
+    unsure = (1.0 - gain) * known.energy_between + known.energy_within
+    return known.energy_mean + gain * (seen - known.energy_mean) + known.energy_sigmas * math.sqrt(unsure)
 
 
 @compiled

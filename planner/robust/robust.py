@@ -27,6 +27,7 @@ from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
+from skyway.planner.robust.required_soc_kernels import charged_ratio
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
 if TYPE_CHECKING:
@@ -134,10 +135,21 @@ class RobustSearch:
             There is no route even without margin.
         """
         candidates = self.finalists(self.candidates())
+        try:
+            return self._first_to_finish(candidates)
+        except NoRouteError:  # shorter flights may
+            found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+            self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
+            if not _flying(found):
+                raise
+            return self._first_to_finish([*sorted(_flying(found), key=_order), *candidates])
+
+    def _first_to_finish(self, candidates: list[Candidate]) -> RobustAnswer:
+        """Finish the first that can be: looked at closely, the drone may never leave, or run empty."""
         for number in range(len(candidates)):
             try:
                 return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
-            except NoRouteError:  # looked at closely, the drone never leaves or runs empty: the next one may
+            except NoRouteError:
                 if number == len(candidates) - 1:
                     raise
         raise AssertionError
@@ -241,18 +253,20 @@ class RobustSearch:
     ) -> None:
         """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
         best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
-        if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= self.parameters.long_wait * (
+        chance = self.parameters.chance_runs / self.parameters.screen_runs
+        if best.p_arrive > 1.0 - chance and best.mean_s - begin <= self.parameters.long_wait * (
             best.quantile_s(0.5) - begin
         ):
             return
+        self._add_composed(found, self._short_margin, allowed)
+
+    def _add_composed(
+        self, found: dict[tuple[tuple[int, ...], ...], Candidate], margin: float, allowed: NDArray[np.bool_]
+    ) -> None:
+        """Add the best route on average with a margin, on large networks the best in a few labels."""
         speeds, queues = self._mean_value
-        itinerary = self._compose(
-            speeds,
-            queues,
-            self.parameters.short_leg_margin,
-            allowed,
-            most_labels=self.parameters.short_leg_labels if self._large else math.inf,
-        )
+        labels = self.parameters.short_leg_labels if self._large else math.inf
+        itinerary = self._compose(speeds, queues, margin, allowed, most_labels=labels)
         if itinerary is not None:
             self._add(found, itinerary)
 
@@ -271,7 +285,7 @@ class RobustSearch:
         """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
         p = self.problem
         speeds, queues = self._mean_value
-        margins = self.parameters.margins[:1] if self._large else self.parameters.margins
+        margins = self._margins[:1] if self._large else self._margins
         found = 0
         for margin in margins:
             itinerary = self._compose(speeds, queues, margin, allowed)
@@ -282,15 +296,33 @@ class RobustSearch:
             bare = self._compose(speeds, queues, 0.0, allowed)
             if bare is None:
                 return
-            cautious = self._compose(speeds, queues, self.parameters.short_leg_margin, allowed)
+            cautious = self._compose(speeds, queues, self._short_margin, allowed)
             yield from (one for one in (cautious, bare) if one is not None)
         for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample)
-            itinerary = self._compose(self._speeds(alone), sampled, self.parameters.margins[0], allowed)
+            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed)
             if itinerary is not None:
                 yield itinerary
+
+    @cached_property
+    def _margins(self) -> tuple[float, ...]:
+        """Margins of each flight's energy that routes are composed with: for the wind, and for what is believed of the energy.
+
+        The first one is as before the first leg, the others as after it.
+        """
+        begin, *others = self.parameters.margins
+        return begin + self._charged_for(0), *(margin + self._charged_for(1) for margin in others)
+
+    @property
+    def _short_margin(self) -> float:
+        return self.parameters.short_leg_margin + self._charged_for(0)
+
+    def _charged_for(self, legs: int) -> float:
+        """Share of a flight's energy that is charged for what is not known of the drone, after some legs as expected."""
+        known = known_at(self.problem, self.errors, measured=True, epsilon=self.problem.epsilon)
+        return float(charged_ratio(known, known.energy_mean, legs)) - 1.0
 
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:

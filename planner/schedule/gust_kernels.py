@@ -49,8 +49,8 @@ class Disturbance(NamedTuple):
     ----------
     queue : ndarray of int, shape (runs,)
         Which of the sampled sets of queues.
-    energy : ndarray, shape (runs,)
-        Energy that this vehicle's flights take, as a multiple of the model's.
+    energy : ndarray, shape (runs, legs)
+        Energy that each leg takes, as a multiple of the model's; after the last one again from the first.
     gust_key : ndarray of uint64, shape (runs,)
         Of each run's gusts.
     gust_sd : float
@@ -68,7 +68,7 @@ class Disturbance(NamedTuple):
 
 def no_disturbance(runs: int) -> Disturbance:
     """No gusts, no error of energy, and a set of queues for each run."""
-    return Disturbance(np.arange(runs), np.ones(runs), np.zeros(runs, dtype=np.uint64), 0.0, 1.0)
+    return Disturbance(np.arange(runs), np.ones((runs, 1)), np.zeros(runs, dtype=np.uint64), 0.0, 1.0)
 
 
 @compiled_lean

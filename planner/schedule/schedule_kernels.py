@@ -125,6 +125,7 @@ def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
 def to_next_stop(
     disturbance: Disturbance,
     run: int,
+    ratio: float,
     air: SegmentWind,
     member: int,
     segments: NDArray[np.int64],
@@ -136,17 +137,17 @@ def to_next_stop(
 ) -> tuple[float, float, float]:
     """Fly a leg, and hover until there is a place to land: touch-down, when it came there, and the charge left.
 
-    With gusts and the energy of the run's vehicle, e: e (k + c T) for a flight of T seconds, e c a second of hovering; (c, k)
+    With gusts and the ratio of its energy to the model's, e: e (k + c T) for a flight of T seconds, e c a second of hovering; (c, k)
     is `cost`. `entry` is the queue path of the stop before; without sampled paths there is always a place.
     """
     come_s = gusty_land(
         air, member, segments, off_s, disturbance.gust_key[run], disturbance.gust_sd, disturbance.gust_time_s
     )
-    soc -= disturbance.energy[run] * (cost[1] + cost[0] * (come_s - off_s))
+    soc -= ratio * (cost[1] + cost[0] * (come_s - off_s))
     down_s = come_s  # a drone that hovers for a spot keeps its place in the queue
     if len(queues.offset) > 1:
         down_s = sampled_spot(queues, entry + 1, come_s)
-        soc -= disturbance.energy[run] * cost[0] * (down_s - come_s)
+        soc -= ratio * cost[0] * (down_s - come_s)
     return down_s, come_s, soc
 
 
@@ -164,7 +165,7 @@ def fly_under(
     """Fly an itinerary in several runs, through gusts and with errors of energy.
 
     For each leg, with s the charge on arrival, F the charging curve from empty, c and k what a second of flight and a
-    flight cost, and e the vehicle's energy as a multiple of the model's:
+    flight cost, and e the leg's energy as a multiple of the model's:
 
         ready    r = p + F^-1(charge_to) - F^-1(s), p the time it gets a pad; not before not_before
         take-off t = first opening of the wind from r on, with the charge F(F^-1(s) + t - p)
@@ -226,8 +227,9 @@ def fly_under(
             out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, 0.0
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, soc
             # Landing.
+            ratio = disturbance.energy[run, leg % disturbance.energy.shape[1]]
             now, joined, soc = to_next_stop(
-                disturbance, run, air, members[run], segments, off, soc, cost, queues, entry
+                disturbance, run, ratio, air, members[run], segments, off, soc, cost, queues, entry
             )
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
     return out

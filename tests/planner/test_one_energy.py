@@ -14,9 +14,9 @@ from worlds import make_request, make_wind, make_world
 from skyway.missions import FlightConditions, MissionOptions, check, family_named, leg_mission
 from skyway.missions.checks.weather import ForecastWind
 from skyway.models.base.errors import InfeasibleError
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.kernels import land
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.reach import Reach
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem

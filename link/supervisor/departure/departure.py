@@ -173,7 +173,7 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         mission=mission,
         commanded_mps=service.ground_speed_mps,
         planned_s=float(reach.expected(flown.time_s)),
-        planned_soc=ctx.battery.soc - float(reach.expected(flown.soc)) * ctx.energy.belief.factor,
+        planned_soc=ctx.battery.soc - float(reach.expected(flown.soc)) * ctx.energy.belief.mean_ratio,
         modelled=ModelledUse.by(reach),
         last=service.destination == ctx.job.request.destination,
     )

@@ -279,5 +279,5 @@ def _affords_doubt(ctx: Context) -> bool:
     leg = ctx.delivery.leg
     if leg is None or leg.modelled is None:
         return False
-    landing_soc = leg.modelled.per_s * ctx.energy.belief.factor * ctx.job.scenario.rules.descent_s
+    landing_soc = leg.modelled.per_s * ctx.energy.belief.mean_ratio * ctx.job.scenario.rules.descent_s
     return ctx.battery.soc > max(LANDING_SHARE * landing_soc, MIN_DOUBTED_SOC)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import EnergyLearnt
 from skyway.models.base.formatting import percent
-from skyway.planner.online.energy_belief import EnergyBelief
+from skyway.models.drones.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.link.supervisor.legs import Leg
 
+_FORMER_NAMES = {"factor": "mean_ratio", "sigma": "sd_between", "leg_sigma": "sd_within"}
+"""In journals of version 1 and before."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 
@@ -51,9 +53,12 @@ class EnergyLearning:
         if not (used > LEARN_SOC and expected > 0.0):
             return
         self.belief = self.belief.learnt(used, expected)
-        learnt = EnergyLearnt(used_soc=used, modelled_soc=expected, factor=self.belief.factor, sigma=self.belief.sigma)
+        learnt = EnergyLearnt(
+            used_soc=used, modelled_soc=expected, factor=self.belief.mean_ratio, sigma=self.belief.sd_between
+        )
         ctx.note(learnt, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}")
 
     def restore(self, belief: Mapping[str, float]) -> None:
         """Bring back what a journal says."""
-        self.belief = EnergyBelief(**belief)
+        told = {_FORMER_NAMES.get(name, name): value for name, value in belief.items()}
+        self.belief = replace(self.belief, **{name: told[name] for name in asdict(self.belief) if name in told})

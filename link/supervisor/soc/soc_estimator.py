@@ -62,7 +62,7 @@ class SocEstimator:
         leg, told = ctx.delivery.leg, self._reported
         flies = leg is not None and ctx.state in IN_AIR
         modelled = None if leg is None or not ctx.in_air else leg.modelled
-        rate = 0.0 if modelled is None else modelled.per_s * ctx.energy.belief.factor
+        rate = 0.0 if modelled is None else modelled.per_s * ctx.energy.belief.mean_ratio
         open_v = sample.voltage_v + sample.current_a * self._voltage.ohm
         was_contradicted = told.contradicted
         fell = told.hear(sample.time_s, sample.soc, open_v, rate, flies=ctx.in_air)

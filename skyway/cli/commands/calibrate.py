@@ -146,7 +146,7 @@ def calibrate_energy(
     ]
     fits: dict[ModelName, EnergyFit] = {name: fit_energy(records, name, base, density) for name in MODELS}
     chosen: ModelName = model if model != "best" else min(fits, key=lambda name: _rank(fits[name]))
-    written = calibrated(base, fits[chosen].model)
+    written = calibrated(base, fits[chosen])
     if output is not None:
         names = ", ".join(one_line(Path(record.name).name) for record in records)
         notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]

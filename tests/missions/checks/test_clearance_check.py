@@ -63,8 +63,8 @@ def test_uphill_it_climbs_before_it_leaves():
 def test_level_flight_is_clear_in_every_frame():
     assert sloped(60.0, [60.0, 60.0], -78.0)[0] == []
     assert sloped(60.0, [60.0, 60.0], 0.0)[0] == []
-    low = at(Command.NAV_WAYPOINT, 8.1, 30.0, Frame.GLOBAL_TERRAIN_ALT)
-    landing = at(Command.NAV_LAND, 8.1, -78.0)
+    low = at(Command.NAV_WAYPOINT, 8.08, 30.0, Frame.GLOBAL_TERRAIN_ALT)
+    landing = at(Command.NAV_LAND, 8.08, -78.0)
     assert not check(Mission((at(Command.NAV_TAKEOFF, 8.0, 60.0), low, landing), HOME)).findings
 
 

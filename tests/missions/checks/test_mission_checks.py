@@ -250,8 +250,8 @@ def test_rally_points_far_from_the_route_are_told_with_their_distance():
     [finding] = check(document).findings
     assert (finding.severity, finding.code) == ("warning", "rally-far")
     assert "rally point 1 is 17.1 km from here" in finding.message
-    long_way = (TAKEOFF, at(Command.NAV_WAYPOINT, 47.06), at(Command.NAV_LAND, 47.06, z=0.0))
-    aside = [RallyPoint(Point.of_degrees(47.06, 8.08), 60.0)]
+    long_way = (TAKEOFF, at(Command.NAV_WAYPOINT, 47.05), at(Command.NAV_LAND, 47.05, z=0.0))
+    aside = [RallyPoint(Point.of_degrees(47.05, 8.066), 60.0)]
     assert found(*long_way, rally=aside) == {("info", "rally-far", 1)}
 
 

@@ -63,7 +63,7 @@ def test_flights_with_one_mass_give_a_model_without_an_offset_and_a_single_fligh
 @pytest.mark.parametrize("name", ["endurance", "momentum"])
 def test_a_calibrated_drone_is_read_back_by_the_fleet_reader(tmp_path, name):
     fit = fit_energy(made(MomentumEnergy(), (3.7, 4.0, 4.3)), name, M100, 1.225)
-    drone = calibrated(M100, fit.model)
+    drone = calibrated(M100, fit)
     path = tmp_path / "drones.toml"
     path.write_text(drone_file(drone, ["fitted to three flights"]))
     (read,) = read_fleet(path)
@@ -71,6 +71,8 @@ def test_a_calibrated_drone_is_read_back_by_the_fleet_reader(tmp_path, name):
         for phase in ("climb", "cruise", "descent"):
             assert read.energy_model.power_w(mass, phase) == pytest.approx(fit.model.power_w(mass, phase))
     assert read.id == "m100"
+    assert read.energy_belief == fit.belief
+    assert read.energy_belief.leg_sd < 0.5 * M100.energy_belief.leg_sd
 
 
 def test_a_log_without_power_is_refused():

@@ -4,6 +4,7 @@ import pytest
 
 from skyway.models.base.errors import InputError
 from skyway.models.drones.drone import M200_V2
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.fleet import read_fleet
 from skyway.models.drones.power import MomentumEnergy
 
@@ -161,6 +162,13 @@ def test_a_fleet_of_another_schema_is_refused(tmp_path):
 def test_an_unknown_base_is_refused_with_those_there_are(tmp_path):
     (said,) = said_of(tmp_path, drone('base = "m300"'))
     assert said == "drones.toml: drone[0].base: is not known (got 'm300'); one of none, m200-v2"
+
+
+def test_what_is_believed_of_a_drones_energy_may_be_stated(tmp_path):
+    (one,) = fleet_of(tmp_path, drone("energy_belief = {sd_between = 0.02, mean_ratio = 1.05}"))
+    assert one.energy_belief == EnergyBelief(1.05, 0.02)
+    (said,) = said_of(tmp_path, drone("energy_belief = {sd_within = -0.1}"))
+    assert said.startswith("drones.toml: drone[0].energy_belief.sd_within: out of range")
 
 
 MOMENTUM = 'energy_model = "momentum"\n'

@@ -10,6 +10,7 @@ import pytest
 
 from skyway.models.base.errors import InputError
 from skyway.models.composition.composition import State
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.planner.evaluation.evaluate import (
     NO_ERRORS,
     Errors,
@@ -145,9 +146,10 @@ def plain_run(realizations, problem, itinerary, run):
     landings = []
     for number, leg in enumerate(itinerary):
         node = int(problem.network.tail[leg.segments[0]])
+        ratio = realizations.energy_ratio(problem.drone, run, max(number - 1, 0))
         if number:
             spot = float(queues[node].land_time(now))
-            soc -= realizations.energy[run] * problem.soc_per_s * (spot - now)
+            soc -= ratio * problem.soc_per_s * (spot - now)
             arrived, now = now, spot
             landings[-1] = (now, soc)
         pad = now
@@ -161,10 +163,11 @@ def plain_run(realizations, problem, itinerary, run):
         if charged:
             time, level = problem.curve(node)
             soc = float(np.interp(np.interp(soc, level, time) + off - pad, time, level))
-        disturbance = realizations.disturbance()
+        disturbance = realizations.disturbance(problem.drone)
         key = int(disturbance.gust_key[run])
         down = plain_land(air, member, leg.segments, off, key, disturbance.gust_sd, disturbance.gust_time_s)
-        soc -= realizations.energy[run] * (problem.soc_fixed + problem.soc_per_s * (down - off))
+        ratio = realizations.energy_ratio(problem.drone, run, number)
+        soc -= ratio * (problem.soc_fixed + problem.soc_per_s * (down - off))
         now = down
         landings.append((now, soc))
     return landings
@@ -217,10 +220,11 @@ def test_flight_waiting_and_recharge_add_up_to_the_delivery(realizations, planne
 def test_two_planners_meet_the_same_truths_and_a_seed_gives_them_again(newyork, request_, days, realizations):
     again = sample_realizations(newyork, replace(request_, recharge="full"), days, runs=60, seed=5)
     other = sample_realizations(newyork, request_, days, runs=60, seed=6)
-    assert np.array_equal(realizations.energy, again.energy)
+    drone = newyork.drone("m200")
+    assert np.array_equal(realizations.energy(drone), again.energy(drone))
     assert np.array_equal(realizations.gust_key, again.gust_key)
     assert realizations.queue_seed == again.queue_seed
-    assert not np.array_equal(realizations.energy, other.energy)
+    assert not np.array_equal(realizations.energy(drone), other.energy(drone))
     assert realizations.queue_seed != other.queue_seed
     problem = realizations.problem("m200")
     assert np.array_equal(
@@ -230,7 +234,8 @@ def test_two_planners_meet_the_same_truths_and_a_seed_gives_them_again(newyork, 
 
 def test_more_runs_begin_with_the_same_runs(newyork, request_, days, realizations):
     more = sample_realizations(newyork, request_, days, runs=120, seed=5)
-    assert np.array_equal(more.energy[:60], realizations.energy)
+    drone = newyork.drone("m200")
+    assert np.array_equal(more.energy(drone)[:60], realizations.energy(drone))
     assert np.array_equal(more.gust_key[:60], realizations.gust_key)
 
 
@@ -239,9 +244,16 @@ def test_the_truths_queues_are_not_those_the_planner_samples(realizations):
     assert abs(realizations.queue_seed - realizations.request.seed) > 1_000_000
 
 
-def test_errors_of_energy_stay_within_what_was_asked_for(realizations):
-    assert (np.abs(realizations.energy - 1.0) <= 0.05).all()
-    assert realizations.energy.std() > 0.02
+def test_the_energy_of_legs_is_drawn_from_what_is_believed_of_the_drone(newyork, request_, days):
+    runs = sample_realizations(newyork, request_, days, runs=1200, seed=5)
+    drone = newyork.drone("m200")
+    belief = EnergyBelief(1.05, 0.06, 0.02)
+    ratio = runs.energy(replace(drone, energy_belief=belief))
+    spread = math.sqrt(15.0 / 13.0)  # of Student's t distribution
+    assert ratio.mean() == pytest.approx(1.05, abs=0.006)
+    assert ratio.mean(axis=1).std() == pytest.approx(0.06 * spread, rel=0.1)
+    assert (ratio - ratio.mean(axis=1, keepdims=True)).std() == pytest.approx(0.02 * spread, rel=0.1)
+    assert (sample_realizations(newyork, request_, days, runs=6, errors=NO_ERRORS).energy(drone) == 1.0).all()
 
 
 def test_more_reserve_never_strands_more(newyork, request_, days):
@@ -283,8 +295,10 @@ def test_a_forecast_that_contains_the_truth_is_refused(newyork, request_, realiz
 
 def test_errors_out_of_range_and_truths_without_days_are_refused(newyork, request_, days):
     with pytest.raises(InputError, match="gust_sd: out of range") as caught:
-        Errors(gust_sd=2.0, energy=-1.0)
+        Errors(gust_sd=2.0, gust_time_s=0.0)
     assert len(caught.value.faults) == 2
+    with pytest.raises(InputError, match="sd_within: out of range"):
+        EnergyBelief(sd_within=-1.0)
     with pytest.raises(InputError, match="too few"):
         sample_realizations(newyork, request_, (), runs=5)
     with pytest.raises(InputError, match="too few"):

@@ -9,15 +9,15 @@ from worlds import on_level_ground
 
 from benchmarks.cases.loads import scaled_to
 from skyway.models.composition.composition import State
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.problem.error_model import NO_ERRORS, USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 
-KNOWN = EnergyBelief.evenly(0.005)
+KNOWN = EnergyBelief(1.0, 0.6 * 0.005, 0.0)
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
 
@@ -64,7 +64,7 @@ def test_a_vehicle_that_has_shown_what_it_takes_needs_that_and_little_more(nobod
     way = problem.network.first[problem.origin], problem.network.first[problem.origin] + 1
     segments = tuple(range(*way))
     known = {
-        energy: Hindsight(problem, USUAL_ERRORS, belief=EnergyBelief.evenly(0.005, energy)).need(
+        energy: Hindsight(problem, USUAL_ERRORS, belief=EnergyBelief(energy, 0.003 * energy, 0.0)).need(
             segments, problem.depart_s
         )
         for energy in (0.96, 1.04)
@@ -88,7 +88,7 @@ def test_over_a_station_it_lands_where_the_rest_is_too_far(nobody):
 
 def test_what_is_begun_keeps_the_need_of_its_sure_stretch(nobody):
     problem = problem_of(nobody, soc=0.35, wind_mps=9.0)
-    seen = Hindsight(problem, USUAL_ERRORS)
+    seen = Hindsight(problem, USUAL_ERRORS, belief=KNOWN)
     step = seen.choose()
     assert step.charge >= seen.need(step.segments[: step.sure], problem.depart_s) - 1e-9 or not step.segments
 

@@ -13,9 +13,9 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.composition.composition import State
 from skyway.models.drones.drag import DragModel
+from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.forecast import constant_wind
-from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.policy import OnlinePolicy
@@ -368,11 +368,11 @@ def test_on_the_ground_noise_does_not_change_the_next_station(policy, compositio
 def test_what_a_flight_took_is_learnt_and_the_next_one_is_not_quite_sure():
     belief = EnergyBelief()
     after = belief.learnt(0.36, 0.30)
-    assert belief.factor < after.factor < 1.2
-    assert after.sigma < belief.sigma
-    assert after.next_flight().sigma > after.sigma
+    assert belief.mean_ratio < after.mean_ratio < 1.2
+    assert after.sd_between < belief.sd_between
+    assert after.next_flight().sd_between > after.sd_between
     within = belief.in_flight(0.36, 0.30)
-    assert abs(within.factor - 1.2) < abs(after.factor - 1.2)
+    assert abs(within.mean_ratio - 1.2) < abs(after.mean_ratio - 1.2)
     assert belief.learnt(0.1, 0.0) == belief
 
 
@@ -415,7 +415,7 @@ def test_what_is_benchmarked_is_what_the_supervisor_consults(newyork, request_):
     evaluated = RollingRobust(start)
     assert type(evaluated.policy) is OnlinePolicy
     assert evaluated.policy.parameters == OnlineParameters()
-    info = replace(standing(wind(), EnergyBelief.evenly(0.05)), measured=True, watched=False)
+    info = replace(standing(wind(), newyork.drone("m200").energy_belief), soc_sd=0.0, measured=True, watched=False)
     ours = OnlinePolicy(newyork, request_).on_ground(info)
     theirs = evaluated.policy.on_ground(info)
     assert (ours.station, ours.charge_to, ours.departure.segments) == (
@@ -425,7 +425,7 @@ def test_what_is_benchmarked_is_what_the_supervisor_consults(newyork, request_):
 
 def test_a_leg_over_which_decisions_follow_is_begun_with_less_than_one_over_which_none_do(newyork, request_):
     policy = OnlinePolicy(newyork, request_)
-    info = standing(wind(7.0, 30.0), EnergyBelief.evenly(0.05), soc=0.3)
+    info = standing(wind(7.0, 30.0), EnergyBelief(1.0, 0.03, 0.0), soc=0.3)
     network = newyork.network
     begin = network.index["bellevue"]
     ways = range(network.first[begin], network.first[begin + 1])

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.models.composition.composition import State
+from skyway.models.drones.energy_belief import EXACT, EnergyBelief
 from skyway.models.flight.kernels import land, slot_end, slot_of
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.evaluation.evaluate import NO_ERRORS, Errors, fly_policy, sample_realizations, season_days
@@ -20,7 +21,7 @@ from skyway.planner.problem.request import Request
 from skyway.planner.robust.charge_policy import known_at
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
-GUSTY = Errors(energy=0.0)
+GUSTY = Errors(energy=EXACT)
 KEYS = np.random.default_rng(3).integers(0, 2**63, 3000).astype(np.uint64)
 
 
@@ -35,7 +36,7 @@ def turns_in(world, wind, errors=GUSTY, epsilon=1e-3, wind_mps=None, angle_deg=0
     request = Request(state=State(DEPART, origin), destination=end, payload_kg=0.8, drone="m200")
     problem = Problem(world, request, world.drone("m200"), wind)
     known = known_at(problem, errors, measured=True, epsilon=epsilon)._replace(measured=False)
-    return problem, TurnBacks(problem, known, errors.energy), segment
+    return problem, TurnBacks(problem, known, errors.energy_of(problem.drone)), segment
 
 
 def flown(problem, how, segment, charge, keys, off_s=None, member=0):
@@ -53,7 +54,7 @@ def usual_charge(problem, segment):
 
 
 def test_without_gusts_and_with_charge_enough_it_is_a_flight_as_any(newyork):
-    problem, turns, segment = turns_in(newyork, None, Errors(gust_sd=0.0, energy=0.0), wind_mps=6.0)
+    problem, turns, segment = turns_in(newyork, None, Errors(gust_sd=0.0, energy=EXACT), wind_mps=6.0)
     how = turns.over(segment)
     down, turned = out_or_back(problem.air, 0, segment, problem.depart_s, 1.0, 1.0, KEYS[0], how)
     assert not turned
@@ -61,7 +62,7 @@ def test_without_gusts_and_with_charge_enough_it_is_a_flight_as_any(newyork):
 
 
 def test_with_a_charge_that_is_not_enough_it_comes_back_with_the_reserve(newyork):
-    problem, turns, segment = turns_in(newyork, None, Errors(gust_sd=0.0, energy=0.0), wind_mps=6.0)
+    problem, turns, segment = turns_in(newyork, None, Errors(gust_sd=0.0, energy=EXACT), wind_mps=6.0)
     charge = usual_charge(problem, segment) - 0.05
     _, left, turned = flown(problem, turns.over(segment), segment, charge, KEYS[:1])
     assert turned.all()
@@ -101,7 +102,7 @@ def test_when_the_wind_changes_on_the_way_one_end_is_reached_whatever_follows(ne
     north, east = forecast.north.copy(), forecast.east.copy()
     north[:, : start + 1], east[:, : start + 1] = north[:1, : start + 1], east[:1, : start + 1]
     problem, turns, segment = turns_in(
-        newyork, replace(forecast, north=north, east=east), Errors(gust_sd=0.0, energy=0.0)
+        newyork, replace(forecast, north=north, east=east), Errors(gust_sd=0.0, energy=EXACT)
     )
     how = turns.over(segment)
     usual = usual_charge(problem, segment)
@@ -117,7 +118,7 @@ def test_when_the_wind_changes_on_the_way_one_end_is_reached_whatever_follows(ne
 
 
 def test_a_hungry_vehicle_keeps_the_reserve_too_as_far_as_it_was_believed_it_could_be(newyork):
-    errors = Errors(energy=0.05)
+    errors = Errors(energy=EnergyBelief(sd_between=0.025, sd_within=0.0))
     problem, turns, segment = turns_in(newyork, None, errors, epsilon=0.01, wind_mps=8.0)
     how = turns.over(segment)
     charge = usual_charge(problem, segment) + 0.03
@@ -210,7 +211,7 @@ def test_a_flight_that_turned_back_lands_where_it_took_off_and_the_delivery_goes
     realizations = sample_realizations(newyork, low, days, runs=1, errors=NO_ERRORS)
     problem = realizations.problem("m200")
     known = known_at(problem, NO_ERRORS, measured=True, epsilon=1e-3)
-    policy = GoesOnceTooSoon(segment, TurnBacks(problem, known, 0.0).over(segment))
+    policy = GoesOnceTooSoon(segment, TurnBacks(problem, known, EXACT).over(segment))
     flown_, done = fly_policy(realizations, "m200", policy)
     assert [leg.segments for leg in done[0]] == [(segment, policy.turn_back.back), (segment,)]
     assert flown_.delivered.all()

@@ -12,6 +12,7 @@ from worlds import on_level_ground
 
 from skyway.models.base.errors import InputError, NoRouteError
 from skyway.models.composition.composition import State
+from skyway.models.drones.energy_belief import EXACT
 from skyway.models.queues.sampling import no_queue, sample_path
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.departure import plan_within
@@ -99,9 +100,9 @@ def test_without_anything_unsure_a_flight_needs_what_it_takes(newyork):
 @given(gust=st.floats(0.05, 0.3), low=st.floats(1e-5, 0.05))
 def test_a_flight_needs_more_the_gustier_it_is_and_the_surer_one_wants_to_be(newyork, gust, low):
     problem, segments = single(newyork)
-    calm = known_at(problem, Errors(gust_sd=gust, energy=0.0), measured=True, epsilon=low)
-    wilder = known_at(problem, Errors(gust_sd=gust * 1.3, energy=0.0), measured=True, epsilon=low)
-    bolder = known_at(problem, Errors(gust_sd=gust, energy=0.0), measured=True, epsilon=low * 4.0)
+    calm = known_at(problem, Errors(gust_sd=gust, energy=EXACT), measured=True, epsilon=low)
+    wilder = known_at(problem, Errors(gust_sd=gust * 1.3, energy=EXACT), measured=True, epsilon=low)
+    bolder = known_at(problem, Errors(gust_sd=gust, energy=EXACT), measured=True, epsilon=low * 4.0)
     assert energy(bolder, problem, segments) < energy(calm, problem, segments) < energy(wilder, problem, segments)
 
 
@@ -121,14 +122,14 @@ def test_as_many_flights_through_gusts_need_more_as_was_said_whatever_the_course
     height = newyork.rules.cruise_height_m
     wind = constant_wind(wind_mps, from_deg, DEPART, HORIZON_H, 40.7, -74.0, height)
     problem = Problem(newyork, ask(), newyork.drone("m200"), wind)
-    errors = Errors(energy=0.0)
+    errors = Errors(energy=EXACT)
     epsilon = 0.01
     charged = energy(known_at(problem, errors, measured=True, epsilon=epsilon), problem, np.array([segment]))
     keys = np.random.default_rng(7).integers(0, 2**63, 4000).astype(np.uint64)
     air, off = problem.air, problem.depart_s
     down = [gusty_land(air, 0, np.array([segment]), off, key, errors.gust_sd, errors.gust_time_s) for key in keys]
     taken = problem.soc_fixed + problem.soc_per_s * (np.array(down) - off)
-    assert np.mean(taken > charged * 1.005) <= 1.4 * epsilon  # half a percent is kept of an error that is known
+    assert np.mean(taken > charged * 1.005) <= 1.4 * epsilon
     if angle_deg <= 90.0:
         assert np.mean(taken > charged) >= 0.2 * epsilon  # and no more is charged than that takes
 
@@ -161,7 +162,7 @@ def test_in_a_certain_wind_each_landing_is_at_the_reserve(newyork):
     assert charged.any()
     surplus = course[0, 1:, SOC_LANDING][charged] - problem.reserve
     assert (surplus >= -1e-9).all()
-    assert (surplus < 0.006).all()  # half a percent is kept of an error that is known
+    assert (surplus < 1e-6).all()
     assert (energy_ratio <= 1.0 + 1e-9).all()
 
 
