@@ -17,7 +17,7 @@ from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import LOOK_S, chance_full
-from skyway.planner.robust.required_soc_kernels import GRID_S, flight_energy
+from skyway.planner.robust.required_soc_kernels import GRID_S, charged_ratio, flight_energy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,12 +74,9 @@ def aloft(seen: Seen, problem: Problem) -> tuple[tuple[float, float], ...] | Non
     return tuple((factor * seen.reports[name][1], factor * seen.reports[name][2]) for name in names)
 
 
-def energy_shown(flights: tuple[Flown, ...], cost: tuple[float, float]) -> float:
-    """Energy that the last flight took as a multiple of the model's; NaN before the first."""
-    if not flights:
-        return math.nan
-    last = flights[-1]
-    return (last.told_off - last.told_down) / (cost[1] + cost[0] * (last.down_s - last.off_s))
+def energy_shown(flights: tuple[Flown, ...], cost: tuple[float, float]) -> tuple[float, ...]:
+    """Energy that each flight took as a multiple of the model's."""
+    return tuple((one.told_off - one.told_down) / (cost[1] + cost[0] * (one.down_s - one.off_s)) for one in flights)
 
 
 class Robust:
@@ -106,12 +103,12 @@ class Robust:
         segments = self.policy.itinerary[leg].segments
         known = self.policy.known
         shown = energy_shown(seen.flights, self.needs.cost)
-        error = known.energy_error if math.isnan(shown) else shown - 1.0 + known.learned_error
+        ratio = float(charged_ratio(known, float(np.mean(shown)) if shown else 0.0, len(shown)))
         landing = float(self.policy.landing[leg])
 
         def required(time_s: float) -> float:
             base = self.needs.energy(segments, time_s, wind)
-            return landing + (1.0 + error) * (1.0 + known.margin) * base
+            return landing + ratio * (1.0 + known.margin) * base
 
         edge = GRID_S * (math.floor(seen.time_s / GRID_S) + 1)
         wanted = required(seen.time_s)
@@ -147,6 +144,7 @@ class Online:
         self.policy = RollingRobust(self.start)
         known = known_at(self.start, USUAL_ERRORS, measured=True, epsilon=0.25 * self.start.epsilon)
         self.needs = Needs(self.start, known)
+        self.careful = float(charged_ratio(known, 0.0, 0))
 
     def leave(self, seen: Seen) -> Leave | None:
         """Ask the product as it would be asked in its own evaluation."""
@@ -161,7 +159,7 @@ class Online:
         reserve = self.start.reserve
 
         def careful(time_s: float) -> float:
-            return reserve + (1.0 + USUAL_ERRORS.energy) * self.needs.energy(answer.segments, time_s, wind)
+            return reserve + self.careful * self.needs.energy(answer.segments, time_s, wind)
 
         return Leave(answer.segments, answer.charge, careful, min(answer.look_s, seen.time_s + 2.0 * WAIT_S))
 

@@ -8,7 +8,7 @@ checks judge with it, and flights start from it and learn a, not b:
 
 Both parts have Student's t distribution, for their standard deviations come from few flights.
 
-Fitted to data by `python -m benchmarks.energy_error`, which prints every number below.
+Fitted to data by `python -m benchmarks.tables.energy_error`, which prints every number below.
 """
 
 from __future__ import annotations

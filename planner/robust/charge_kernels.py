@@ -88,8 +88,8 @@ def _leave(
     """Find when the drone leaves a stop by the rule: (pad or landing, ready, take-off, charge, need, held for room).
 
     From when it is ready to the take-off it holds: for room at the next station so many seconds, else for wind that it
-    may fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave. Times are
-    POSIX seconds, `need` is E as SoC.
+    may fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave; it was then held
+    for room, above 0, or not. Times are POSIX seconds, `need` is E as SoC.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def _leave(
             break
         else:
             at = edge
-    return stop.now_s, ready, NEVER, stop.soc, 0.0, 0.0
+    return stop.now_s, ready, NEVER, stop.soc, 0.0, for_room
 
 
 @compiled
@@ -240,9 +240,10 @@ def fly_by_required_soc(
                 (room, leg, queues, there, entry + 1),
                 tables[member[run], leg],
             )
+            out[run, leg, ROOM] = for_room
             if off == NEVER:
                 break
-            out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, for_room
+            out[run, leg, PAD], out[run, leg, READY] = pad, ready
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, level
             # The flight, in the true wind, with gusts and the vehicle's own energy, and hovering until there is a place.
             ratio = disturbance.energy[run, leg % disturbance.energy.shape[1]]

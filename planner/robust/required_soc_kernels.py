@@ -104,6 +104,8 @@ def charged_ratio(known: Known, seen: float, legs: int) -> float:
     With the mean m and the variances v (persists) and w (fresh), K = v / (v + w / legs), 0 before the first leg:
 
         m + K (seen - m) + sigmas sqrt((1 - K) v + w)
+
+    Takes any finite ratio, and no legs or more.
     """
     gain = 0.0
     if legs > 0 and known.energy_between > 0.0:

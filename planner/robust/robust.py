@@ -29,6 +29,7 @@ from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
 from skyway.planner.robust.required_soc_kernels import charged_ratio
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
+from skyway.planner.schedule.schedule_kernels import ROOM, TAKE_OFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -378,7 +379,7 @@ class RobustSearch:
         policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
         found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
         for most_full in self.parameters.fuller:
-            if found.outcome.p_arrive >= self.parameters.min_arrival:
+            if found.outcome.p_arrive >= self.parameters.min_arrival or not _waits_for_room(found.out_of_sample):
                 break
             policy = replace(policy, most_full=most_full)
             again = policy.simulate(self.errors, runs, max_realizations=realizations, before=found.out_of_sample)
@@ -396,6 +397,12 @@ class RobustSearch:
 def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
     """Those that arrive in any realization."""
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]
+
+
+def _waits_for_room(out_of_sample: OutOfSample) -> bool:
+    """Whether room at the next station holds any run that never leaves; most of them are held by their charge alone."""
+    held_s = out_of_sample.schedule[:, :, ROOM][np.isinf(out_of_sample.schedule[:, :, TAKE_OFF])]
+    return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
 
 
 def _order(one: Candidate) -> tuple[float, ...]:

@@ -89,7 +89,7 @@ def test_beliefs_out_of_range_are_refused_by_name(wrong):
 
 
 def test_the_defaults_are_what_the_flights_say(shared_data):
-    from benchmarks.energy_error import fit, flights
+    from benchmarks.tables.energy_error import fit, flights
 
     folder = shared_data / "power"
     if not folder.exists():

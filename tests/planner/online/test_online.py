@@ -295,7 +295,7 @@ def test_where_its_cost_is_known_another_airspeed_saves_what_is_lacking(newyork,
     way = reach.way(alone.here, (), "yankee-stadium")
     slow, fast = (float(reach.at_airspeed(v).to_the_end(way, alone.time_s).soc[0]) for v in (20.0, 22.0))
     assert fast < slow - 0.01  # against the wind the faster drone is sooner there than it takes more
-    unsure = np.hypot(sure.sigma, loaded.parameters.wind_spread)
+    unsure = np.hypot(sure.sd_between, loaded.parameters.wind_spread)
     decision = loaded.in_air(replace(alone, soc=0.2 + (1.0 + 2.4 * unsure) * fast))  # 2.33 is 1 %
     assert decision.action == "speed", decision
     assert decision.figures["airspeed_mps"] == pytest.approx(22.0)
@@ -415,7 +415,7 @@ def test_what_is_benchmarked_is_what_the_supervisor_consults(newyork, request_):
     evaluated = RollingRobust(start)
     assert type(evaluated.policy) is OnlinePolicy
     assert evaluated.policy.parameters == OnlineParameters()
-    info = replace(standing(wind(), newyork.drone("m200").energy_belief), soc_sd=0.0, measured=True, watched=False)
+    info = replace(standing(wind(), newyork.drone("m200").energy_belief), measured=True, watched=False)
     ours = OnlinePolicy(newyork, request_).on_ground(info)
     theirs = evaluated.policy.on_ground(info)
     assert (ours.station, ours.charge_to, ours.departure.segments) == (

@@ -164,7 +164,7 @@ def test_realizations_name_days_and_queues_that_are_there(policy):
     runs = {
         "day": np.array([0, 2]),
         "queue": np.array([0, 1]),
-        "energy": np.ones(2),
+        "vehicle_key": np.zeros(2, dtype=np.uint64),
         "gust_key": np.zeros(2, dtype=np.uint64),
     }
     days = (1, 2, 3)
@@ -180,7 +180,7 @@ def test_realizations_name_days_and_queues_that_are_there(policy):
     for wrong in (
         {"day": np.array([0, 3])},
         {"queue": np.array([0, -1])},
-        {"energy": np.ones(3)},
+        {"vehicle_key": np.zeros(3, dtype=np.uint64)},
         {"day": np.array([-1, 0])},
     ):
         with pytest.raises(InputError):

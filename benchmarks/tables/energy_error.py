@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench_gap import DRONE, requests
-from benchmarks.networks import new_york
+from benchmarks.cases.networks import new_york
+from benchmarks.planners.bench_gap import DRONE, requests
 from skyway.link.logs.reader import open_log
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.base.units import J_PER_WH, S_PER_MIN
@@ -28,8 +28,8 @@ from skyway.models.calibration.energy import VERTICAL_MPS, PowerRecord, fit_ener
 from skyway.models.drones.airspeed_load import AirspeedLoad
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.drone import M200_V2
-from skyway.models.drones.energy import EnduranceEnergy
 from skyway.models.drones.energy_belief import EnergyBelief
+from skyway.models.drones.power import EnduranceEnergy
 from skyway.models.wind.triangle import along_across, ground_speed
 from skyway.planner.evaluation.evaluate import fly_charging, held_out_forecast, sample_realizations, season_days
 from skyway.planner.evaluation.realizations import LEGS
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.telemetry import TelemetryTrack
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "power"
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "power"
 EMPTY_KG = 3.68
 """Mass of the Matrice 100 of these flights, with battery and recorders (Rodrigues et al. 2021)."""
 M100 = replace(M200_V2, id="m100", mass_kg=EMPTY_KG, max_payload_kg=1.0)
@@ -176,7 +176,7 @@ def _mean_w(time_s: NDArray[np.float64], power: NDArray[np.float64]) -> float:
 def fit(found: Sequence[FlightRatios]) -> Fitted:
     """Standard deviations of the parts: legs about their flight, halves about their leg, flights, and aircraft."""
     about = np.concatenate(
-        [[one.ratio for one in flight.legs] - np.mean([one.ratio for one in flight.legs]) for flight in found]
+        [np.array([one.ratio for one in flight.legs]) - np.mean([one.ratio for one in flight.legs]) for flight in found]
     )
     legs = [one for flight in found for one in flight.legs]
     halves = np.array([one.halves[0] - one.halves[1] for one in legs if one.time_s > LEAST_HALVED_S])
@@ -219,7 +219,7 @@ def airspeed_leg_sd(departures: int = 60, legs: int = 5) -> float:
     return math.sqrt(float(np.mean(variance)))
 
 
-def held_out(found: Sequence[FlightRatios]) -> list[tuple[float, float, float, float]]:
+def held_out(found: Sequence[FlightRatios]) -> list[tuple[float, float, float, int]]:
     """How many legs stay within a quantile: (quantile, before, after, of how many), the belief fitted without their flight.
 
     Before: evenly within 5 %. Legs count as their ratio by the model fitted to the other flights.
@@ -245,7 +245,7 @@ def drawn(found: Sequence[FlightRatios], *, calibrated: bool, runs: int, seed: i
     """
     rng = np.random.default_rng(seed)
     about = np.concatenate(
-        [[leg.ratio for leg in flight.legs] - np.mean([leg.ratio for leg in flight.legs]) for flight in found]
+        [np.array([leg.ratio for leg in flight.legs]) - np.mean([leg.ratio for leg in flight.legs]) for flight in found]
     )
     legs = rng.choice(about, (runs, LEGS))
     if calibrated:
@@ -302,15 +302,14 @@ def deliveries(
         else:
             for name, values in told.items():
                 rows[name].append(values)
-    return [
-        Delivered(
-            name,
-            len(found_),
-            *np.mean([one[:5] for one in found_], axis=0).tolist(),
-            float(np.median([one[5] for one in found_])),
-        )
-        for name, found_ in rows.items()
-    ]
+    return [_delivered(name, found_) for name, found_ in rows.items()]
+
+
+def _delivered(name: str, rows: Sequence[tuple[float, ...]]) -> Delivered:
+    """Means over requests, and the median planning time."""
+    promised_s, delivery_s, p_reserve, below_reserve, delivered, _ = np.mean(rows, axis=0).tolist()
+    planning_s = float(np.median([one[5] for one in rows]))
+    return Delivered(name, len(rows), promised_s, delivery_s, p_reserve, below_reserve, delivered, planning_s)
 
 
 def main() -> int:
