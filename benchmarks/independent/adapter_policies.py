@@ -17,7 +17,7 @@ from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import LOOK_S, chance_full
-from skyway.planner.robust.required_soc_kernels import GRID_S, charged_ratio, flight_energy
+from skyway.planner.robust.required_soc_kernels import GRID_S, energy_belief_after, flight_energy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,20 +37,24 @@ class Needs:
         self.cost = float(problem.soc_per_s), float(problem.soc_fixed)
         self._found: dict[tuple[object, ...], float] = {}
 
-    def energy(self, segments: tuple[int, ...], time_s: float, wind: tuple[tuple[float, float], ...]) -> float:
+    def energy(
+        self, segments: tuple[int, ...], time_s: float, wind: tuple[tuple[float, float], ...], deviation: float
+    ) -> float:
         """Charge that a flight taking off about a time exceeds with the chance epsilon only; as `charge_kernels.energy_about`."""
         air = self.problem.air
         begin = air.start_s + GRID_S * math.floor((time_s - air.start_s) / GRID_S)
         slot_end = air.start_s + air.slot_s * (math.floor((begin - air.start_s) / air.slot_s) + 1)
         end = begin + GRID_S if begin + GRID_S < slot_end else slot_end - 1.0
-        return max(self._at(segments, begin, wind), self._at(segments, end, wind))
+        return max(self._at(segments, begin, wind, deviation), self._at(segments, end, wind, deviation))
 
-    def _at(self, segments: tuple[int, ...], time_s: float, wind: tuple[tuple[float, float], ...]) -> float:
-        key = (segments, time_s, wind)
+    def _at(
+        self, segments: tuple[int, ...], time_s: float, wind: tuple[tuple[float, float], ...], deviation: float
+    ) -> float:
+        key = (segments, time_s, wind, deviation)
         if key not in self._found:
             north, east = (np.array(part) for part in zip(*wind, strict=True))
             self._found[key] = flight_energy(
-                self.known, 0, np.array(segments, dtype=np.int64), time_s, north, east, self.cost
+                self.known, 0, np.array(segments, dtype=np.int64), time_s, north, east, self.cost, deviation
             )[0]
         return self._found[key]
 
@@ -103,11 +107,11 @@ class Robust:
         segments = self.policy.itinerary[leg].segments
         known = self.policy.known
         shown = energy_shown(seen.flights, self.needs.cost)
-        ratio = float(charged_ratio(known, float(np.mean(shown)) if shown else 0.0, len(shown)))
+        ratio, deviation = energy_belief_after(known, float(np.mean(shown)) if shown else 0.0, len(shown))
         landing = float(self.policy.landing[leg])
 
         def required(time_s: float) -> float:
-            base = self.needs.energy(segments, time_s, wind)
+            base = self.needs.energy(segments, time_s, wind, deviation)
             return landing + ratio * (1.0 + known.margin) * base
 
         edge = GRID_S * (math.floor(seen.time_s / GRID_S) + 1)
@@ -115,7 +119,7 @@ class Robust:
         if seen.told >= wanted - 1e-9:
             if not self.needs.open(segments, seen.time_s, wind):
                 return Leave((), look_s=edge)
-            if not self._roomy(leg, seen, self.needs.energy(segments, seen.time_s, wind)):
+            if not self._roomy(leg, seen, self.needs.energy(segments, seen.time_s, wind, deviation)):
                 return Leave((), look_s=seen.time_s + LOOK_S)
         return Leave(segments, 0.0, required, edge if wanted > 1.0 else math.inf)
 
@@ -144,7 +148,6 @@ class Online:
         self.policy = RollingRobust(self.start)
         known = known_at(self.start, USUAL_ERRORS, measured=True, epsilon=0.25 * self.start.epsilon)
         self.needs = Needs(self.start, known)
-        self.careful = float(charged_ratio(known, 0.0, 0))
 
     def leave(self, seen: Seen) -> Leave | None:
         """Ask the product as it would be asked in its own evaluation."""
@@ -157,9 +160,10 @@ class Online:
         if answer.turn_back is None:
             return Leave(answer.segments, answer.charge, answer.required, answer.look_s)
         reserve = self.start.reserve
+        mean, deviation = energy_belief_after(self.needs.known, 0.0, 0)
 
         def careful(time_s: float) -> float:
-            return reserve + self.careful * self.needs.energy(answer.segments, time_s, wind)
+            return reserve + mean * self.needs.energy(answer.segments, time_s, wind, deviation)
 
         return Leave(answer.segments, answer.charge, careful, min(answer.look_s, seen.time_s + 2.0 * WAIT_S))
 

@@ -33,7 +33,6 @@ from skyway.models.drones.power import EnduranceEnergy
 from skyway.models.wind.triangle import along_across, ground_speed
 from skyway.planner.evaluation.evaluate import fly_charging, held_out_forecast, sample_realizations, season_days
 from skyway.planner.evaluation.realizations import LEGS
-from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
 from skyway.planner.registry import ROBUST
 
@@ -59,8 +58,8 @@ MOVING_MPS, TURN_RAD, LEAST_LEG_S, GAP_S = 1.5, 0.35, 8.0, 4.0
 """A straight leg: faster than this over the ground, its course within this of its median, so long, and without longer gaps."""
 LEAST_HALVED_S = 15.0
 """Halves of shorter legs are mostly gaining speed and braking."""
-BEFORE, BEFORE_SHARE = EnergyBelief(sd_between=0.029, sd_within=0.0029), 53.0
-"""What plans counted on before: evenly within 5 %, charged for as 5 %, and known to half a percent after the first leg."""
+BEFORE = EnergyBelief(sd_between=0.029, sd_within=0.0029)
+"""What plans counted on before: as wide as evenly within 5 %, and known to half a percent after the first leg."""
 SEED = 11
 QUANTILES = (0.9, 0.95, 0.99, 0.999)
 
@@ -104,6 +103,7 @@ class Fitted:
     flight_sd: float
     leg_sd: float
     part_sd: float
+    published_mean: float
     published_sd: float
     published_leg_sd: float
     airspeed_sd: float
@@ -189,7 +189,8 @@ def fit(found: Sequence[FlightRatios]) -> Fitted:
         flight_sd=math.sqrt(float(((whole - 1.0) ** 2).mean())),
         leg_sd=leg_sd,
         part_sd=math.sqrt(float((halves**2).mean()) / 2.0),
-        published_sd=(fast - slow) / math.sqrt(12.0),
+        published_mean=0.5 * (slow + fast),
+        published_sd=0.5 * (fast - slow) / EnergyBelief().sigmas(0.99),
         published_leg_sd=math.hypot(leg_sd, airspeed_leg_sd()),
         airspeed_sd=math.sqrt(float(((loaded - 1.0) ** 2).mean())),
         flights=len(found),
@@ -272,23 +273,20 @@ def deliveries(
     found: Sequence[FlightRatios], count: int, *, calibrated: bool, days: int = 6, runs: int = 600
 ) -> list[Delivered]:
     """Plan random requests with the belief before and after, and fly them on held-out days with bootstrapped energy."""
-    world, usual = new_york(), PlannerParameters()
+    world = new_york()
     after = EnergyBelief.calibrated([one.whole - 1.0 for one in found]) if calibrated else EnergyBelief()
-    beliefs = {"before": (BEFORE, BEFORE_SHARE), "after": (after, usual.robust.energy_share)}
+    beliefs = {"before": BEFORE, "after": after}
     rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in beliefs}
     for number, request in enumerate(requests(world, count, SEED)):
         away = season_days(world, request, days, seed=SEED + number)
         forecast = held_out_forecast(world, request, away)
         ratios = drawn(found, calibrated=calibrated, runs=runs, seed=number)
         told = {}
-        for name, (belief, share) in beliefs.items():
+        for name, belief in beliefs.items():
             drones = tuple(replace(one, energy_belief=belief) if one.id == DRONE else one for one in world.drones)
-            parameters = replace(usual, robust=replace(usual.robust, energy_share=share))
             started = time.process_time()
             try:
-                result = plan(
-                    replace(world, drones=drones), request, planner=ROBUST, forecast=forecast, parameters=parameters
-                )
+                result = plan(replace(world, drones=drones), request, planner=ROBUST, forecast=forecast)
             except InfeasibleError:
                 break
             seconds = time.process_time() - started

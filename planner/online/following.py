@@ -15,7 +15,7 @@ from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.queues.sampling import no_queue
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.online.futures import draw_futures, flight_in
-from skyway.planner.online.turn_back import ENERGY_SIGMAS, TurnBacks
+from skyway.planner.online.turn_back import TurnBacks
 from skyway.planner.problem.flight_table import table_land
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import likely_free
@@ -126,8 +126,9 @@ class Following:
         p = self.problem
         cost = float(p.soc_per_s), float(p.soc_fixed)
         still = np.zeros(p.air.north.shape[2])
-        energy, _ = flight_energy(self._known, 0, np.asarray(segments, dtype=np.int64), time_s, still, still, cost)
-        return p.reserve + (1.0 if self._watched else 1.0 + ENERGY_SIGMAS * self._relative.sd_between) * energy
+        way, deviation = np.asarray(segments, dtype=np.int64), 0.0 if self._watched else self._relative.sd_between
+        energy, _ = flight_energy(self._known, 0, way, time_s, still, still, cost, deviation)
+        return p.reserve + energy
 
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:

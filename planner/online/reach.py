@@ -224,7 +224,9 @@ class Reach:
 
         sigma = math.hypot(self.belief.sd_between, self._wind_spread * self.belief.mean_ratio)
         spread = np.maximum(np.hypot(cost * sigma, self._soc_sd), 1e-9)
-        return np.asarray(ndtr(self.belief.normal_deviate((cost * self.belief.mean_ratio - (soc - floor_soc)) / spread)))
+        return np.asarray(
+            ndtr(self.belief.normal_deviate((cost * self.belief.mean_ratio - (soc - floor_soc)) / spread))
+        )
 
     def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean over the members of something of shape (members, …)."""

@@ -103,12 +103,6 @@ class RobustParameters(Parameters):
     steady_sigmas: float = parameter(
         3.0, "deviations of what is unsure at which the time that it costs is worked out, linear in between", 0.1, 10
     )
-    energy_share: float = parameter(
-        2.0,
-        "multiple of epsilon with which a leg may take more energy than is believed of the drone, before the margin is calibrated",
-        0.001,
-        1000,
-    )
     busy_hours: int = parameter(
         10, "hours ahead in which the busiest one decides how full a station may be", 1, 168, unit="h"
     )

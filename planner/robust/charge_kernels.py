@@ -19,7 +19,7 @@ import numpy as np
 from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look, others_at
-from skyway.planner.robust.required_soc_kernels import charged_ratio, energy_about, next_change
+from skyway.planner.robust.required_soc_kernels import energy_about, energy_belief_after, next_change
 from skyway.planner.schedule.profile_kernels import interpolate
 from skyway.planner.schedule.schedule_kernels import (
     COLUMNS,
@@ -57,8 +57,8 @@ class Stop(NamedTuple):
         When it can have a pad; infinite where there is none.
     landing : float
         Least charge at the end of the flight.
-    ratio : float
-        Multiple of the model's energy that the flight may take.
+    ratio, deviation : float
+        Multiple of the model's energy to expect of the flight; see `planner.robust.required_soc_kernels.energy_belief_after`.
     at_once, first : bool
         It cannot stay; it is where the delivery begins.
     """
@@ -68,6 +68,7 @@ class Stop(NamedTuple):
     pad_s: float
     landing: float
     ratio: float
+    deviation: float
     at_once: bool
     first: bool
 
@@ -111,7 +112,7 @@ def _leave(
     charging = False
     for _ in range(_CHANGES):
         # What the flight may need by what is known now, and the charge wanted with error and margin.
-        base = energy_about(known, row, truth, member, segments, at, cost, table)
+        base = energy_about(known, row, truth, member, segments, at, cost, stop.deviation, table)
         wanted = stop.landing + stop.ratio * (1.0 + known.margin) * base
         if known.full and not stop.first:
             wanted = max(wanted, curve_soc[-1])
@@ -176,7 +177,7 @@ def fly_by_required_soc(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of legs in several runs, charging by what is known at each stop.
 
-    The energy of each leg is measured; that of the next ones is judged by it (`charged_ratio`). O(runs x legs), apart from needs
+    The energy of each leg is measured; that of the next ones is judged by it (`energy_belief_after`). O(runs x legs), apart from needs
     that no table has yet.
 
     Takes members, rows and sets of queues that are there, and a segment or more for each leg;
@@ -225,8 +226,8 @@ def fly_by_required_soc(
             if legs.has_pads[leg]:
                 pad = max(now, sampled_pad(queues, entry, joined))
             first = leg == 0
-            expected = charged_ratio(known, seen / max(leg, 1), leg)
-            stop = Stop(now, soc, pad, landing[leg], expected, at_once and first, first)
+            expected, deviation = energy_belief_after(known, seen / max(leg, 1), leg)
+            stop = Stop(now, soc, pad, landing[leg], expected, deviation, at_once and first, first)
             curve = legs.curve_s[leg], legs.curve_soc[leg]
             pad, ready, off, level, base, for_room = _leave(
                 known,

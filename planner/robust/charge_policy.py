@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +29,7 @@ from skyway.planner.robust.out_of_sample import (
     queue_sets,
     simulated_realizations,
 )
-from skyway.planner.robust.required_soc_kernels import Known, charged_ratio, required_soc_tables
+from skyway.planner.robust.required_soc_kernels import Known, energy_belief_after, required_soc_tables
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.typical import Typical
+
+NEARLY_ALL = 0.98
+"""Share of the winds, and of the energy in each, that the way on from a target without pads is kept charge for."""
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
@@ -69,7 +73,6 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         energy_mean=energy.mean_ratio,
         energy_between=energy.sd_between**2,
         energy_within=energy.sd_within**2,
-        energy_sigmas=energy.sigmas(1.0 - min(parameters.energy_share * problem.epsilon, 0.5)),
         epsilon=epsilon,
         margin=0.0,
         full=problem.request.recharge == "full",
@@ -120,7 +123,9 @@ class ChargePolicy:
         finite = np.isfinite(costs).all(axis=1)
         if not finite.any():
             return 1.0
-        return float(np.quantile(costs[finite].max(axis=1), 0.98)) * charged_ratio(self.known, 0.0, 0)
+        mean, deviation = energy_belief_after(self.known, 0.0, 0)
+        worst = float(np.quantile(costs[finite].max(axis=1), NEARLY_ALL))
+        return worst * mean * (1.0 + NormalDist().inv_cdf(NEARLY_ALL) * deviation)
 
     def fly(
         self,
@@ -235,7 +240,7 @@ class ChargePolicy:
         slots = self.problem.air.north.shape[1]
         bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]
         least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
-        required = self.landing[leg] + charged_ratio(self.known, 0.0, 0) * (1.0 + self.known.margin) * least
+        required = self.landing[leg] + self.known.energy_mean * (1.0 + self.known.margin) * least
         return never_leaves(self.problem, self.itinerary, leg, required)
 
     def with_charges(self, schedule: NDArray[np.float64]) -> ChargePolicy:

@@ -6,9 +6,11 @@ and shifted by its own residual, which fades with the time h since then, smoothe
     r_m    = measured - w_m,     wind of member m later: w_m + r_m exp(-h / tau)     (`residuals`)
     p_m    ~ share_m exp(-|r_m|^2 / (2 sigma^2))                                     (`chances`)
     time of a flight in member m ~ Normal(T_m, D_m^2), D_m from gusts and smoothing  (`slow_land`)
-    energy E: sum of p_m P(k + c time_m > E) = epsilon sum of p_m                    (`flight_energy`)
+    energy of it ~ Normal(E_m, (c D_m)^2 + (d E_m)^2),  E_m = k + c T_m              (`flight_energy`)
+    energy E: sum of p_m P(energy of it > E) = epsilon sum of p_m
 
-with w_m the wind of member m, c the SoC that a second of flight takes and k what a flight takes beyond that.
+with w_m the wind of member m, c the SoC that a second of flight takes, k what a flight takes beyond that, and d the
+standard deviation of the ratio of a flight's energy to the model's (`energy_belief_after`).
 """
 
 from __future__ import annotations
@@ -66,8 +68,6 @@ class Known(NamedTuple):
     energy_mean, energy_between, energy_within : float
         What is believed of the ratio of measured to modelled energy before the first leg: mean, and variances of the part that
         persists and of that which is fresh on each leg (`models.drones.energy_belief`).
-    energy_sigmas : float
-        So many standard deviations of it more are counted in.
     epsilon : float
         Share of flights that may need more than is charged for.
     margin : float
@@ -89,7 +89,6 @@ class Known(NamedTuple):
     energy_mean: float
     energy_between: float
     energy_within: float
-    energy_sigmas: float
     epsilon: float
     margin: float
     full: bool
@@ -98,12 +97,13 @@ class Known(NamedTuple):
 
 
 @compiled_lean
-def charged_ratio(known: Known, seen: float, legs: int) -> float:
-    """Ratio of energy to the model's that the next leg is charged for, after `legs` legs with the mean ratio `seen`.
+def energy_belief_after(known: Known, seen: float, legs: int) -> tuple[float, float]:
+    """Ratio of energy to the model's to expect of the next leg, after `legs` legs with the mean ratio `seen`.
 
-    With the mean m and the variances v (persists) and w (fresh), K = v / (v + w / legs), 0 before the first leg:
+    Returns the mean, and the standard deviation as a share of the mean before the first leg. With that mean m and the variances
+    v (persists) and w (fresh), K = v / (v + w / legs), 0 before the first leg:
 
-        m + K (seen - m) + sigmas sqrt((1 - K) v + w)
+        m + K (seen - m),     sqrt((1 - K) v + w) / m
 
     Takes any finite ratio, and no legs or more.
     """
@@ -111,7 +111,7 @@ def charged_ratio(known: Known, seen: float, legs: int) -> float:
     if legs > 0 and known.energy_between > 0.0:
         gain = known.energy_between / (known.energy_between + known.energy_within / legs)
     unsure = (1.0 - gain) * known.energy_between + known.energy_within
-    return known.energy_mean + gain * (seen - known.energy_mean) + known.energy_sigmas * math.sqrt(unsure)
+    return known.energy_mean + gain * (seen - known.energy_mean), math.sqrt(unsure) / known.energy_mean
 
 
 @compiled
@@ -308,6 +308,7 @@ def flight_energy(
     wind_north: NDArray[np.float64],
     wind_east: NDArray[np.float64],
     cost: tuple[float, float],
+    deviation: float,
 ) -> tuple[float, float]:
     """Energy, as SoC, that a flight taking off at `time_s` exceeds with the probability epsilon only.
 
@@ -328,6 +329,8 @@ def flight_energy(
         Flown in order.
     cost : (c, k)
         SoC of a second of flight, and of a flight beyond that.
+    deviation : float
+        Standard deviation of a flight's energy as a share of the model's.
     """
     air = known.air
     first = slot_of(air, time_s)
@@ -376,7 +379,7 @@ def flight_energy(
         slow = slow_land(known, seen, 0, segments, time_s, gust_mean(known, flight)) - down
         longest = max(longest, flight, flight + slow)
         energy[flying] = cost[1] + cost[0] * flight
-        spread[flying] = max(cost[0] * slow / known.steady_sigmas, 1e-9)
+        spread[flying] = max(math.hypot(cost[0] * slow / known.steady_sigmas, deviation * energy[flying]), 1e-9)
         share[flying] = chance[m]
         total += chance[m]
         if energy[flying] < energy[mildest]:
@@ -404,6 +407,7 @@ def energy_about(
     segments: NDArray[np.int64],
     time_s: float,
     cost: tuple[float, float],
+    deviation: float,
     table: NDArray[np.float64],
 ) -> float:
     """Look up, or work out and keep, what a flight may need that takes off about a time, as SoC.
@@ -412,7 +416,7 @@ def energy_about(
 
     Parameters
     ----------
-    known, row, segments, cost
+    known, row, segments, cost, deviation
         As of `flight_energy`.
     truth, member : SegmentWind, int
         The wind that is measured.
@@ -421,8 +425,8 @@ def energy_about(
     """
     slot = slot_of(truth, time_s)
     k = int((time_s - truth.start_s) // GRID_S)
-    need = _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 1)
-    return max(need, _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 2))
+    need = _energy_at(known, row, truth, member, segments, cost, deviation, table, slot, 2 * k + 1)
+    return max(need, _energy_at(known, row, truth, member, segments, cost, deviation, table, slot, 2 * k + 2))
 
 
 @compiled_lean
@@ -440,6 +444,7 @@ def _energy_at(
     member: int,
     segments: NDArray[np.int64],
     cost: tuple[float, float],
+    deviation: float,
     table: NDArray[np.float64],
     slot: int,
     point: int,
@@ -466,11 +471,11 @@ def _energy_at(
     begin = points + 2 * slot
     if math.isnan(table[begin]):
         at = truth.start_s + slot * truth.slot_s
-        table[begin], table[begin + 1] = flight_energy(known, row, segments, at, north, east, cost)
+        table[begin], table[begin + 1] = flight_energy(known, row, segments, at, north, east, cost, deviation)
     if time_s + table[begin + 1] <= slot_end(truth, slot):
         need = table[begin]
     else:
-        need, _ = flight_energy(known, row, segments, time_s, north, east, cost)
+        need, _ = flight_energy(known, row, segments, time_s, north, east, cost, deviation)
     if 0 <= key < points:
         table[key] = need
     return float(need)

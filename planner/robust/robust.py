@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
-from skyway.planner.robust.required_soc_kernels import charged_ratio
+from skyway.planner.robust.required_soc_kernels import energy_belief_after
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 from skyway.planner.schedule.schedule_kernels import ROOM, TAKE_OFF
 
@@ -314,16 +315,19 @@ class RobustSearch:
         The first one is as before the first leg, the others as after it.
         """
         begin, *others = self.parameters.margins
-        return begin + self._charged_for(0), *(margin + self._charged_for(1) for margin in others)
+        return self._with_energy(begin, 0), *(self._with_energy(margin, 1) for margin in others)
 
     @property
     def _short_margin(self) -> float:
-        return self.parameters.short_leg_margin + self._charged_for(0)
+        return self._with_energy(self.parameters.short_leg_margin, 0)
 
-    def _charged_for(self, legs: int) -> float:
-        """Share of a flight's energy that is charged for what is not known of the drone, after some legs as expected."""
+    def _with_energy(self, margin: float, legs: int) -> float:
+        """Margin for the wind, and for what is not known of the drone after some legs that took what was expected."""
         known = known_at(self.problem, self.errors, measured=True, epsilon=self.problem.epsilon)
-        return float(charged_ratio(known, known.energy_mean, legs)) - 1.0
+        mean, deviation = energy_belief_after(known, known.energy_mean, legs)
+        return float(
+            mean * (1.0 + math.hypot(margin, NormalDist().inv_cdf(1.0 - self.problem.epsilon) * deviation)) - 1.0
+        )
 
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:

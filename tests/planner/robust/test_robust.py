@@ -82,7 +82,7 @@ def single(newyork, wind_mps=6.0):
 def energy(known, problem, segments):
     air = problem.air
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    return float(flight_energy(known, 0, segments, problem.depart_s, air.north[0, 0], air.east[0, 0], cost)[0])
+    return float(flight_energy(known, 0, segments, problem.depart_s, air.north[0, 0], air.east[0, 0], cost, 0.0)[0])
 
 
 def test_without_anything_unsure_a_flight_needs_what_it_takes(newyork):
