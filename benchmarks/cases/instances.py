@@ -40,7 +40,7 @@ LONG = ("new-york", 0.5, 125, 4)
 """Network, utilisation, deliveries and runs of the long instance: 500 deliveries on many days, for `benchmarks.planners.bench_rolling`."""
 LONG_FILE = FOLDER / f"{LONG[0]}-{LONG[1]:g}-{LONG[2]}.json"
 HOLDING_SPOTS = 1000
-ERRORS = Errors(energy=EnergyBelief(sd_between=0.029, sd_within=0.0))
+ERRORS = Errors(energy=EnergyBelief(mean_ratio=1.0, sd_between=0.029, sd_within=0.0))
 """Of the energy: as much as evenly within 5 %, which these instances had first, and the same in all legs of a delivery."""
 
 

@@ -58,8 +58,8 @@ MOVING_MPS, TURN_RAD, LEAST_LEG_S, GAP_S = 1.5, 0.35, 8.0, 4.0
 """A straight leg: faster than this over the ground, its course within this of its median, so long, and without longer gaps."""
 LEAST_HALVED_S = 15.0
 """Halves of shorter legs are mostly gaining speed and braking."""
-BEFORE = EnergyBelief(sd_between=0.029, sd_within=0.0029)
-"""What plans counted on before: as wide as evenly within 5 %, and known to half a percent after the first leg."""
+BEFORE = EnergyBelief(1.05, 1e-4, 1e-6)
+"""What plans charged for before: 5 % more than the model on the first leg, then what the legs so far have shown."""
 SEED = 11
 QUANTILES = (0.9, 0.95, 0.99, 0.999)
 

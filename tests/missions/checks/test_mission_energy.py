@@ -22,7 +22,7 @@ from skyway.models.wind.forecast import WindEnsemble
 HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)
 NORTH_5_KM = geodesy.direct(47.0, 8.0, 0.0, 5000.0)
 DRONE = M200_V2
-MEASURED = EnergyBelief(sd_between=0.02, sd_within=0.0)
+MEASURED = EnergyBelief(1.0, 0.02, 0.0)
 
 
 def at(command, place=(47.0, 8.0), z=60.0, **fields):

@@ -118,7 +118,7 @@ def test_when_the_wind_changes_on_the_way_one_end_is_reached_whatever_follows(ne
 
 
 def test_a_hungry_vehicle_keeps_the_reserve_too_as_far_as_it_was_believed_it_could_be(newyork):
-    errors = Errors(energy=EnergyBelief(sd_between=0.025, sd_within=0.0))
+    errors = Errors(energy=EnergyBelief(1.0, 0.025, 0.0))
     problem, turns, segment = turns_in(newyork, None, errors, epsilon=0.01, wind_mps=8.0)
     how = turns.over(segment)
     charge = usual_charge(problem, segment) + 0.03
