@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from skyway.models.base.lazy import exports
 
 if TYPE_CHECKING:
-    from skyway.missions.autopilots.family import Dialect as Dialect
+    from skyway.missions.autopilots.family import Family as Dialect  # noqa: F401  its former name
+    from skyway.missions.autopilots.family import Family as Family
     from skyway.missions.autopilots.read_back import Difference as Difference
     from skyway.missions.autopilots.read_back import diff as diff
     from skyway.missions.autopilots.registry import family_named as dialect  # noqa: F401  its former name

@@ -29,8 +29,8 @@ Meaning = dict[str, float | str | None]
 """What an item means to an autopilot, field by field; None is "not given"."""
 
 
-class Dialect(ABC):
-    """One family's way with missions."""
+class Family(ABC):
+    """One autopilot family: its missions, and how its vehicles are commanded and understood."""
 
     name: ClassVar[str]
     """Such as ``px4``: in commands and files."""
@@ -46,39 +46,6 @@ class Dialect(ABC):
     """What the yaw of an item, or of a command, says where the vehicle shall choose it."""
     within_every_inclusion_area: ClassVar[bool] = False
     """Whether several inclusion areas of a fence mean all of them at once; otherwise any of them."""
-
-    @abstractmethod
-    def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
-        """Return the items to upload, in the autopilot's numbering; `current` is a number of ours."""
-
-    @abstractmethod
-    def from_wire(self, items: Sequence[WireItem]) -> Mission:
-        """Return the mission of downloaded items, in our numbering."""
-
-    @abstractmethod
-    def meaning(self, item: MissionItem) -> Meaning:
-        """Return the fields of an item that the autopilot keeps and acts on, in one form for all its spellings."""
-
-    @abstractmethod
-    def disarm(self) -> tuple[MissionItem, ...]:
-        """Return the items that disarm on the ground after a landing; empty where landing or its end does so."""
-
-    @abstractmethod
-    def leave_armed_hold(self, above: MissionItem) -> tuple[MissionItem, ...]:
-        """Return the items that leave a pad after a hold with turning propellers, to the waypoint above it."""
-
-    @abstractmethod
-    def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Return what this autopilot refuses, drops or takes otherwise than meant."""
-
-    @abstractmethod
-    def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that a mission with these needs relies on."""
-
-
-class Family(Dialect):
-    """One autopilot family: its missions, and how its vehicles are commanded and understood."""
-
     settings: ClassVar[Settings]
     """What its parameters are called in each version."""
     firmwares: ClassVar[tuple[str, ...]]
@@ -111,6 +78,34 @@ class Family(Dialect):
     """How a text begins that tells every station of a mission that was uploaded; empty where it tells none."""
     crash_texts: ClassVar[re.Pattern[str]] = re.compile(r"\bcrash", re.IGNORECASE)
     """What its texts say where it has crashed."""
+
+    @abstractmethod
+    def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
+        """Return the items to upload, in the autopilot's numbering; `current` is a number of ours."""
+
+    @abstractmethod
+    def from_wire(self, items: Sequence[WireItem]) -> Mission:
+        """Return the mission of downloaded items, in our numbering."""
+
+    @abstractmethod
+    def meaning(self, item: MissionItem) -> Meaning:
+        """Return the fields of an item that the autopilot keeps and acts on, in one form for all its spellings."""
+
+    @abstractmethod
+    def disarm(self) -> tuple[MissionItem, ...]:
+        """Return the items that disarm on the ground after a landing; empty where landing or its end does so."""
+
+    @abstractmethod
+    def leave_armed_hold(self, above: MissionItem) -> tuple[MissionItem, ...]:
+        """Return the items that leave a pad after a hold with turning propellers, to the waypoint above it."""
+
+    @abstractmethod
+    def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
+        """Return what this autopilot refuses, drops or takes otherwise than meant."""
+
+    @abstractmethod
+    def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
+        """Return the parameters that a mission with these needs relies on."""
 
     def parameter_file(self, parameters: Sequence[Parameter], firmware: str) -> str:
         """Return the text of a parameter file for a version of its firmware, such as ``4.6`` or ``main``."""

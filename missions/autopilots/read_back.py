@@ -19,7 +19,7 @@ from skyway.missions.items.rally import RallyPoints
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from skyway.missions.autopilots.family import Dialect, Meaning
+    from skyway.missions.autopilots.family import Family, Meaning
     from skyway.missions.items.geofence import FenceCircle
 
 TOLERANCE_E7 = 2
@@ -67,7 +67,7 @@ def diff(
     Parameters
     ----------
     sent, read_back : Mission, Geofence or RallyPoints
-        Of the same kind, in our numbering (see `Dialect.from_wire`).
+        Of the same kind, in our numbering (see `Family.from_wire`).
     autopilot : str
         Name of its family.
 
@@ -93,7 +93,7 @@ def diff(
     raise TypeError(f"cannot compare {type(sent).__name__} with {type(read_back).__name__}")
 
 
-def _missions(sent: Mission, read_back: Mission, dialect: Dialect) -> Iterator[Difference]:
+def _missions(sent: Mission, read_back: Mission, dialect: Family) -> Iterator[Difference]:
     if len(sent) != len(read_back):
         yield Difference(None, "count", len(sent), len(read_back))
     for number, (ours, theirs) in enumerate(zip_longest(sent.items, read_back.items)):

@@ -14,7 +14,7 @@ from skyway.models.base.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.mission import MissionItem
     from skyway.missions.items.parameters import Parameter
     from skyway.models.composition.composition import Composition
@@ -42,9 +42,7 @@ class Export:
     notes: tuple[str, ...] = ()
 
 
-def leg_mission(
-    composition: Composition, index: int, dialect: Dialect, options: MissionOptions | None = None
-) -> Export:
+def leg_mission(composition: Composition, index: int, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return the mission of one leg: what `fly` uploads before each take-off.
 
     TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg releases the package and disarms. Heights
@@ -56,7 +54,7 @@ def leg_mission(
         The plan.
     index : int
         Of `composition.services`, from 0; people are told the number of a leg, from 1.
-    dialect : Dialect
+    dialect : Family
         For which autopilot.
     options : MissionOptions, optional
         How.
@@ -77,7 +75,7 @@ def leg_mission(
     return Export((document,), parameters, build.warnings((service,)), hold_notes(composition, (index,)))
 
 
-def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
+def whole_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs for a plain ground station, disarmed on every pad.
 
     Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm,
@@ -105,7 +103,7 @@ def whole_mission(composition: Composition, dialect: Dialect, options: MissionOp
     return replace(export, notes=hold_notes(composition, range(len(services))))
 
 
-def armed_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
+def armed_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs in one mission that stays armed on the pads and leaves by the clock.
 
     LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout.
@@ -147,7 +145,7 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
     return Export((document,), parameters, build.warnings(services))
 
 
-def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
+def _mission_per_leg(composition: Composition, dialect: Family, options: MissionOptions | None) -> Export:
     LegBuilder(composition, dialect, options or MissionOptions()).check_elevations(composition.services)
     exports = [leg_mission(composition, index, dialect, options) for index in range(len(composition.services))]
     strictest: dict[str, Parameter] = {}

@@ -30,7 +30,7 @@ from skyway.models.flight.heights import cleared_grounds_m
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.composition.composition import Composition, DroneService, Place
 
@@ -48,13 +48,13 @@ class LegBuilder:
     ----------
     composition : Composition
         The plan; only read.
-    dialect : Dialect
+    dialect : Family
         For which autopilot.
     options : MissionOptions
         How.
     """
 
-    def __init__(self, composition: Composition, dialect: Dialect, options: MissionOptions) -> None:
+    def __init__(self, composition: Composition, dialect: Family, options: MissionOptions) -> None:
         self.composition = composition
         self.dialect = dialect
         self.options = options

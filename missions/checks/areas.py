@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import shapely
     from numpy.typing import NDArray
 
-    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Route
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.geofence import FenceCircle, Geofence
@@ -32,7 +32,7 @@ _CIRCLE_CORNERS = 128
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 
 
-def check_fence(document: MissionDocument, route: Route, autopilot: Dialect | None) -> Iterator[Finding]:
+def check_fence(document: MissionDocument, route: Route, autopilot: Family | None) -> Iterator[Finding]:
     """Check the fence itself, and that route, rally points and the ways to them lie in it.
 
     Whether several inclusion areas mean all of them or any says the autopilot; without one it is any.

@@ -29,7 +29,7 @@ from skyway.models.drones.drone import M200_V2
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Route
     from skyway.models.network.zones import NoFlyZones
 
@@ -64,7 +64,7 @@ class CheckReport:
 def check(
     document: MissionDocument | Mission,
     *,
-    dialect: Dialect | None = None,
+    dialect: Family | None = None,
     conditions: FlightConditions | None = None,
     zones: NoFlyZones | None = None,
 ) -> CheckReport:
@@ -74,7 +74,7 @@ def check(
     ----------
     document : MissionDocument or Mission
         From any file, or from a vehicle.
-    dialect : Dialect, optional
+    dialect : Family, optional
         Autopilot to check against; by default the one the file names, if any.
     conditions : FlightConditions, optional
         Vehicle, package, charge and wind; by default the built-in M200 V2, empty, in still air, and what it cannot

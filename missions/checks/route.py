@@ -14,7 +14,7 @@ from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAME
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 
 if TYPE_CHECKING:
-    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.coordinates import Point
     from skyway.missions.items.mission import Mission, MissionItem
 
@@ -87,27 +87,22 @@ class Route:
         return [step for leg in self.legs for step in leg.steps]
 
 
-def fly(mission: Mission, *, default_speed_mps: float = DEFAULT_SPEED_MPS, autopilot: Dialect | None = None) -> Route:
+def fly(mission: Mission, *, autopilot: Family | None = None) -> Route:
     """Follow a mission from its first item to its end.
 
-    Parameters
-    ----------
-    default_speed_mps : float
-        Where the mission gives none.
-    autopilot : Dialect, optional
-        Who flies it: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
+    Who flies it counts: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
     """
-    return _Walk(mission, default_speed_mps, autopilot).run()
+    return _Walk(mission, autopilot).run()
 
 
 class _Walk:
     """One pass through a mission."""
 
-    def __init__(self, mission: Mission, default_speed_mps: float, autopilot: Dialect | None) -> None:
+    def __init__(self, mission: Mission, autopilot: Family | None) -> None:
         self.mission = mission
         self.zero_means_as_it_is = autopilot is not None and autopilot.zero_means_as_it_is
         self.home = mission.home
-        self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or default_speed_mps
+        self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or DEFAULT_SPEED_MPS
         self.at: Point | None = mission.home.point if mission.home else None
         self.height_m = 0.0
         self.legs: list[RouteLeg] = []

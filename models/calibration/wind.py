@@ -8,7 +8,7 @@ looks for drag, bias and a wind that changes slowly, all at once, and says how s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +35,8 @@ BIAS_SIGMA_MPS2 = 0.15
 FAST_MPS = 8.0
 """Quadratic drag is fitted where airspeeds differ by more than this."""
 MIN_BLOCKS = 60
+SMOOTH = 10
+"""Blocks averaged before a fit to a known wind: eddies that pass the mast do not pass the drone."""
 MAX_RELATIVE_SIGMA = 0.20
 """A drag that is less sure than this is not identified."""
 
@@ -43,13 +45,11 @@ MAX_RELATIVE_SIGMA = 0.20
 class DragFit:
     """Drag found from one flight."""
 
-    identified: bool
-    """Whether the flight can tell it at all."""
     reason: str
     """Why not, or what it was found from."""
     drag: DragModel | None = None
-    """As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where it was
-    not identified."""
+    """As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where the
+    flight does not tell it."""
     relative_sigma: float = math.inf
     """Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted."""
     wind_north_mps: float = math.nan
@@ -57,7 +57,6 @@ class DragFit:
     """Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted."""
     course_spread_deg: float = 0.0
     """How far the courses flown differ, 0 to 180."""
-    blocks: int = 0
 
 
 def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
@@ -65,14 +64,10 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
     count = int(good.sum())
     if air.flying.any() and air.winged[air.flying].mean() > 0.5:
-        return DragFit(
-            identified=False, reason="the vehicle flies on wings: its tilt does not measure the wind", blocks=count
-        )
+        return DragFit("the vehicle flies on wings: its tilt does not measure the wind")
     if count < MIN_BLOCKS:
-        reason = (
-            f"only {duration(count * period_s)} of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
-        )
-        return DragFit(identified=False, reason=reason, blocks=count)
+        flown = duration(count * period_s)
+        return DragFit(f"only {flown} of flight with attitude and velocity, at least {MIN_BLOCKS} are needed")
     velocity, drag, yaw, time_s = (
         values[good][-MAX_BLOCKS:] for values in (air.velocity, air.drag, air.yaw_rad, air.time_s)
     )
@@ -83,37 +78,21 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
             f"the drone hovers (ground speed up to {speed_text(speed)}): drag and wind cannot be told apart; "
             "fly out and back, or a circle, at cruise speed, or give the wind with --wind"
         )
-        return DragFit(identified=False, reason=reason, course_spread_deg=spread, blocks=count)
+        return DragFit(reason, course_spread_deg=spread)
     fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
     model, relative, wind = fit.solve(period_s)
+    found = DragFit("", model, relative, *wind, spread)
     one_course = spread < MIN_SPREAD_DEG
     if relative > MAX_RELATIVE_SIGMA or model is None or one_course:
         turn = f"the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
         unsure = f"the drag is uncertain by {percent(relative)} (limit {percent(MAX_RELATIVE_SIGMA)})"
         reason = "; ".join([unsure] * (relative > MAX_RELATIVE_SIGMA) + [turn] * one_course)
-        return DragFit(
-            identified=False,
-            reason=reason,
-            relative_sigma=relative,
-            wind_north_mps=wind[0],
-            wind_east_mps=wind[1],
-            course_spread_deg=spread,
-            blocks=count,
-        )
+        return replace(found, drag=None, reason=reason)
     reason = f"found from {duration(count * period_s)} of flight on courses that differ by {spread:.0f}°"
-    return DragFit(
-        identified=True,
-        reason=reason,
-        drag=model,
-        relative_sigma=relative,
-        wind_north_mps=wind[0],
-        wind_east_mps=wind[1],
-        course_spread_deg=spread,
-        blocks=count,
-    )
+    return replace(found, reason=reason)
 
 
-def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0, smooth: int = 10) -> DragModel:
+def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0) -> DragModel:
     """Find the linear drag of a flight, hover included, in a wind that was measured nearby.
 
     Parameters
@@ -122,10 +101,6 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
         Averages of the flight.
     wind : ndarray, shape (blocks, 2)
         Known wind, (north, east) TOWARDS, m/s.
-    period_s : float
-        Period of the blocks.
-    smooth : int
-        Blocks averaged before the fit: eddies that pass the mast do not pass the drone.
 
     Returns
     -------
@@ -133,10 +108,10 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
         With the scatter of the drag seen about the drag expected.
     """
     good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
-    if good.sum() < max(MIN_BLOCKS, 2 * smooth):
+    if good.sum() < MIN_BLOCKS:
         raise InputError("too little flight to fit a drag to", field="blocks", value=int(good.sum()))
-    through = _running(air.velocity[good] - wind[good], smooth)
-    seen = _running(air.drag[good], smooth)
+    through = _running(air.velocity[good] - wind[good], SMOOTH)
+    seen = _running(air.drag[good], SMOOTH)
     linear = float((seen * through).sum() / (through**2).sum())
     if linear <= 0.0:
         raise InputError("the drone does not lean against the wind that is given")

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 SLOT_S = 600.0
 """Observations are averaged over so long."""
 REPRESENTATION_MPS = 0.7
-"""How far the mean of a slot along a track is from the wind that the forecast means."""
+"""How far the mean of a slot along a track is from the wind that the forecast means. It is added to the filter's own
+uncertainty, which an average over correlated estimates does not reduce."""
 HALVINGS = 20
 MAX_SLOTS = 20_000
 
@@ -39,24 +40,17 @@ MAX_SLOTS = 20_000
 class SlotAverages:
     """Averages a filter's course over slots as it goes, so that no correlated estimate counts as a new observation.
 
-    Parameters
-    ----------
-    slot_s : float
-        Length of a slot; slots begin at whole multiples of it.
-    represent_mps : float
-        Added to the filter's own uncertainty, which an average over correlated estimates does not reduce.
+    Slots begin at whole multiples of `SLOT_S`.
     """
 
-    def __init__(self, slot_s: float = SLOT_S, represent_mps: float = REPRESENTATION_MPS) -> None:
-        self.slot_s = slot_s
-        self.represent_mps = represent_mps
+    def __init__(self) -> None:
         self._sums: dict[int, list[float]] = {}
 
     def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
         """Take an estimate that something was measured for; without a place it is left out."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
             return
-        sums = self._sums.setdefault(math.floor(now.time_s / self.slot_s), [0.0] * 8)
+        sums = self._sums.setdefault(math.floor(now.time_s / SLOT_S), [0.0] * 8)
         variance = 0.5 * (now.var_north + now.var_east)
         values = (1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance, height_m)
         for place, value in enumerate(values):
@@ -67,7 +61,7 @@ class SlotAverages:
         found = []
         for count, *totals in (self._sums[slot] for slot in sorted(self._sums)):
             time_s, lat, lon, north, east, variance, height_m = (total / count for total in totals)
-            found.append(WindObservation(time_s, lat, lon, north, east, variance + self.represent_mps**2, height_m))
+            found.append(WindObservation(time_s, lat, lon, north, east, variance + REPRESENTATION_MPS**2, height_m))
         return tuple(found)
 
 

@@ -117,8 +117,6 @@ class LiveWind:
     forecast : callable, optional
         (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
         nothing is.
-    period_s : float
-        Of the averages, each of which gives an estimate.
 
     Attributes
     ----------
@@ -143,7 +141,6 @@ class LiveWind:
         airspeed: AirspeedModel = PLAIN_SENSOR,
         forecast: Forecast | None = None,
         settings: WindFilterSettings | None = None,
-        period_s: float = 1.0,
     ) -> None:
         self.drag = drag
         self.airspeed = airspeed
@@ -154,8 +151,7 @@ class LiveWind:
         self.measured: Counter[str] = Counter()
         self.rejected = 0
         self._forecast = forecast or (lambda *_: (0.0, 0.0))
-        self._period_s = period_s
-        self._maker = BlockMaker(period_s)
+        self._maker = BlockMaker()
         self._waiting: list[tuple[float, ...]] = []
         self._heard_s = -math.inf
         self._flying = False
@@ -170,8 +166,8 @@ class LiveWind:
         """Take a sample; returns an estimate when it completes a period. Older samples are ignored."""
         if not sample.time_s >= self._heard_s:
             return None
-        period = math.floor(sample.time_s / self._period_s)
-        over = bool(self._waiting) and period != math.floor(self._heard_s / self._period_s)
+        period = math.floor(sample.time_s / self._maker.period_s)
+        over = bool(self._waiting) and period != math.floor(self._heard_s / self._maker.period_s)
         self._heard_s = sample.time_s
         self._waiting.append((sample.time_s, *_TOLD(sample)))
         if not over:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from skyway.missions.autopilots.ardupilot import missions as ardupilot
-from skyway.missions.autopilots.px4 import missions as px4
+from skyway.missions.autopilots.ardupilot import family as ardupilot
+from skyway.missions.autopilots.px4 import family as px4
 from skyway.missions.autopilots.registry import family_named, family_of
 from skyway.missions.autopilots.wire import (
     fence_from_wire,

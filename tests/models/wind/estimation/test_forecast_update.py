@@ -80,7 +80,7 @@ def test_the_updated_forecast_says_what_was_measured_where_it_was_measured_howev
 
 
 def test_the_same_slot_told_a_hundred_times_over_by_a_filter_is_one_observation():
-    averages = SlotAverages(slot_s=600.0)
+    averages = SlotAverages()
     for number in range(3000):
         averages.add(WindEstimate(START_S + 0.2 * number, 5.0, 1.0, 0.1, 0.0, 0.1), 40.7, -74.0)
     observations = averages.observations()
