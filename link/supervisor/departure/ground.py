@@ -5,19 +5,26 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, rest, unanswered
 from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
+from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import percent
+from skyway.models.flight.energy import FlightPower
 from skyway.planner.online.information import Decision, Information
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
+    from skyway.models.network.network import Station
 
 POLL_S = 10.0
+MAX_ASKED = 60
+"""The pads of so many stations are asked for at most: over a slow link each question takes a while."""
 _UNTOLD_S = 300.0
 
 
@@ -83,9 +90,7 @@ def information(ctx: Context) -> Information:
     busy: dict[str, int] = {}
     plan = ctx.delivery.plan
     next_station = None if plan is None or not plan.services else plan.services[0].destination
-    for one in ctx.job.scenario.network.stations:
-        if one.pads == 0:
-            continue
+    for one in _in_reach(ctx, station):
         try:
             status = ctx.pads.status(one.id)
         except (LinkError, InputError):
@@ -108,6 +113,20 @@ def information(ctx: Context) -> Information:
         plan=plan,
         planned_soc=_planned(ctx),
     )
+
+
+def _in_reach(ctx: Context, station: str) -> list[Station]:
+    """Stations whose pads a decision can use: here, those of the plan, and the nearest within reach of one charge."""
+    job, plan = ctx.job, ctx.delivery.plan
+    network, drone = job.scenario.network, job.scenario.drone(job.request.drone or "")
+    row = network.index.get(station)
+    lat, lon = (ctx.place or (math.nan, math.nan)) if row is None else (network.lat[row], network.lon[row])
+    planned = {station, *(() if plan is None else (one.destination for one in plan.services))}
+    reach_m = drone.max_ground_speed_mps / FlightPower.of(drone, job.request.payload_kg).soc_per_s
+    away_m = geodesy.inverse(lat, lon, network.lat, network.lon)[0]
+    away_m[[row for row, one in enumerate(network.stations) if one.id in planned]] = 0.0
+    nearest = np.argsort(away_m, kind="stable")[: MAX_ASKED + len(planned)]
+    return [one for row in nearest if away_m[row] <= reach_m and (one := network.stations[row]).pads > 0]
 
 
 def _planned(ctx: Context) -> float | None:

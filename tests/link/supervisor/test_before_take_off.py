@@ -8,9 +8,11 @@ import pytest
 
 from benchmarks.link.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import NobodyThere, read_journal
+from skyway.link.supervisor.departure.ground import MAX_ASKED, information
 from skyway.link.supervisor.departure.parameter_changes import changes_of
 from skyway.link.supervisor.observed.vehicle_texts import TextLog
 from skyway.missions.autopilots.registry import family_named
+from skyway.models.base.geodesy import distance_m
 from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
@@ -256,3 +258,38 @@ def test_the_wind_before_a_take_off_is_the_forecast_of_the_leg_and_is_called_so(
     check = next(r for r in events(stage, "check") if r.data["name"] == "wind")
     assert "measured" not in check.data["said"]
     assert check.data["said"].split(" (forecast)")[0] == said.removeprefix("wind on the way: ").split(" (forecast)")[0]
+
+
+class Counted:
+    """Pads that count what they are asked."""
+
+    def __init__(self, pads):
+        self.pads, self.asked = pads, []
+
+    def status(self, station):
+        self.asked.append(station)
+        return self.pads.status(station)
+
+
+@pytest.mark.parametrize("apart_deg", [0.0005, 0.02])
+def test_pads_of_stations_that_no_decision_can_use_are_not_asked_for(apart_deg, tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    ctx, scenario = stage.board().context, newyork()
+    network, start = scenario.network, SHORT["start"]
+    more = [replace(network.stations[0], id=f"far-{k}", lat=40.9 + apart_deg * k) for k in range(1000)]
+    many = replace(scenario, network=replace(network, stations=(*network.stations, *more)))
+    pads = Counted(stage.pads)
+    ctx = replace(ctx, job=replace(ctx.job, scenario=many), pads=pads)
+    ctx.delivery.take_plan(stage.composition)
+    ctx.delivery.stand_at(start)
+    ctx.battery.measured(1.0)
+    known = information(ctx)
+    near = {one.id for one in network.stations if distance_m(one.lat, one.lon, *place_of(network, start)) < 10_000.0}
+    assert len(pads.asked) == len(set(pads.asked)) <= MAX_ASKED + 1 + len(stage.composition.services)
+    assert near | {start, *(one.destination for one in stage.composition.services)} <= set(known.busy_pads)
+    ctx.journal.close()
+
+
+def place_of(network, name):
+    station = network.stations[network.index[name]]
+    return station.lat, station.lon
