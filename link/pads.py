@@ -29,12 +29,7 @@ _MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
 
 
 class TcpPads:
-    """A pad service over TCP, one JSON line a request; opened when first needed, and again after a failure.
-
-    Parameters
-    ----------
-    address : str
-        ``tcp:HOST:PORT``.
+    """A pad service at ``tcp:HOST:PORT``, one JSON line a request; opened when first needed, and again after a failure.
 
     Raises
     ------

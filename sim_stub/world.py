@@ -100,12 +100,9 @@ class World:
             self.pads.advance(sim_s)
 
     def inject(self, fault: Fault | str) -> None:
-        """Let a fault happen that nobody planned; its times count from now, or from the first take-off.
+        """Let a fault happen that nobody planned, for example ``"link-loss+60s#2"`` (see `sim_stub.faults`).
 
-        Parameters
-        ----------
-        fault : Fault or str
-            As in `sim_stub.faults`, for example ``"link-loss+60s#2"``.
+        Its times count from now, or from the first take-off.
 
         Raises
         ------

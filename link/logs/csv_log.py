@@ -136,14 +136,9 @@ def _several(table: Table, key: str, count: int) -> tuple[str, ...]:
 
 
 class CsvLog:
-    """A table of telemetry of one vehicle.
+    """A table of telemetry of one vehicle: read once piece by piece to check it, and again for each use.
 
-    Parameters
-    ----------
-    path : Path
-        Read once piece by piece to check it; again for each use.
-    columns : LogColumns, optional
-        Which column is what; by default found out from the header.
+    Which column is what is found out from the header where `columns` do not say it.
 
     Raises
     ------

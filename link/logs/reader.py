@@ -95,12 +95,7 @@ def suffixes() -> str:
 
 
 def format_of(path: Path) -> str:
-    """Return the format of a log, found from its first bytes.
-
-    Returns
-    -------
-    str
-        A name in `FORMATS`.
+    """Return the format of a log, a name in `FORMATS`, found from its first bytes.
 
     Raises
     ------

@@ -68,18 +68,9 @@ def open_connection(
     system: int = GROUND_SYSTEM,
     key: bytes | None = None,
 ) -> Connection:
-    """Open a connection string.
+    """Open a connection string, such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
 
-    Parameters
-    ----------
-    text : str
-        Such as ``udpin:127.0.0.1:14540``.
-    record : Path or None
-        Folder of the recording; None records nothing, which only tests do.
-    system : int
-        Our system id, 1-255.
-    key : bytes or None
-        Signing key.
+    It is recorded in the folder `record`; None records nothing, which only tests do.
 
     Raises
     ------

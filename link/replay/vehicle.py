@@ -26,14 +26,7 @@ SETTLED_S = 10.0
 def vehicle_of(summary: LogSummary, system: int | None, given: Kind | None = None, *, drag: bool = False) -> Vehicle:
     """Return what the vehicle of a log is.
 
-    Parameters
-    ----------
-    summary : LogSummary
-    system : int or None
-    given : str or None
-        What a person says it is; for logs that do not say it themselves.
-    drag : bool
-        Whether the drag of a multirotor was given with it, which says as much.
+    `given` is what a person says, for logs that do not say it themselves; a `drag` of a multirotor given with it says as much.
 
     Raises
     ------

@@ -114,12 +114,9 @@ class Context:
         return self.clock.posix_s()
 
     def tick(self, duration_s: float = TICK_S) -> list[Change]:
-        """Let time pass, listening; whatever takes the delivery to another state is raised as a `Turn`.
+        """Let time pass, listening, and return what became different about the vehicle.
 
-        Returns
-        -------
-        list of Change
-            What became different about the vehicle.
+        Whatever takes the delivery to another state is raised as a `Turn`.
         """
         for sample in self.vehicle.samples(duration_s):
             self.observed.hear(sample)

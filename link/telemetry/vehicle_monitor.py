@@ -74,16 +74,9 @@ class Change:
 
 
 class VehicleMonitor:
-    """One vehicle on a connection, as it shows itself.
+    """One vehicle on a connection that several may share, as it shows itself.
 
-    Parameters
-    ----------
-    connection : Connection
-        The link; several vehicles may share it.
-    system : int or None
-        Which one; None is the only one heard.
-    autopilot : str or None
-        Name of its family where its heartbeat shall not decide.
+    It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not decide.
 
     Raises
     ------

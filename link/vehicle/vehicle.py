@@ -230,10 +230,7 @@ class Vehicle(AskedVehicle):
     def reset_battery(self, soc: float) -> float:
         """Tell the counter of its battery what that holds; a vehicle without such a command refuses it.
 
-        Returns
-        -------
-        float
-            The state of charge that it reports within 3 s, 0-1; NaN where it reports none.
+        Returns the state of charge that it reports within 3 s, 0-1; NaN where it reports none.
         """
         if not 0.0 <= soc <= 1.0:
             raise InputError(Fault("out of range", field="soc", value=soc, remedy="0 to 1"))

@@ -25,16 +25,7 @@ _MAX_NAMES = 10_000
 class Recorder:
     """Writes ``YYYY-mm-dd-HHMMSS-NAME.tlog``: before each frame its time in microseconds, UTC, big-endian.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is not there.
-    clock : Clock
-        Times of the frames.
-    name : str
-        Part of the file's name.
-    max_bytes : int
-        Size at which the next file is begun.
+    The folder is made if it is not there; the next file is begun at `max_bytes`.
 
     Raises
     ------

@@ -85,18 +85,9 @@ class Channel:
 
 
 class Lane:
-    """What lies between a socket and a vehicle.
+    """What lies between a socket and a vehicle: a link that does something to packets, by its seed.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        At this end.
-    impairment : Impairment
-        What the link does.
-    seed : str
-        Its luck.
-    datagrams : bool
-        Frames never continue in the next bytes.
+    Frames of `datagrams` never continue in the next bytes.
 
     Raises
     ------

@@ -105,16 +105,8 @@ class TcpPeer(ABC):
 class TcpListener:
     """A listening socket.
 
-    Parameters
-    ----------
-    address : Address
-        Address of the connection.
-    selector : BaseSelector
-        Of the loop.
-    most : int
-        Peers at once; more are turned away, unless one has been silent for `SILENT_S`.
-    greet : callable
-        Makes a peer of a connection and the number of peers so far; `InputError` turns it away.
+    `greet` makes a peer of a connection and the number of peers so far; `InputError` turns it away. More peers than `most` are
+    turned away, unless one has been silent for `SILENT_S`.
 
     Raises
     ------

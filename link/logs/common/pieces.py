@@ -43,20 +43,9 @@ class Scan(Protocol[Found_co]):
 def read_pieces(
     path: Path, scan: Scan[Found_co], *, begin: int = 0
 ) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
-    """Read a file piece by piece; what a piece has not used up begins the next one.
+    """Read a file piece by piece from a place on; what a piece has not used up begins the next one.
 
-    Parameters
-    ----------
-    path : Path
-    scan : Scan
-        Looks through each piece.
-    begin : int
-        Where to begin.
-
-    Yields
-    ------
-    int, ndarray of uint8, Found
-        Place of the piece in the file, its bytes (valid until the next piece), and what was found in it.
+    Yields the place of each piece in the file, its bytes (valid until the next piece), and what was found in it.
 
     Raises
     ------

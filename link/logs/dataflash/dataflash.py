@@ -117,12 +117,7 @@ class _Piece:
 
 
 class DataFlash:
-    """An ArduPilot DataFlash log.
-
-    Parameters
-    ----------
-    path : Path
-        Read once piece by piece to index it; again for each use.
+    """An ArduPilot DataFlash log: read once piece by piece to index it, and again for each use.
 
     Raises
     ------

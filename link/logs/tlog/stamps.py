@@ -17,12 +17,7 @@ class StampCheck:
     A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk), within a minute of
     the median of five, and where it does not step out of an order that goes on without it; else it is taken as the one
     before. Nor is a first stamp that lies long before all others believed. Steps back of up to `JITTER_S` are held; where the
-    clock was set back by more, what follows is shifted.
-
-    Parameters
-    ----------
-    shift_s : float
-        Shift already in force where the reading begins.
+    clock was set back by more, what follows is shifted, and `shift_s` is the shift in force where the reading begins.
     """
 
     REACH_S = 30 * 86_400.0

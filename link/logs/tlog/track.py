@@ -54,12 +54,7 @@ class _Clock:
 
 
 class Tlog:
-    """A MAVLink telemetry log.
-
-    Parameters
-    ----------
-    path : Path
-        Read once to index it; again for each use.
+    """A MAVLink telemetry log: read once to index it, and again for each use.
 
     Raises
     ------

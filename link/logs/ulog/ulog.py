@@ -39,12 +39,7 @@ LASTING = frozenset(("armed", "mode", "landed", "fixed_wing"))
 
 
 class ULogFile:
-    """A PX4 log.
-
-    Parameters
-    ----------
-    path : Path
-        Read once piece by piece to index it; again for each use.
+    """A PX4 log: read once piece by piece to index it, and again for each use.
 
     Raises
     ------

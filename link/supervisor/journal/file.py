@@ -98,14 +98,7 @@ def read_journal(path: Path) -> ReadJournal:
 class Journal:
     """Writes the journal.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    posix_s : callable
-        The time of now.
-    resume : bool
-        Go on with a file that is there, its torn end cut off; otherwise the file must not exist.
+    With `resume` it goes on with a file that is there, its torn end cut off; otherwise the file must not exist.
 
     Raises
     ------
