@@ -27,21 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Departure:
-    """A departure that was tried.
-
-    Attributes
-    ----------
-    depart : datetime
-        Time of departure.
-    delivery : Figure or None
-        Mean delivery time from then, s; None where there is no route.
-    p_on_time : float
-        Probability to keep the deadline, 1 without one.
-    """
+    """A departure that was tried."""
 
     depart: datetime
+    """Time of departure."""
     delivery: Figure | None
+    """Mean delivery time from then, s; None where there is no route."""
     p_on_time: float
+    """Probability to keep the deadline, 1 without one."""
 
     @property
     def delivery_s(self) -> float:

@@ -27,73 +27,50 @@ LOW, HIGH = 0.1, 0.9
 
 @dataclass(frozen=True)
 class ChargeRange:
-    """How a stop's charge depends on what is known there.
-
-    Attributes
-    ----------
-    station : str
-        Station id.
-    nominal, low, high : float
-        Charge on leaving: of the typical schedule, and between which it is in 8 of 10 simulated deliveries.
-    idle : float
-        Share of the runs that leave again without charging.
-    """
+    """How a stop's charge depends on what is known there."""
 
     station: str
+    """Station id."""
     nominal: float
     low: float
     high: float
+    """Charge on leaving: of the typical schedule, and between which it is in 8 of 10 simulated deliveries."""
     idle: float
+    """Share of the runs that leave again without charging."""
 
 
 @dataclass(frozen=True)
 class StopReason:
-    """Why a stop is made where it is, and why so much is charged there.
-
-    Attributes
-    ----------
-    station : str
-        Station id.
-    runner_up : tuple of str or None
-        Stops of the best route without this one, None where there is none.
-    later : Figure or None
-        How much later that one arrives on average, s; None where there is none.
-    idle : float
-        Share of the simulated deliveries that leave again without charging.
-    leaves, expected, margin, reserve : float
-        Charge with which those that charge leave, on average, and what it is for: what the next flight takes; what is kept
-        for worse winds, gusts and the vehicle's own error; what must be left on landing (with the way on, at a target
-        without pads). All runs count where none charges.
-    """
+    """Why a stop is made where it is, and why so much is charged there."""
 
     station: str
+    """Station id."""
     runner_up: tuple[str, ...] | None
+    """Stops of the best route without this one, None where there is none."""
     later: Figure | None
+    """How much later that one arrives on average, s; None where there is none."""
     idle: float
+    """Share of the simulated deliveries that leave again without charging."""
     leaves: float
     expected: float
     margin: float
     reserve: float
+    """Charge with which those that charge leave, on average, and what it is for: what the next flight takes; what is
+    kept for worse winds, gusts and the vehicle's own error; what must be left on landing (with the way on, at a target
+    without pads). All runs count where none charges."""
 
 
 @dataclass(frozen=True)
 class WaitAndSee:
-    """How good a planner could be that knew the wind and the queues.
-
-    Attributes
-    ----------
-    bound_s : float
-        Mean delivery time of the exact planner that is told each member and a sampled queue, or a proved bound of it:
-        no policy is better on average without gusts.
-    plan_s : float
-        Of the plan, over its simulated deliveries.
-    worlds : int
-        Told to it.
-    """
+    """How good a planner could be that knew the wind and the queues."""
 
     bound_s: float
+    """Mean delivery time of the exact planner that is told each member and a sampled queue, or a proved bound of it: no
+    policy is better on average without gusts."""
     plan_s: float
+    """Of the plan, over its simulated deliveries."""
     worlds: int
+    """Told to it."""
 
     @property
     def gap(self) -> float:
@@ -216,20 +193,14 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
 
 @dataclass(frozen=True)
 class RobustGain:
-    """Gain of the robust plan over another planner's that is flown as it stands.
-
-    Attributes
-    ----------
-    robust, other : PlanResult
-        Both plans.
-    sooner : Figure
-        How much earlier the robust plan arrives on average, s, in the realizations in which both were simulated; negative:
-        later.
-    """
+    """Gain of the robust plan over another planner's that is flown as it stands."""
 
     robust: PlanResult
     other: PlanResult
+    """Both plans."""
     sooner: Figure
+    """How much earlier the robust plan arrives on average, s, in the realizations in which both were simulated;
+    negative: later."""
 
 
 def robust_gain(robust: PlanResult, other: PlanResult) -> RobustGain:

@@ -19,30 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlanReport:
-    """A plan and what was asked for beside it.
-
-    Attributes
-    ----------
-    result : PlanResult
-        The plan.
-    departures : tuple of Departure
-        Departures that were tried.
-    bound : WaitAndSee or None
-        Of plans by `robust`.
-    charges : tuple of ChargeRange
-        Of plans by `robust`.
-    alternatives : tuple of PlanResult or None
-        The plan and others; None where nobody asked.
-    reasons : tuple of StopReason or None
-        Why each stop is made; None where nobody asked.
-    """
+    """A plan and what was asked for beside it."""
 
     result: PlanResult
+    """The plan."""
     departures: tuple[Departure, ...]
+    """Departures that were tried."""
     bound: WaitAndSee | None
+    """Of plans by `robust`."""
     charges: tuple[ChargeRange, ...]
+    """Of plans by `robust`."""
     alternatives: tuple[PlanResult, ...] | None
+    """The plan and others; None where nobody asked."""
     reasons: tuple[StopReason, ...] | None
+    """Why each stop is made; None where nobody asked."""
 
 
 def plan_report(
@@ -62,18 +52,12 @@ def plan_report(
 
 @dataclass(frozen=True, eq=False)
 class ComparisonReport:
-    """Answers of several planners to one request.
-
-    Attributes
-    ----------
-    answers : tuple of Comparison
-        In the order asked.
-    gains : tuple of RobustGain
-        What the robust plan gains against each other that has no perfect information; empty without a robust plan.
-    """
+    """Answers of several planners to one request."""
 
     answers: tuple[Comparison, ...]
+    """In the order asked."""
     gains: tuple[RobustGain, ...]
+    """What the robust plan gains against each other that has no perfect information; empty without a robust plan."""
 
 
 def comparison_report(answers: Sequence[Comparison]) -> ComparisonReport:

@@ -55,97 +55,65 @@ _NONE, _UNKNOWN = -1, -2
 
 
 class Frames(NamedTuple):
-    """The path searched; frame i is its i-th station. Shape (nodes + 1,) each, `depth` (1,).
-
-    Attributes
-    ----------
-    node, stage : ndarray of int
-        Where, and the stage of its candidates.
-    arrive_s, soc, pad_s : ndarray
-        When the drone arrives, with which charge, and when it comes onto a pad (infinite: it cannot charge).
-    limited : ndarray of bool
-        Wind or charge closed a way at or beyond this station: only then can an earlier arrival fare better.
-    segment, charge_to, not_before_s
-        Leg that led here.
-    depth : ndarray of int
-        Number of the last frame; -1 before the first.
-    """
+    """The path searched; frame i is its i-th station. Shape (nodes + 1,) each, `depth` (1,)."""
 
     node: NDArray[np.int64]
     stage: NDArray[np.int64]
+    """Where, and the stage of its candidates."""
     arrive_s: NDArray[np.float64]
     soc: NDArray[np.float64]
     pad_s: NDArray[np.float64]
+    """When the drone arrives, with which charge, and when it comes onto a pad (infinite: it cannot charge)."""
     limited: NDArray[np.bool_]
+    """Wind or charge closed a way at or beyond this station: only then can an earlier arrival fare better."""
     segment: NDArray[np.int64]
     charge_to: NDArray[np.float64]
     not_before_s: NDArray[np.float64]
+    """Leg that led here."""
     depth: NDArray[np.int64]
+    """Number of the last frame; -1 before the first."""
 
 
 class Candidates(NamedTuple):
-    """Where to go on to, by segment: as no station is twice on the path, each is a candidate of one frame at most.
-
-    Attributes
-    ----------
-    stage : ndarray of int, shape (segments,)
-        How far it is evaluated.
-    key : ndarray, shape (segments,)
-        Its rank, or a lower bound, s.
-    leave_s, mean_s, soc, charge_to : ndarray, shape (segments,)
-        The flight, see `Flight`.
-    """
+    """Where to go on to, by segment: as no station is twice on the path, each is a candidate of one frame at most."""
 
     stage: NDArray[np.int64]
+    """Shape (segments,). How far it is evaluated."""
     key: NDArray[np.float64]
+    """Shape (segments,). Its rank, or a lower bound, s."""
     leave_s: NDArray[np.float64]
     mean_s: NDArray[np.float64]
     soc: NDArray[np.float64]
     charge_to: NDArray[np.float64]
+    """Shape (segments,) each. The flight, see `Flight`."""
 
 
 class Marks(NamedTuple):
-    """What is remembered of nodes, shape (nodes,).
-
-    Attributes
-    ----------
-    on_path : ndarray of bool
-        It is on the path.
-    dead_s : ndarray
-        Whoever arrives then or later finds a dead end; infinite where none is known.
-    closed : ndarray of bool
-        Wind or charge closed a way out of it.
-    dead_ends : ndarray of int, shape (1,)
-        How many have been met.
-    seen, queue : ndarray
-        Working space.
-    """
+    """What is remembered of nodes, shape (nodes,)."""
 
     on_path: NDArray[np.bool_]
+    """It is on the path."""
     dead_s: NDArray[np.float64]
+    """Whoever arrives then or later finds a dead end; infinite where none is known."""
     closed: NDArray[np.bool_]
+    """Wind or charge closed a way out of it."""
     dead_ends: NDArray[np.int64]
+    """Shape (1,). How many have been met."""
     seen: NDArray[np.bool_]
     queue: NDArray[np.int64]
+    """Working space."""
 
 
 class Start(NamedTuple):
-    """How a search begins.
-
-    Attributes
-    ----------
-    node : int
-        Node of the drone.
-    time_s, soc : float
-        When, and with which charge.
-    in_flight : bool
-        The drone can neither wait nor charge there.
-    """
+    """How a search begins."""
 
     node: int
+    """Node of the drone."""
     time_s: float
     soc: float
+    """When, and with which charge."""
     in_flight: bool
+    """The drone can neither wait nor charge there."""
 
 
 @compiled_lean

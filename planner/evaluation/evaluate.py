@@ -71,56 +71,40 @@ _ENDINGS = {"stranded": STRANDED, "unflyable": UNFLYABLE, "gave_up": GAVE_UP}
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Figures of simulated deliveries with 95 % intervals (block bootstrap over days).
-
-    Attributes
-    ----------
-    planner : str
-        Name of the planner.
-    runs, days : int
-        Simulated deliveries, and the days of the record they were flown on.
-    mean_s, p50_s, p95_s : Estimate
-        Delivery time of delivered runs.
-    flight_s, wait_s, recharge_s : Estimate
-        Its mean parts.
-    stranded, unflyable, gave_up : Estimate
-        Share of runs that ended so; see `planner.evaluation.flights`.
-    below_reserve : Estimate
-        Share of runs with a landing below the reserve (stranded runs among them).
-    counts : dict of str to int
-        Runs: ``delivered``, ``stranded``, ``unflyable``, ``gave_up``, ``below_reserve``.
-    calibration : tuple of (promised, Estimate)
-        Probability promised on average of a deadline, and how often it was kept; empty without promises. Deadlines are
-        the quantiles `planner.evaluation.flights.LEVELS` of what each plan promises.
-    calibration_error : Estimate
-        Mean absolute difference between both, 0 to 1.
-    regret : Estimate
-        Delivery time above that of the clairvoyant planner, as a share of it, over runs where both are known.
-    clairvoyant_runs : int
-        The number of those runs.
-    planning_s : tuple of float
-        Planning times of the plans behind the runs.
-    """
+    """Figures of simulated deliveries with 95 % intervals (block bootstrap over days)."""
 
     planner: str
+    """Name of the planner."""
     runs: int
     days: int
+    """Simulated deliveries, and the days of the record they were flown on."""
     mean_s: Estimate
     p50_s: Estimate
     p95_s: Estimate
+    """Delivery time of delivered runs."""
     flight_s: Estimate
     wait_s: Estimate
     recharge_s: Estimate
+    """Its mean parts."""
     stranded: Estimate
     unflyable: Estimate
     gave_up: Estimate
+    """Share of runs that ended so; see `planner.evaluation.flights`."""
     below_reserve: Estimate
+    """Share of runs with a landing below the reserve (stranded runs among them)."""
     counts: dict[str, int]
+    """Runs: ``delivered``, ``stranded``, ``unflyable``, ``gave_up``, ``below_reserve``."""
     calibration: tuple[tuple[float, Estimate], ...]
+    """Probability promised on average of a deadline, and how often it was kept; empty without promises. Deadlines are
+    the quantiles `planner.evaluation.flights.LEVELS` of what each plan promises."""
     calibration_error: Estimate
+    """Mean absolute difference between both, 0 to 1."""
     regret: Estimate
+    """Delivery time above that of the clairvoyant planner, as a share of it, over runs where both are known."""
     clairvoyant_runs: int
+    """The number of those runs."""
     planning_s: tuple[float, ...]
+    """Planning times of the plans behind the runs."""
 
     def summary(self) -> str:
         """Figures for people, a line each; times in minutes, intervals in brackets."""

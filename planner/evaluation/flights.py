@@ -31,40 +31,31 @@ LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Outcomes of simulated deliveries.
-
-    Attributes
-    ----------
-    block : ndarray of int, shape (runs,)
-        Ordinal of the day of each run.
-    ending : ndarray of int, shape (runs,)
-        ``DELIVERED``, ``STRANDED``, ``UNFLYABLE`` or ``GAVE_UP``.
-    below_reserve : ndarray of bool, shape (runs,)
-        A landing was below the reserve (a stranded run's was).
-    lowest_soc : ndarray, shape (runs,)
-        Lowest charge at a landing; negative: stranded, infinite: it never took off.
-    delivery_s, flight_s, wait_s, recharge_s : ndarray, shape (runs,)
-        Of delivered runs, else NaN; the first is the sum of the others. Hovering for a holding spot is flight, holding
-        for wind is waiting.
-    kept : ndarray of bool, shape (runs, levels)
-        The delivery came by the deadlines that are the quantiles `LEVELS` of what was promised; empty without promises.
-    promised : ndarray, shape (runs, levels)
-        Probability promised of each of these deadlines: the level, or more where many arrivals are promised at one moment.
-    clairvoyant_s : ndarray, shape (runs,)
-        Delivery time of a planner that is told this truth (without gusts and error of energy), NaN where unknown.
-    """
+    """Outcomes of simulated deliveries."""
 
     block: NDArray[np.int64]
+    """Shape (runs,). Ordinal of the day of each run."""
     ending: NDArray[np.int64]
+    """Shape (runs,). ``DELIVERED``, ``STRANDED``, ``UNFLYABLE`` or ``GAVE_UP``."""
     below_reserve: NDArray[np.bool_]
+    """Shape (runs,). A landing was below the reserve (a stranded run's was)."""
     lowest_soc: NDArray[np.float64]
+    """Shape (runs,). Lowest charge at a landing; negative: stranded, infinite: it never took off."""
     delivery_s: NDArray[np.float64]
     flight_s: NDArray[np.float64]
     wait_s: NDArray[np.float64]
     recharge_s: NDArray[np.float64]
+    """Shape (runs,) each. Of delivered runs, else NaN; the first is the sum of the others. Hovering for a holding spot
+    is flight, holding for wind is waiting."""
     kept: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, len(LEVELS)), dtype=bool))
+    """Shape (runs, levels). The delivery came by the deadlines that are the quantiles `LEVELS` of what was promised;
+    empty without promises."""
     promised: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, len(LEVELS))))
+    """Shape (runs, levels). Probability promised of each of these deadlines: the level, or more where many arrivals are
+    promised at one moment."""
     clairvoyant_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """Shape (runs,). Delivery time of a planner that is told this truth (without gusts and error of energy), NaN where
+    unknown."""
 
     def __len__(self) -> int:
         return len(self.block)

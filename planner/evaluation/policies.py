@@ -25,38 +25,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What a policy knows when it decides: a drone that has just landed, or is about to leave its origin.
-
-    Attributes
-    ----------
-    node, station
-        Where it stands.
-    time_s, soc : float
-        POSIX seconds and charge at the landing.
-    visited : tuple of str
-        Stations landed at before, in order.
-    wind : tuple of ndarray, shape (sites,)
-        (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
-    busy : dict of str to int
-        Others on the pads and in line at each station, as the pad services tell; where it stands, those before it.
-    energy_ratios : tuple of float
-        Energy that each leg flown has taken as a multiple of the model's.
-    under_way : float or None
-        The same of the leg so far that it flies.
-    behind : int
-        Others that came where it stands after it.
-    """
+    """What a policy knows when it decides: a drone that has just landed, or is about to leave its origin."""
 
     node: int
     station: str
+    """Where it stands."""
     time_s: float
     soc: float
+    """POSIX seconds and charge at the landing."""
     visited: tuple[str, ...]
+    """Stations landed at before, in order."""
     wind: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Shape (sites,). (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement."""
     busy: dict[str, int]
+    """Others on the pads and in line at each station, as the pad services tell; where it stands, those before it."""
     energy_ratios: tuple[float, ...]
+    """Energy that each leg flown has taken as a multiple of the model's."""
     under_way: float | None = None
+    """The same of the leg so far that it flies."""
     behind: int = 0
+    """Others that came where it stands after it."""
 
     def state(self) -> State:
         """The same as the state that a request starts from."""
@@ -100,22 +88,15 @@ class OpenLoop:
 
 @dataclass(frozen=True)
 class Rolling:
-    """Plans again at every stop with a named planner, and flies the first leg of each plan.
-
-    Attributes
-    ----------
-    scenario, request
-        As at the departure; the drone is named.
-    planner : str
-        See `planner.plan`.
-    forecast : callable
-        The forecast of a moment: held out, perhaps weighted by the wind measured until then.
-    """
+    """Plans again at every stop with a named planner, and flies the first leg of each plan."""
 
     scenario: Scenario
     request: Request
+    """As at the departure; the drone is named."""
     planner: str
+    """See `planner.plan`."""
     forecast: Callable[[Standing], WindEnsemble]
+    """The forecast of a moment: held out, perhaps weighted by the wind measured until then."""
 
     def decide(self, standing: Standing) -> Leg | None:
         """The first leg of the plan from here."""

@@ -46,46 +46,32 @@ _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
 
 @dataclass(frozen=True, eq=False)
 class Realizations:
-    """Realizations of one request; make them with `sample_realizations`.
-
-    Attributes
-    ----------
-    scenario, request
-        Scenario and request that the realizations belong to.
-    days : tuple of date
-        Days of the record, local dates.
-    wind : WindEnsemble
-        Their winds, one member a day.
-    day : ndarray of int, shape (runs,)
-        Index into `days` of each run.
-    queue : ndarray of int, shape (runs,)
-        Set of queues of each run.
-    queue_seed : int
-        Set q is what a request with the seed ``queue_seed + q`` would sample first.
-    vehicle_key : ndarray of uint64, shape (runs,)
-        Of each run's errors of energy.
-    gust_key : ndarray of uint64, shape (runs,)
-        Of each run's gusts.
-    errors : Errors
-        As asked for.
-    parameters : PlannerParameters
-        Of the problems that are made of these.
-    ratios : ndarray, shape (runs, legs), optional
-        Energy of the legs of each run as a multiple of the model's, whatever is believed of a drone.
-    """
+    """Realizations of one request; make them with `sample_realizations`."""
 
     scenario: Scenario
     request: Request
+    """Scenario and request that the realizations belong to."""
     days: tuple[date, ...]
+    """Days of the record, local dates."""
     wind: WindEnsemble
+    """Their winds, one member a day."""
     day: NDArray[np.int64]
+    """Shape (runs,). Index into `days` of each run."""
     queue: NDArray[np.int64]
+    """Shape (runs,). Set of queues of each run."""
     queue_seed: int
+    """Set q is what a request with the seed ``queue_seed + q`` would sample first."""
     vehicle_key: NDArray[np.uint64]
+    """Shape (runs,). Of each run's errors of energy."""
     gust_key: NDArray[np.uint64]
+    """Shape (runs,). Of each run's gusts."""
     errors: Errors
+    """As asked for."""
     parameters: PlannerParameters = USUAL
+    """Of the problems that are made of these."""
     ratios: NDArray[np.float64] | None = None
+    """Shape (runs, legs). Energy of the legs of each run as a multiple of the model's, whatever is believed of a
+    drone."""
     _energy: dict[EnergyBelief, NDArray[np.float64]] = field(default_factory=dict, repr=False)
     _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
 

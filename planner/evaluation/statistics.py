@@ -20,19 +20,13 @@ _CELLS = 5_000_000  # weights held at a time
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A figure and its 95 % interval.
-
-    Attributes
-    ----------
-    value : float
-        NaN where there is nothing to compute it from.
-    low, high : float
-        NaN where one day alone cannot tell.
-    """
+    """A figure and its 95 % interval."""
 
     value: float
+    """NaN where there is nothing to compute it from."""
     low: float = math.nan
     high: float = math.nan
+    """NaN where one day alone cannot tell."""
 
     def scaled(self, factor: float) -> Estimate:
         """The figure in another unit."""

@@ -59,24 +59,17 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """What a composition that arrives by a deadline needs.
-
-    Attributes
-    ----------
-    cells : Cells
-        The grid.
-    leave : ndarray, shape (cells, nodes)
-        Least charge to leave each node with; infinite where there is no way.
-    over : ndarray of bool, shape (cells, nodes)
-        Where the drone can be over a node on such a way.
-    window : ndarray of int, shape (nodes, 2)
-        First and last cell in which it can leave each node; the last is before the first where it cannot.
-    """
+    """What a composition that arrives by a deadline needs."""
 
     cells: Cells
+    """The grid."""
     leave: NDArray[np.float64]
+    """Shape (cells, nodes). Least charge to leave each node with; infinite where there is no way."""
     over: NDArray[np.bool_]
+    """Shape (cells, nodes). Where the drone can be over a node on such a way."""
     window: NDArray[np.int64]
+    """Shape (nodes, 2). First and last cell in which it can leave each node; the last is before the first where it
+    cannot."""
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:

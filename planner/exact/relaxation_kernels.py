@@ -49,37 +49,26 @@ _NONE = -math.inf
 
 
 class Pass(NamedTuple):
-    """What both passes read: see `planner.exact.relaxation`.
-
-    Attributes
-    ----------
-    table, grounds, costs, cells
-        Flights, stations, what flights and charging cost, and the grid.
-    pad_s, spot_s : ndarray, shape (cells, nodes)
-        Of `queue_cells`, POSIX seconds.
-    has_pads : ndarray of bool, shape (nodes,)
-        Where a drone can land on its way.
-    goal : int
-        The destination.
-    needed : ndarray, shape (cells,)
-        Least charge on touch-down there; infinite in cells that are too late.
-    allowed : ndarray of bool, shape (coarse cells, nodes)
-        Where it is worth asking; elsewhere there is no way. With no cells: everywhere.
-    ratio : int
-        Cells in a coarse cell.
-    """
+    """What both passes read: see `planner.exact.relaxation`."""
 
     table: FlightTable
     grounds: Grounds
     costs: Costs
     cells: Cells
+    """Flights, stations, what flights and charging cost, and the grid."""
     pad_s: NDArray[np.float64]
     spot_s: NDArray[np.float64]
+    """Shape (cells, nodes) each. Of `queue_cells`, POSIX seconds."""
     has_pads: NDArray[np.bool_]
+    """Shape (nodes,). Where a drone can land on its way."""
     goal: int
+    """The destination."""
     needed: NDArray[np.float64]
+    """Shape (cells,). Least charge on touch-down there; infinite in cells that are too late."""
     allowed: NDArray[np.bool_]
+    """Shape (coarse cells, nodes). Where it is worth asking; elsewhere there is no way. With no cells: everywhere."""
     ratio: int
+    """Cells in a coarse cell."""
 
 
 @compiled

@@ -17,55 +17,40 @@ if TYPE_CHECKING:
 
 
 class Grounds(NamedTuple):
-    """What kernels know of the stations.
-
-    Attributes
-    ----------
-    queue_offset : ndarray of int, shape (nodes + 1,)
-        Entries of node i are ``queue_offset[i] : queue_offset[i + 1]`` of the next four.
-    arrival_s, pad_s, land_s, delay_s : ndarray, shape (entries,)
-        Queue paths of all nodes, POSIX seconds (`delay_s`: seconds), packed by `models.queues.sampling.pack`.
-    curve_of : ndarray of int, shape (nodes,)
-        Kind of pad.
-    curve_s, curve_soc : ndarray, shape (kinds, points)
-        Charging curves, padded by repeating the last point; `curve_points` says how many there are.
-    curve_points : ndarray of int, shape (kinds,)
-    """
+    """What kernels know of the stations."""
 
     queue_offset: NDArray[np.int64]
+    """Shape (nodes + 1,). Entries of node i are ``queue_offset[i] : queue_offset[i + 1]`` of the next four."""
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
     delay_s: NDArray[np.float64]
+    """Shape (entries,) each. Queue paths of all nodes, POSIX seconds (`delay_s`: seconds), packed by
+    `models.queues.sampling.pack`."""
     curve_of: NDArray[np.int64]
+    """Shape (nodes,). Kind of pad."""
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
+    """Shape (kinds, points) each. Charging curves, padded by repeating the last point; `curve_points` says how many
+    there are."""
     curve_points: NDArray[np.int64]
+    """Shape (kinds,)."""
 
 
 class Costs(NamedTuple):
-    """Of flights and of charging: see `planner.problem.problem.Problem` and `stop_label_bound`.
-
-    Attributes
-    ----------
-    soc_per_s, soc_fixed : float
-        A flight of T seconds takes ``soc_fixed + soc_per_s * T``.
-    margin_soc_per_s : float
-        What it must keep on touch-down beyond the reserve, for each of its seconds.
-    reserve : float
-        What it must keep, SoC.
-    rate_per_s : float
-        Greatest rate of charging of any pad.
-    landing_s : float
-        Climb and descent together, s.
-    """
+    """Of flights and of charging: see `planner.problem.problem.Problem` and `stop_label_bound`."""
 
     soc_per_s: float
     soc_fixed: float
+    """A flight of T seconds takes ``soc_fixed + soc_per_s * T``."""
     margin_soc_per_s: float
+    """What it must keep on touch-down beyond the reserve, for each of its seconds."""
     reserve: float
+    """What it must keep, SoC."""
     rate_per_s: float
+    """Greatest rate of charging of any pad."""
     landing_s: float
+    """Climb and descent together, s."""
 
 
 @compiled

@@ -28,35 +28,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Subnetwork:
-    """Some nodes of a network with the segments between them, renumbered, over some slots.
-
-    Attributes
-    ----------
-    nodes, segments : ndarray of int
-        Their numbers in the network of the problem.
-    table : FlightTable
-        Segments and ground speeds.
-    grounds : Grounds
-        Queues and charging curves.
-    has_pads : ndarray of bool, shape (nodes,)
-        Where a drone can land on its way.
-    place_m : ndarray, shape (nodes, 3)
-        Where the nodes are, for `places`.
-    origin, destination : int
-        Of the delivery, in the numbers of this subnetwork.
-    horizon_s : float
-        No drone takes off after this.
-    """
+    """Some nodes of a network with the segments between them, renumbered, over some slots."""
 
     nodes: NDArray[np.int64]
     segments: NDArray[np.int64]
+    """Their numbers in the network of the problem."""
     table: FlightTable
+    """Segments and ground speeds."""
     grounds: Grounds
+    """Queues and charging curves."""
     has_pads: NDArray[np.bool_]
+    """Shape (nodes,). Where a drone can land on its way."""
     place_m: NDArray[np.float64]
+    """Shape (nodes, 3). Where the nodes are, for `places`."""
     origin: int
     destination: int
+    """Of the delivery, in the numbers of this subnetwork."""
     horizon_s: float
+    """No drone takes off after this."""
 
 
 def places(network: Network) -> NDArray[np.float64]:

@@ -38,63 +38,44 @@ epsilon of the members; probability that the wind holds it."""
 
 
 class Need(NamedTuple):
-    """What decides whether a flight can be made.
-
-    Attributes
-    ----------
-    soc_per_s, soc_fixed : float
-        A flight of T seconds with the package costs ``soc_fixed + soc_per_s * T``.
-    empty_per_s, empty_fixed : float
-        The same without it.
-    epsilon : float
-        Share of the members that may need more.
-    destination : int
-        Node where the package is left.
-    escapes : ndarray of int, shape (ways on,)
-        Segments of the flight on from a destination without pads; empty where none is needed.
-    needs_escape : bool
-        Whether one is needed.
-    """
+    """What decides whether a flight can be made."""
 
     soc_per_s: float
     soc_fixed: float
+    """A flight of T seconds with the package costs ``soc_fixed + soc_per_s * T``."""
     empty_per_s: float
     empty_fixed: float
+    """The same without it."""
     epsilon: float
+    """Share of the members that may need more."""
     destination: int
+    """Node where the package is left."""
     escapes: NDArray[np.int64]
+    """Shape (ways on,). Segments of the flight on from a destination without pads; empty where none is needed."""
     needs_escape: bool
+    """Whether one is needed."""
 
 
 class Ways(NamedTuple):
-    """Flights that can be made, one for each segment of `air`, and what is known of them already.
-
-    Attributes
-    ----------
-    air : SegmentWind
-        Segments and wind.
-    north, east : ndarray, shape (slots, sites, members)
-        The wind again, in the order in which all members are looked at together.
-    probability : ndarray, shape (members,)
-        Of the members.
-    table : ndarray, shape (slots, segments, 5)
-        See the column names of this module; with no slots, nothing is kept.
-    lower_s : ndarray, shape (slots, segments)
-        The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not worked out yet.
-    fresh : ndarray, shape (5,)
-        Working space: a row that is not kept.
-    rows : ndarray, shape (rows, members)
-        Working space: wind north and east, ground speed, take-off, touch-down, least and greatest speed.
-    """
+    """Flights that can be made, one for each segment of `air`, and what is known of them already."""
 
     air: SegmentWind
+    """Segments and wind."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    """Shape (slots, sites, members) each. The wind again, in the order in which all members are looked at together."""
     probability: NDArray[np.float64]
+    """Shape (members,). Of the members."""
     table: NDArray[np.float64]
+    """Shape (slots, segments, 5). See the column names of this module; with no slots, nothing is kept."""
     lower_s: NDArray[np.float64]
+    """Shape (slots, segments). The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not
+    worked out yet."""
     fresh: NDArray[np.float64]
+    """Shape (5,). Working space: a row that is not kept."""
     rows: NDArray[np.float64]
+    """Shape (rows, members). Working space: wind north and east, ground speed, take-off, touch-down, least and greatest
+    speed."""
 
 
 WORKING_ROWS = 7

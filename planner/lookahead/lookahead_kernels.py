@@ -46,78 +46,51 @@ _ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on 
 
 
 class Graph(NamedTuple):
-    """The network as kernels read it, with chargers and expected waits.
-
-    Attributes
-    ----------
-    first, head : ndarray of int
-        Segments that leave node n are ``first[n] : first[n + 1]``; where each leads.
-    stops : ndarray of bool, shape (nodes,)
-        Where a drone can recharge.
-    curve_of : ndarray of int, shape (nodes,)
-        Charging curve of each node.
-    curve_s, curve_soc : ndarray, shape (curves, points)
-        Charging curves; rows padded by repeating the last point.
-    wait_start_s, wait_step_s : float
-        Grid of the waits.
-    wait_s : ndarray, shape (nodes, times)
-        Expected waits, filled where `wait_known`.
-    wait_known : ndarray of bool, shape (nodes,)
-        Which rows are filled.
-    """
+    """The network as kernels read it, with chargers and expected waits."""
 
     first: NDArray[np.int64]
     head: NDArray[np.int64]
+    """Segments that leave node n are ``first[n] : first[n + 1]``; where each leads."""
     stops: NDArray[np.bool_]
+    """Shape (nodes,). Where a drone can recharge."""
     curve_of: NDArray[np.int64]
+    """Shape (nodes,). Charging curve of each node."""
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
+    """Shape (curves, points) each. Charging curves; rows padded by repeating the last point."""
     wait_start_s: float
     wait_step_s: float
+    """Grid of the waits."""
     wait_s: NDArray[np.float64]
+    """Shape (nodes, times). Expected waits, filled where `wait_known`."""
     wait_known: NDArray[np.bool_]
+    """Shape (nodes,). Which rows are filled."""
 
 
 class Policy(NamedTuple):
-    """How a search judges and charges.
-
-    Attributes
-    ----------
-    full : bool
-        Each charge goes to 100 %, otherwise to what the next flight needs.
-    reserve : float
-        No landing below this charge.
-    factor : float
-        What a second of the remaining flight counts in the look-ahead.
-    """
+    """How a search judges and charges."""
 
     full: bool
+    """Each charge goes to 100 %, otherwise to what the next flight needs."""
     reserve: float
+    """No landing below this charge."""
     factor: float
+    """What a second of the remaining flight counts in the look-ahead."""
 
 
 class World(NamedTuple):
-    """All that a look-ahead reads.
-
-    Attributes
-    ----------
-    ways, direct : Ways
-        The segments, and straight flights from each node to the destination.
-    graph, need, policy
-        See there.
-    tally : ndarray of int, shape (2,)
-        See the entries' names in this module.
-    bound : ndarray, shape (most segments that leave a node,)
-        Working space.
-    """
+    """All that a look-ahead reads."""
 
     ways: Ways
     direct: Ways
+    """The segments, and straight flights from each node to the destination."""
     graph: Graph
     need: Need
     policy: Policy
     tally: NDArray[np.int64]
+    """Shape (2,). See the entries' names in this module."""
     bound: NDArray[np.float64]
+    """Shape (most segments that leave a node,). Working space."""
 
 
 class Stand(NamedTuple):
@@ -130,27 +103,18 @@ class Stand(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A flight that can be made.
-
-    Attributes
-    ----------
-    leave_s : float
-        Earliest take-off that keeps the reserve; infinite where there is none.
-    charge : float
-        SoC that it takes in all but a share epsilon of the members.
-    mean_s : float
-        Expected time from take-off to touch-down.
-    charge_to : float
-        SoC to charge to before; NaN where the drone leaves as it is.
-    soc : float
-        SoC on landing in all but a share epsilon of the members.
-    """
+    """A flight that can be made."""
 
     leave_s: float
+    """Earliest take-off that keeps the reserve; infinite where there is none."""
     charge: float
+    """SoC that it takes in all but a share epsilon of the members."""
     mean_s: float
+    """Expected time from take-off to touch-down."""
     charge_to: float
+    """SoC to charge to before; NaN where the drone leaves as it is."""
     soc: float
+    """SoC on landing in all but a share epsilon of the members."""
 
 
 @compiled_lean

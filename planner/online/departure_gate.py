@@ -26,33 +26,22 @@ STEPS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Gated:
-    """What the gate says of a leg.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Stations of the whole leg, from where it stands.
-    soc : float or None
-        Least charge; None where no charge does.
-    diverts : tuple of str
-        Divert stations that every point has one of.
-    why : str
-        Why no charge does.
-    held : str
-        Why the wind most probably does not let it leave now; nothing where it does.
-    figures : mapping
-        What that is told by.
-    hopeless : bool
-        With the charge of the step the end of the leg most probably breaks the reserve: it would land before.
-    """
+    """What the gate says of a leg."""
 
     names: tuple[str, ...]
+    """Stations of the whole leg, from where it stands."""
     soc: float | None = None
+    """Least charge; None where no charge does."""
     diverts: tuple[str, ...] = ()
+    """Divert stations that every point has one of."""
     why: str = ""
+    """Why no charge does."""
     held: str = ""
+    """Why the wind most probably does not let it leave now; nothing where it does."""
     figures: Mapping[str, Any] = field(default_factory=dict)
+    """What that is told by."""
     hopeless: bool = False
+    """With the charge of the step the end of the leg most probably breaks the reserve: it would land before."""
 
 
 class DepartureGate:

@@ -31,18 +31,12 @@ def with_measured(forecast: WindEnsemble, standing: Standing, variance: float) -
 
 @dataclass(frozen=True)
 class RollingRobust:
-    """The online policy as `planner.evaluation.evaluate.fly_policy` flies it: at every stop, and over the stations on its way.
-
-    Attributes
-    ----------
-    start : Problem
-        As at the departure, with a forecast that does not hold the realizations.
-    errors : Errors
-        What the truth has beyond the forecast.
-    """
+    """The online policy as `planner.evaluation.evaluate.fly_policy` flies it: at every stop, and over the stations on its way."""
 
     start: Problem
+    """As at the departure, with a forecast that does not hold the realizations."""
     errors: Errors = USUAL_ERRORS
+    """What the truth has beyond the forecast."""
 
     @cached_property
     def policy(self) -> OnlinePolicy:

@@ -35,30 +35,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Step:
-    """A flight and how to begin it.
-
-    Attributes
-    ----------
-    segments : tuple of int
-        Flown without a landing between, if all goes well; empty: land here.
-    charge : float
-        Take-off with at least this charge.
-    sure : int
-        Segments up to the first station at which it can land if need be: its charge must be enough for these.
-    last : int
-        Segments up to the last such station before the end.
-    arrival_s : float
-        Expected arrival of the delivery, POSIX seconds.
-    turn_back : TurnBack or None
-        How it may turn back on the first segment, for which its charge need not be enough then.
-    """
+    """A flight and how to begin it."""
 
     segments: tuple[int, ...]
+    """Flown without a landing between, if all goes well; empty: land here."""
     charge: float
+    """Take-off with at least this charge."""
     sure: int = 0
+    """Segments up to the first station at which it can land if need be: its charge must be enough for these."""
     last: int = 0
+    """Segments up to the last such station before the end."""
     arrival_s: float = math.inf
+    """Expected arrival of the delivery, POSIX seconds."""
     turn_back: TurnBack | None = None
+    """How it may turn back on the first segment, for which its charge need not be enough then."""
 
 
 class Following:

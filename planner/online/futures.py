@@ -60,27 +60,19 @@ class SampledQueues(Mapping[int, QueuePath]):
 
 @dataclass(frozen=True, eq=False)
 class Future:
-    """One course that wind, queues and the vehicle may take.
-
-    Attributes
-    ----------
-    table : FlightTable
-        Its wind.
-    careful : ndarray, shape (slots, segments)
-        Ground speeds that later flights count on, m/s: in a mean gust of `careful_sigmas` against them.
-    queues : SampledQueues
-        By node.
-    energy : float
-        What the next flight takes as a multiple of what is expected.
-    gust : float
-        Mean gust of the next flight, standard deviations against it.
-    """
+    """One course that wind, queues and the vehicle may take."""
 
     careful: NDArray[np.float64]
+    """Shape (slots, segments). Ground speeds that later flights count on, m/s: in a mean gust of `careful_sigmas`
+    against them."""
     table: FlightTable
+    """Its wind."""
     queues: SampledQueues
+    """By node."""
     energy: float
+    """What the next flight takes as a multiple of what is expected."""
     gust: float
+    """Mean gust of the next flight, standard deviations against it."""
     careful_sigmas: float
 
     def slowed(self, segments: tuple[int, ...], off_s: float) -> float:

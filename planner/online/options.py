@@ -23,33 +23,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One thing to do.
-
-    Attributes
-    ----------
-    station : str
-        Where it lands.
-    airspeed_mps : float
-        Planned on the way there.
-    lands_s, soc : float
-        Expected landing, POSIX seconds, and charge then.
-    p_reserve, p_half, p_empty : float
-        Probability of landing below the reserve, below half of it, and of a battery that is empty before.
-    distance_m : float
-        Way left.
-    arrival_s : float
-        Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out.
-    """
+    """One thing to do."""
 
     station: str
+    """Where it lands."""
     airspeed_mps: float
+    """Planned on the way there."""
     lands_s: float
     soc: float
+    """Expected landing, POSIX seconds, and charge then."""
     p_reserve: float
     p_half: float
     p_empty: float
+    """Probability of landing below the reserve, below half of it, and of a battery that is empty before."""
     distance_m: float
+    """Way left."""
     arrival_s: float = math.nan
+    """Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out."""
 
     @property
     def risk(self) -> tuple[float, float, float]:

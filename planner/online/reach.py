@@ -41,34 +41,22 @@ Place = tuple[float, float]
 
 
 class Flown(NamedTuple):
-    """Flights in every member of the forecast, shape (members, n) each.
-
-    Attributes
-    ----------
-    time_s : ndarray
-        How long they take.
-    soc : ndarray
-        Charge that they take by the model, without the factor that is believed.
-    """
+    """Flights in every member of the forecast, shape (members, n) each."""
 
     time_s: NDArray[np.float64]
+    """How long they take."""
     soc: NDArray[np.float64]
+    """Charge that they take by the model, without the factor that is believed."""
 
 
 @dataclass(frozen=True, slots=True)
 class DivertCover:
-    """Divert stations of a leg.
-
-    Attributes
-    ----------
-    stations : tuple of str
-        Enough that every covered point of the leg has one; those that cover most come first.
-    gap_m : float or None
-        How far along the leg the first point lies that has none; None where all have one.
-    """
+    """Divert stations of a leg."""
 
     stations: tuple[str, ...]
+    """Enough that every covered point of the leg has one; those that cover most come first."""
     gap_m: float | None
+    """How far along the leg the first point lies that has none; None where all have one."""
 
 
 class Reach:

@@ -29,18 +29,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A plan from here, and what the forecast makes of it.
-
-    Attributes
-    ----------
-    itinerary : Itinerary
-        Its decisions.
-    outcome : Outcome
-        Flown through the forecast.
-    """
+    """A plan from here, and what the forecast makes of it."""
 
     itinerary: Itinerary
+    """Its decisions."""
     outcome: Outcome
+    """Flown through the forecast."""
 
     @property
     def arrives(self) -> bool:

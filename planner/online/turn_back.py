@@ -44,19 +44,13 @@ LIKELY = 0.5
 
 @dataclass(frozen=True)
 class Trial:
-    """What comes of a flight that may turn back.
-
-    Attributes
-    ----------
-    there : float
-        Share of the gusts in which it gets to its end.
-    back_s, soc : float
-        Mean time in the air of those that turn back, and mean charge that they land with.
-    """
+    """What comes of a flight that may turn back."""
 
     there: float
+    """Share of the gusts in which it gets to its end."""
     back_s: float
     soc: float
+    """Mean time in the air of those that turn back, and mean charge that they land with."""
 
 
 class TurnBacks:

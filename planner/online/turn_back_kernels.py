@@ -28,41 +28,30 @@ if TYPE_CHECKING:
 
 
 class TurnBack(NamedTuple):
-    """How a flight over one segment may turn back.
-
-    Attributes
-    ----------
-    back : int
-        The same segment the other way.
-    risk : float
-        Chance to land below the reserve with which it may go on.
-    deviations : float
-        Standard deviations of a mean gust that are exceeded with that chance.
-    reserve : float
-        To land with, SoC.
-    soc_per_s, soc_fixed : float
-        What a flight is believed to take, at most.
-    gust_sd, gust_time_s : float
-        Of gusts, see `planner.schedule.gust_kernels.Disturbance`.
-    later_out_mps, later_out_sd, later_back_mps, later_back_sd : ndarray, shape (members,)
-        Ground speeds either way once the wind has changed, and their standard deviations; see `later_speeds`.
-    likelihood : ndarray, shape (members,)
-        Probability of each.
-    """
+    """How a flight over one segment may turn back."""
 
     back: int
+    """The same segment the other way."""
     risk: float
+    """Chance to land below the reserve with which it may go on."""
     deviations: float
+    """Standard deviations of a mean gust that are exceeded with that chance."""
     reserve: float
+    """To land with, SoC."""
     soc_per_s: float
     soc_fixed: float
+    """What a flight is believed to take, at most."""
     gust_sd: float
     gust_time_s: float
+    """Of gusts, see `planner.schedule.gust_kernels.Disturbance`."""
     later_out_mps: NDArray[np.float64]
     later_out_sd: NDArray[np.float64]
     later_back_mps: NDArray[np.float64]
     later_back_sd: NDArray[np.float64]
+    """Shape (members,) each. Ground speeds either way once the wind has changed, and their standard deviations; see
+    `later_speeds`."""
     likelihood: NDArray[np.float64]
+    """Shape (members,). Probability of each."""
 
 
 @compiled

@@ -15,21 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What the truth has that no forecast tells.
-
-    Attributes
-    ----------
-    gust_sd : float
-        Standard deviation of gusts along the wind, as a share of the hourly speed.
-    gust_time_s : float
-        Time constant of gusts, as a drone meets them.
-    energy : EnergyBelief or None
-        How far the energy of flights may be from the model's; None: as is believed of each drone.
-    """
+    """What the truth has that no forecast tells."""
 
     gust_sd: float = 0.15
+    """Standard deviation of gusts along the wind, as a share of the hourly speed."""
     gust_time_s: float = 180.0
+    """Time constant of gusts, as a drone meets them."""
     energy: EnergyBelief | None = None
+    """How far the energy of flights may be from the model's; None: as is believed of each drone."""
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []

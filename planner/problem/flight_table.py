@@ -20,30 +20,21 @@ if TYPE_CHECKING:
 
 
 class FlightTable(NamedTuple):
-    """A network and the ground speed over each of its segments in each slot.
-
-    Attributes
-    ----------
-    start_s, slot_s : float
-        POSIX seconds of the first slot and length of a slot; the last slot holds on forever.
-    climb_s, descent_s : float
-        Spent at the start and the end of each flight.
-    first, head : ndarray of int
-        Segments that leave node i are ``first[i] : first[i + 1]``; where they lead.
-    distance_m : ndarray, shape (segments,)
-        Their lengths.
-    speed_mps : ndarray, shape (slots, segments)
-        Ground speeds; 0 where a segment cannot be flown.
-    """
+    """A network and the ground speed over each of its segments in each slot."""
 
     start_s: float
     slot_s: float
+    """POSIX seconds of the first slot and length of a slot; the last slot holds on forever."""
     climb_s: float
     descent_s: float
+    """Spent at the start and the end of each flight."""
     first: NDArray[np.int64]
     head: NDArray[np.int64]
+    """Segments that leave node i are ``first[i] : first[i + 1]``; where they lead."""
     distance_m: NDArray[np.float64]
+    """Shape (segments,). Their lengths."""
     speed_mps: NDArray[np.float64]
+    """Shape (slots, segments). Ground speeds; 0 where a segment cannot be flown."""
 
 
 @compiled

@@ -83,24 +83,16 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
 
 @dataclass(frozen=True, eq=False)
 class ChargePolicy:
-    """Flights in a fixed order, each charged for by what is known when it is due.
-
-    Attributes
-    ----------
-    problem : Problem
-        With the forecast at the time of planning.
-    itinerary : Itinerary
-        The flights; ``charge_to`` is the charge of the typical schedule.
-    known : Known
-        The rule.
-    most_full : float
-        A flight is begun when the chance to find its station full is at most this.
-    """
+    """Flights in a fixed order, each charged for by what is known when it is due."""
 
     problem: Problem
+    """With the forecast at the time of planning."""
     itinerary: Itinerary
+    """The flights; ``charge_to`` is the charge of the typical schedule."""
     known: Known
+    """The rule."""
     most_full: float = 1.0
+    """A flight is begun when the chance to find its station full is at most this."""
 
     def __len__(self) -> int:
         return len(self.itinerary)

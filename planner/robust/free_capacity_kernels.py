@@ -21,39 +21,26 @@ _MOST = 60  # departures that are looked at
 
 
 class FreeCapacity(NamedTuple):
-    """Stations at the end of each leg, for the chance to find one full; shape (legs,).
-
-    Attributes
-    ----------
-    pads, spots : ndarray of int
-        Pads, and holding spots beside them.
-    arrivals_per_s, services_per_s : ndarray
-        Others that arrive, and that leave one busy pad, at the busiest hour that can matter.
-    most : float
-        Greatest chance with which a flight is begun; 1: nobody looks at the pads.
-    """
+    """Stations at the end of each leg, for the chance to find one full; shape (legs,)."""
 
     pads: NDArray[np.int64]
     spots: NDArray[np.int64]
+    """Pads, and holding spots beside them."""
     arrivals_per_s: NDArray[np.float64]
     services_per_s: NDArray[np.float64]
+    """Others that arrive, and that leave one busy pad, at the busiest hour that can matter."""
     most: float
+    """Greatest chance with which a flight is begun; 1: nobody looks at the pads."""
 
 
 class Present(NamedTuple):
-    """Others at the stations, to be counted at any time; an entry for each queue path, in the order of `Queues`.
-
-    Attributes
-    ----------
-    at_start : ndarray of int, shape (entries,)
-        On pads and in line when the path begins.
-    offset, left_s : ndarray
-        Departures after that of entry i are ``left_s[offset[i] : offset[i + 1]]``, ascending.
-    """
+    """Others at the stations, to be counted at any time; an entry for each queue path, in the order of `Queues`."""
 
     at_start: NDArray[np.int64]
+    """Shape (entries,). On pads and in line when the path begins."""
     offset: NDArray[np.int64]
     left_s: NDArray[np.float64]
+    """Departures after that of entry i are ``left_s[offset[i] : offset[i + 1]]``, ascending."""
 
 
 @compiled_lean

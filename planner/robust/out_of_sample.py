@@ -117,18 +117,12 @@ def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical
 
 @dataclass(frozen=True, eq=False)
 class OutOfSample(Runs):
-    """A policy flown out of sample, each member the truth of some runs.
-
-    Attributes
-    ----------
-    energy_ratio : ndarray, shape (runs, legs)
-        Energy of each flight as a share of what it was charged for.
-    tables : ndarray
-        See `planner.robust.required_soc_kernels.required_soc_tables`.
-    """
+    """A policy flown out of sample, each member the truth of some runs."""
 
     energy_ratio: NDArray[np.float64]
+    """Shape (runs, legs). Energy of each flight as a share of what it was charged for."""
     tables: NDArray[np.float64]
+    """See `planner.robust.required_soc_kernels.required_soc_tables`."""
 
     @property
     def arrival_s(self) -> NDArray[np.float64]:

@@ -48,52 +48,38 @@ MIN_CHANCE = 1e-9
 
 
 class Known(NamedTuple):
-    """What a drone knows when it decides, and how careful it is.
-
-    Attributes
-    ----------
-    air : SegmentWind
-        Segments and the members of the forecast.
-    share : ndarray, shape (rows, members)
-        Probability of each member; a row for each truth, so that a truth can be left out of its own forecast.
-    measured : bool
-        The wind of the hour is measured at the sites; else the members stay as they are.
-    sigma_mps, tau_s : float
-        Standard deviation and correlation time of a member's residual.
-    smoothing : float
-        The wind after the hour of the take-off is less sure than the few members say: each stands for a normal
-        distribution about it, of this share of the standard deviation that a residual has gained by then.
-    gust_sd, gust_time_s : float
-        Of gusts, see `planner.schedule.gust_kernels.Disturbance`.
-    energy_mean, energy_between, energy_within : float
-        What is believed of the ratio of measured to modelled energy before the first leg: mean, and variances of the part that
-        persists and of that which is fresh on each leg (`models.drones.energy_belief`).
-    epsilon : float
-        Share of flights that may need more than is charged for.
-    margin : float
-        Calibrated: multiplies the energy that a flight needs beyond that.
-    full : bool
-        Every charge is to 100 %, whatever is needed.
-    worst_members, steady_sigmas
-        See `planner.parameters.robust.RobustParameters`.
-    """
+    """What a drone knows when it decides, and how careful it is."""
 
     air: SegmentWind
+    """Segments and the members of the forecast."""
     share: NDArray[np.float64]
+    """Shape (rows, members). Probability of each member; a row for each truth, so that a truth can be left out of its
+    own forecast."""
     measured: bool
+    """The wind of the hour is measured at the sites; else the members stay as they are."""
     sigma_mps: float
     tau_s: float
+    """Standard deviation and correlation time of a member's residual."""
     smoothing: float
+    """The wind after the hour of the take-off is less sure than the few members say: each stands for a normal
+    distribution about it, of this share of the standard deviation that a residual has gained by then."""
     gust_sd: float
     gust_time_s: float
+    """Of gusts, see `planner.schedule.gust_kernels.Disturbance`."""
     energy_mean: float
     energy_between: float
     energy_within: float
+    """What is believed of the ratio of measured to modelled energy before the first leg: mean, and variances of the
+    part that persists and of that which is fresh on each leg (`models.drones.energy_belief`)."""
     epsilon: float
+    """Share of flights that may need more than is charged for."""
     margin: float
+    """Calibrated: multiplies the energy that a flight needs beyond that."""
     full: bool
+    """Every charge is to 100 %, whatever is needed."""
     worst_members: int
     steady_sigmas: float
+    """See `planner.parameters.robust.RobustParameters`."""
 
 
 @compiled_lean

@@ -46,27 +46,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A route with its rule of charging, and how it fares.
-
-    Attributes
-    ----------
-    policy : ChargePolicy
-        Flights and rule.
-    outcome : Outcome
-        Out of sample.
-    unsafe : bool
-        It breaks the reserve more often than allowed, by more than chance may explain.
-    loss : tuple of float
-        See `planner.problem.objective.Objective.loss`.
-    out_of_sample : OutOfSample
-        The runs behind the outcome; the same realizations for all candidates of a comparison.
-    """
+    """A route with its rule of charging, and how it fares."""
 
     policy: ChargePolicy
+    """Flights and rule."""
     outcome: Outcome
+    """Out of sample."""
     unsafe: bool
+    """It breaks the reserve more often than allowed, by more than chance may explain."""
     loss: tuple[float, float]
+    """See `planner.problem.objective.Objective.loss`."""
     out_of_sample: OutOfSample
+    """The runs behind the outcome; the same realizations for all candidates of a comparison."""
 
     @property
     def stops(self) -> tuple[int, ...]:
@@ -77,27 +68,18 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class RobustAnswer:
-    """What the robust planner answers.
-
-    Attributes
-    ----------
-    policy : ChargePolicy
-        Its itinerary names the charges of the typical schedule.
-    typical : Typical
-        The typical schedule and the realization that it is flown in.
-    out_of_sample : OutOfSample
-        Runs behind the outcome.
-    outcome : Outcome
-        Out of sample.
-    candidates : tuple of Candidate
-        All that were compared, best first.
-    """
+    """What the robust planner answers."""
 
     policy: ChargePolicy
+    """Its itinerary names the charges of the typical schedule."""
     typical: Typical
+    """The typical schedule and the realization that it is flown in."""
     out_of_sample: OutOfSample
+    """Runs behind the outcome."""
     outcome: Outcome
+    """Out of sample."""
     candidates: tuple[Candidate, ...]
+    """All that were compared, best first."""
 
 
 class RobustSearch:

@@ -43,21 +43,14 @@ _EDGE_S = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Realization:
-    """What the schedule of a composition was flown in.
-
-    Attributes
-    ----------
-    member : int
-        Of the forecast.
-    queues : mapping of int to QueuePath, or None
-        At the node of each stop; None: the schedule is one with gusts, which is not flown again.
-    arrival_s : float or None
-        When the search said that the drone arrives, POSIX seconds, of one that had perfect information.
-    """
+    """What the schedule of a composition was flown in."""
 
     member: int
+    """Of the forecast."""
     queues: Mapping[int, QueuePath] | None
+    """At the node of each stop; None: the schedule is one with gusts, which is not flown again."""
     arrival_s: float | None = None
+    """When the search said that the drone arrives, POSIX seconds, of one that had perfect information."""
 
 
 def audit(composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization) -> None:

@@ -43,27 +43,19 @@ _ONE, _TWO = np.uint64(1), np.uint64(2)
 
 
 class Disturbance(NamedTuple):
-    """What each run meets beyond its member of the wind.
-
-    Attributes
-    ----------
-    queue : ndarray of int, shape (runs,)
-        Which of the sampled sets of queues.
-    energy : ndarray, shape (runs, legs)
-        Energy that each leg takes, as a multiple of the model's; after the last one again from the first.
-    gust_key : ndarray of uint64, shape (runs,)
-        Of each run's gusts.
-    gust_sd : float
-        Standard deviation of gusts along the wind as a share of the hourly speed; 0: no gusts.
-    gust_time_s : float
-        Time constant.
-    """
+    """What each run meets beyond its member of the wind."""
 
     queue: NDArray[np.int64]
+    """Shape (runs,). Which of the sampled sets of queues."""
     energy: NDArray[np.float64]
+    """Shape (runs, legs). Energy that each leg takes, as a multiple of the model's; after the last one again from the
+    first."""
     gust_key: NDArray[np.uint64]
+    """Shape (runs,). Of each run's gusts."""
     gust_sd: float
+    """Standard deviation of gusts along the wind as a share of the hourly speed; 0: no gusts."""
     gust_time_s: float
+    """Time constant."""
 
 
 def no_disturbance(runs: int) -> Disturbance:
@@ -135,43 +127,28 @@ def gusty_speed(
 
 
 class Gusts(NamedTuple):
-    """Gusts that a flight meets.
-
-    Attributes
-    ----------
-    key : uint64
-        Of the deviates.
-    sd : float
-        Standard deviation along the wind, as a share of the wind.
-    phi, scale : float
-        Of the recurrence, see above: what is kept from step to step, and sqrt(1 - phi^2).
-    """
+    """Gusts that a flight meets."""
 
     key: np.uint64
+    """Of the deviates."""
     sd: float
+    """Standard deviation along the wind, as a share of the wind."""
     phi: float
     scale: float
+    """Of the recurrence, see above: what is kept from step to step, and sqrt(1 - phi^2)."""
 
 
 class GustyPlace(NamedTuple):
-    """Where a flight through gusts is.
-
-    Attributes
-    ----------
-    left_m : float
-        What is left of its segment.
-    time_s : float
-        POSIX seconds.
-    step : int
-        Step of time whose gust blows.
-    gust : (float, float)
-        Along and across the wind, in standard deviations.
-    """
+    """Where a flight through gusts is."""
 
     left_m: float
+    """What is left of its segment."""
     time_s: float
+    """POSIX seconds."""
     step: int
+    """Step of time whose gust blows."""
     gust: tuple[float, float]
+    """Along and across the wind, in standard deviations."""
 
 
 @compiled_lean

@@ -40,21 +40,14 @@ TYPICAL_SLOTS = 8
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One flight and the stop before it.
-
-    Attributes
-    ----------
-    segments : tuple of int
-        Segments flown, without a landing between.
-    charge_to : float or None
-        Charge at the stop before; None uses no pad.
-    not_before_s : float
-        Stay at the stop before at least until then, POSIX seconds.
-    """
+    """One flight and the stop before it."""
 
     segments: tuple[int, ...]
+    """Segments flown, without a landing between."""
     charge_to: float | None = None
+    """Charge at the stop before; None uses no pad."""
     not_before_s: float = -math.inf
+    """Stay at the stop before at least until then, POSIX seconds."""
 
 
 Itinerary = tuple[Leg, ...]

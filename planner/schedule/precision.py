@@ -32,22 +32,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Crossed:
-    """Runs in days and queues.
-
-    Attributes
-    ----------
-    weight : ndarray, shape (runs,)
-        Probability of each, of any sum.
-    day, queue : ndarray of int, shape (runs,)
-        Member of the forecast and set of queues of each.
-    rare_s : float
-        What a set of queues in which a station is full costs a delivery, about, s; 0: no others fly.
-    """
+    """Runs in days and queues."""
 
     weight: NDArray[np.float64]
+    """Shape (runs,). Probability of each, of any sum."""
     day: NDArray[np.int64]
     queue: NDArray[np.int64]
+    """Shape (runs,) each. Member of the forecast and set of queues of each."""
     rare_s: float = 0.0
+    """What a set of queues in which a station is full costs a delivery, about, s; 0: no others fly."""
 
     def mean(self, values: NDArray[np.float64]) -> Figure:
         """Weighted mean of positive values; its interval is symmetric in the logarithm, as long tails want it."""

@@ -25,48 +25,36 @@ rest of the time from ready to take-off it held for the wind."""
 
 
 class Legs(NamedTuple):
-    """Flights of an itinerary and the stop before each, for `fly_under`.
-
-    Attributes
-    ----------
-    offset, segments : ndarray of int
-        Segments of leg i are ``segments[offset[i] : offset[i + 1]]``.
-    charge_to, not_before_s : ndarray, shape (legs,)
-        At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do not).
-    curve_s, curve_soc : ndarray, shape (legs, points)
-        Charging curve at the stop before; rows padded by repeating the last point.
-    has_pads : ndarray of bool, shape (legs,)
-        Whether there is a pad at the stop before at all.
-    """
+    """Flights of an itinerary and the stop before each, for `fly_under`."""
 
     offset: NDArray[np.int64]
     segments: NDArray[np.int64]
+    """Segments of leg i are ``segments[offset[i] : offset[i + 1]]``."""
     charge_to: NDArray[np.float64]
     not_before_s: NDArray[np.float64]
+    """Shape (legs,) each. At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do
+    not)."""
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
+    """Shape (legs, points) each. Charging curve at the stop before; rows padded by repeating the last point."""
     has_pads: NDArray[np.bool_]
+    """Shape (legs,). Whether there is a pad at the stop before at all."""
 
 
 class Queues(NamedTuple):
     """Sets of queue paths, packed by `models.queues.sampling.pack` in order (set, place).
 
     The places of a set are the stop before each leg and, last, the station where the route ends: one more than legs.
-
-    Attributes
-    ----------
-    offset : ndarray of int, shape (entries + 1,)
-        Path i is rows ``offset[i] : offset[i + 1]`` of the others.
-    arrival_s, pad_s, land_s, delay_s : ndarray
-        See `models.queues.sampling.QueuePath`, whose arrivals are preceded by one at -inf: row k holds for a drone
-        behind k others.
     """
 
     offset: NDArray[np.int64]
+    """Shape (entries + 1,). Path i is rows ``offset[i] : offset[i + 1]`` of the others."""
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
     delay_s: NDArray[np.float64]
+    """See `models.queues.sampling.QueuePath`, whose arrivals are preceded by one at -inf: row k holds for a drone
+    behind k others."""
 
 
 def no_queues() -> Queues:

@@ -25,40 +25,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Simulated deliveries by one route.
-
-    Attributes
-    ----------
-    schedule : ndarray, shape (runs, legs, 7)
-        See `planner.schedule.schedule_kernels`.
-    weight : ndarray, shape (runs,)
-        Probability of each.
-    member, queue : ndarray of int, shape (runs,)
-        Member of the forecast and set of queues of each.
-    """
+    """Simulated deliveries by one route."""
 
     schedule: NDArray[np.float64]
+    """Shape (runs, legs, 7). See `planner.schedule.schedule_kernels`."""
     weight: NDArray[np.float64]
+    """Shape (runs,). Probability of each."""
     member: NDArray[np.int64]
     queue: NDArray[np.int64]
+    """Shape (runs,) each. Member of the forecast and set of queues of each."""
 
 
 class Typical(NamedTuple):
-    """The typical schedule.
-
-    Attributes
-    ----------
-    member : int
-        Of the forecast.
-    queue : int or None
-        Set of queues; None: no schedule without gusts arrives, and it is one with gusts.
-    schedule : ndarray, shape (legs, 7)
-        See `planner.schedule.schedule_kernels`.
-    """
+    """The typical schedule."""
 
     member: int
+    """Of the forecast."""
     queue: int | None
+    """Set of queues; None: no schedule without gusts arrives, and it is one with gusts."""
     schedule: NDArray[np.float64]
+    """Shape (legs, 7). See `planner.schedule.schedule_kernels`."""
 
 
 def typical_schedule(
