@@ -22,6 +22,7 @@ from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.models.base.errors import LinkError, StationConflictError
 from skyway.models.composition.file import to_json
+from skyway.models.wind.estimation.field import ResidualModel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -71,6 +72,7 @@ class Supervisor:
         wind = WindBook(
             job.forecast, rules, drag=job.drag,
             ground_m=lambda lat, lon: float(job.scenario.network.ground_at_m(lat, lon)[0]),
+            residual=ResidualModel(tau_s=job.parameters.online.residual_tau_s),
             least_members=job.parameters.online.least_members,
         )  # fmt: skip
         belief = job.scenario.drone(job.request.drone or "").energy_belief

@@ -26,13 +26,12 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
     from skyway.models.flight.rules import FlightRules
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.field import ResidualModel
     from skyway.models.wind.estimation.filter import WindEstimate
 
 UPDATE_EVERY_S = 30.0
 SAME_ERROR = 100.0
 """An autopilot's wrong wind is wrong in the same way each time: so many reports of it count as one."""
-FADES_S = 3600.0
-"""A measurement so old leaves its weight on `least_members` members of the forecast."""
 MIN_HEIGHT_SHARE = 0.6
 """Below this share of the cruise height the wind is not that of the forecast."""
 
@@ -50,8 +49,8 @@ class WindBook:
         Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
     ground_m : callable, optional
         (latitude, longitude) to the ground there above sea level; by default it is not known.
-    least_members : float
-        See `update_forecast`: it grows to this in the hour after the last measurement.
+    residual, least_members : ResidualModel, float
+        See `update_forecast`.
     """
 
     def __init__(
@@ -61,11 +60,12 @@ class WindBook:
         *,
         drag: DragModel | None = None,
         ground_m: Callable[[float, float], float] = lambda *_: math.nan,
+        residual: ResidualModel | None = None,
         least_members: float = 1.0,
     ) -> None:
         self._rules, self.cruise_height_m, self.exponent = rules, rules.cruise_height_m, rules.wind_profile_exponent
         self.base = forecast.at_height(self.cruise_height_m, self.exponent)
-        self._least_members = least_members
+        self._residual, self._least_members = residual, least_members
         self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
         self._expected = forecast_of(self.base, self.exponent)
@@ -162,16 +162,15 @@ class WindBook:
         """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
-            self._updated = self._update(time_s)
+            self._updated = self._update()
         return self._updated
 
-    def forecast_by_hour(self, time_s: float) -> WindEnsemble:
+    def forecast_by_hour(self) -> WindEnsemble:
         """Return the forecast brought up to date, at cruise height, in its own slots."""
-        return self._update(time_s, slot_s=self.base.slot_s)
+        return self._update(slot_s=self.base.slot_s)
 
-    def _update(self, time_s: float, *, slot_s: float = SLOT_S) -> WindEnsemble:
-        """Bring the forecast up to date: what fits a measurement tells of the next minutes, and less of the hours after."""
-        seen = self.observations
-        age_s = time_s - max((one.time_s for one in seen), default=-math.inf)
-        least = self._least_members ** min(max(age_s / FADES_S, 0.0), 1.0)
-        return update_forecast(self.base, seen, slot_s=slot_s, least_members=least)
+    def _update(self, *, slot_s: float = SLOT_S) -> WindEnsemble:
+        """Bring the forecast up to date."""
+        return update_forecast(
+            self.base, self.observations, self._residual, slot_s=slot_s, least_members=self._least_members
+        )

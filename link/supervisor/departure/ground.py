@@ -102,7 +102,7 @@ def information(ctx: Context) -> Information:
     return Information(
         time_s=ctx.now_s,
         soc=ctx.battery.soc,
-        forecast=ctx.wind.forecast_by_hour(ctx.now_s),
+        forecast=ctx.wind.forecast_by_hour(),
         near_forecast=ctx.wind.forecast(ctx.now_s, now=True),
         belief=ctx.energy.belief,
         station=station,

@@ -19,7 +19,7 @@ from skyway.missions.autopilots.registry import family_named
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.telemetry import TelemetrySample
 from skyway.models.flight.rules import FlightRules
-from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.estimation.field import ResidualModel, WindObservation
 from skyway.models.wind.estimation.forecast_update import worth
 from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.physics import STEP_S, Body, Demand
@@ -238,14 +238,24 @@ def velocity(speed_mps, from_deg):
     return -speed_mps * math.cos(math.radians(from_deg)), -speed_mps * math.sin(math.radians(from_deg))
 
 
-def test_a_measurement_tells_of_the_next_minutes_and_less_of_the_hours_after():
+def test_a_measurement_leaves_its_weight_on_many_members_and_tells_less_of_later_hours():
     begin = datetime.fromisoformat("2013-07-10T14:00-04:00")
-    seen = WindObservation(begin.timestamp() + 300.0, 40.75, -73.97, 9.0, 0.0, 0.3)
-    book = WindBook(newyork().forecast(begin, 3.0), FlightRules(wind_profile_exponent=0.14), least_members=30.0)
-    book.earlier = (seen,)
-    now, later = (worth(book.forecast_by_hour(seen.time_s + age_s).probability) for age_s in (0.0, 3600.0))
-    assert now < later
-    assert later == pytest.approx(30.0, rel=1e-3)
+    seen = WindObservation(begin.timestamp() + 300.0, 40.75, -73.97, 12.0, 0.0, 0.3)
+    moved = {}
+    for tau_s in (21_600.0, 43_200.0):
+        residual = ResidualModel(tau_s=tau_s)
+        book = WindBook(newyork().forecast(begin, 12.0), FlightRules(), residual=residual, least_members=30.0)
+        book.earlier = (seen,)
+        updated = book.forecast_by_hour()
+        assert worth(updated.probability) == pytest.approx(30.0, rel=1e-3)
+        plain = replace(book.base, probability=updated.probability)
+        moved[tau_s] = [
+            updated.probability @ (updated.wind_at(40.75, -73.97, slot)[0] - plain.wind_at(40.75, -73.97, slot)[0])
+            for slot in (0, 6)
+        ]
+    assert moved[43_200.0][0] > 2.0
+    assert moved[21_600.0][1] / moved[21_600.0][0] == pytest.approx(math.exp(-1.0), abs=0.05)
+    assert moved[43_200.0][1] / moved[43_200.0][0] == pytest.approx(math.exp(-0.5), abs=0.05)
 
 
 def test_a_wind_is_carried_to_cruise_height_from_the_height_above_the_ground_below():
