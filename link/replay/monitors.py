@@ -31,6 +31,8 @@ MIN_LEG_S = 10.0
 WIND_EVERY_S, BATTERY_EVERY_S, CHECK_EVERY_S = 10.0, 30.0, 30.0
 SOC_JUMP, SOC_LOW, SOC_STUCK_S, SOC_STUCK_W = 0.10, 0.20, 180.0, 100.0
 MAX_LEGS = 10_000
+_ENDS = (("lat_deg", "from_lat", "to_lat"), ("lon_deg", "from_lon", "to_lon"), ("soc", "soc_start", "soc_end"))
+"""What is known first and last of a leg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +49,45 @@ class Notice:
     """Whether it is worth keeping; otherwise it is only the present state."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Leg:
-    """One flight, from leaving the ground to landing."""
+    """One flight, from leaving the ground to landing; what is not known is NaN."""
 
     start_s: float
     end_s: float
     """`start_s`, `end_s`: times as in the log."""
-    distance_m: float
+    distance_m: float = 0.0
     """Flown over the ground."""
-    from_lat: float
-    from_lon: float
-    to_lat: float
-    to_lon: float
-    """`from_lat`, `from_lon`, `to_lat`, `to_lon`: NaN where not known."""
-    soc_start: float
-    soc_end: float
+    from_lat: float = math.nan
+    from_lon: float = math.nan
+    to_lat: float = math.nan
+    to_lon: float = math.nan
+    soc_start: float = math.nan
+    soc_end: float = math.nan
     """`soc_start`, `soc_end`: state of charge, 0 to 1."""
-    energy_j: float
-    """Taken from the battery; NaN where power is not known."""
+    energy_j: float = math.nan
+    """Taken from the battery."""
+
+    @property
+    def time_s(self) -> float:
+        """How long it has lasted."""
+        return self.end_s - self.start_s
+
+    def add(self, time_s: float, row: NDArray[np.float64]) -> None:
+        """Take the quantities of the next second."""
+        step = min(time_s - self.end_s, LEG_GAP_S)
+        self.end_s = time_s
+        speed = math.hypot(row[COLUMN["vel_north_mps"]], row[COLUMN["vel_east_mps"]])
+        power = float(row[COLUMN["power_w"]])
+        self.distance_m += speed * step if math.isfinite(speed) else 0.0
+        if math.isfinite(power):
+            self.energy_j = power * step + (0.0 if math.isnan(self.energy_j) else self.energy_j)
+        for name, first, last in _ENDS:
+            value = float(row[COLUMN[name]])
+            if math.isfinite(value):
+                setattr(self, last, value)
+                if math.isnan(getattr(self, first)):
+                    setattr(self, first, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,57 +132,14 @@ def _each_second(track: TelemetryTrack) -> TelemetryTrack:
     return TelemetryTrack(track.system, track.time_s[last], values)
 
 
-class _OpenLeg:
-    """A leg that is being flown."""
-
-    def __init__(self, time_s: float) -> None:
-        self.start_s = self.end_s = time_s
-        self.distance_m = self.energy_j = 0.0
-        self.powered = self.told = False
-        self.first = dict.fromkeys(("lat_deg", "lon_deg", "soc"), math.nan)
-        self.last = dict(self.first)
-
-    @property
-    def time_s(self) -> float:
-        return self.end_s - self.start_s
-
-    def add(self, time_s: float, row: NDArray[np.float64]) -> None:
-        step = min(time_s - self.end_s, LEG_GAP_S)
-        self.end_s = time_s
-        speed = math.hypot(row[COLUMN["vel_north_mps"]], row[COLUMN["vel_east_mps"]])
-        power = float(row[COLUMN["power_w"]])
-        self.distance_m += speed * step if math.isfinite(speed) else 0.0
-        if math.isfinite(power):
-            self.energy_j += power * step
-            self.powered = True
-        for name, known in self.first.items():
-            value = float(row[COLUMN[name]])
-            if math.isfinite(value):
-                self.first[name] = value if math.isnan(known) else known
-                self.last[name] = value
-
-    def done(self) -> Leg:
-        return Leg(
-            self.start_s,
-            self.end_s,
-            self.distance_m,
-            self.first["lat_deg"],
-            self.first["lon_deg"],
-            self.last["lat_deg"],
-            self.last["lon_deg"],
-            self.first["soc"],
-            self.last["soc"],
-            self.energy_j if self.powered else math.nan,
-        )
-
-
 class LegWatch:
     """Finds the flights and what each phase of them takes."""
 
     def __init__(self) -> None:
         self.legs: list[Leg] = []
         """Those that are over, at most `MAX_LEGS`."""
-        self._leg: _OpenLeg | None = None
+        self._leg: Leg | None = None
+        self._told = False
         self._item = math.nan
         self._up = False
         self._time_s: dict[Phase, float] = dict.fromkeys(PHASES, 0.0)
@@ -176,11 +155,12 @@ class LegWatch:
             if self._leg is not None and time_s - self._leg.end_s > LEG_GAP_S:
                 found += self._land(time_s)
             if up:
-                self._leg = self._leg or _OpenLeg(time_s)
+                if self._leg is None:
+                    self._leg, self._told = Leg(time_s, time_s), False
                 self._meter(min(time_s - self._leg.end_s, LEG_GAP_S), row)
                 self._leg.add(time_s, row)
-                if self._leg.time_s >= MIN_LEG_S and not self._leg.told:
-                    self._leg.told = True
+                if self._leg.time_s >= MIN_LEG_S and not self._told:
+                    self._told = True
                     ago = f"in the air for {duration(self._leg.time_s)}"
                     found.append(Notice(time_s, "mission", f"leg {len(self.legs) + 1}: {ago}"))
             item = float(row[COLUMN["mission_item"]])
@@ -213,7 +193,7 @@ class LegWatch:
         leg, self._leg = self._leg, None
         if leg is None or leg.time_s < MIN_LEG_S or len(self.legs) >= MAX_LEGS:
             return []
-        self.legs.append(leg.done())
+        self.legs.append(leg)
         how = f"landed {duration(time_s - leg.end_s)} ago" if landed else "still in the air at the end"
         text = f"leg {len(self.legs)}: {how}, {distance_text(leg.distance_m)} in {duration(leg.time_s)}"
         return [Notice(time_s, "mission", text)]

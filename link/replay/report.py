@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, BinaryIO
 import msgspec
 import numpy as np
 
+from skyway.link.logs.common.vehicle_kind import Vehicle
 from skyway.models.base.units import J_PER_WH, from_posix, iso
-from skyway.models.drones.telemetry import QUANTITIES
+from skyway.models.drones.telemetry import QUANTITIES, TimeBase
 from skyway.models.wind.estimation.health import chi2_band
 from skyway.models.wind.triangle import speed_from
 
@@ -131,21 +132,6 @@ class EventAt(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
-class VehicleKind(msgspec.Struct, frozen=True, kw_only=True):
-    """What flew, and what said so."""
-
-    kind: str
-    told_by: str
-
-
-class TimeOfLog(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the time of a log comes from."""
-
-    source: str
-    absolute: bool
-    doubts: tuple[str, ...]
-
-
 class PredictedEnergy(msgspec.Struct, frozen=True, kw_only=True):
     """Energy that a drone's model predicts for the flight, beside what was measured."""
 
@@ -170,10 +156,10 @@ class ReplayReport(msgspec.Struct, frozen=True, kw_only=True):
     systems: tuple[int, ...]
     other_systems: tuple[int, ...]
     system: int | None
-    vehicle: VehicleKind
+    vehicle: Vehicle
     start: Instant
     end: Instant
-    time_base: TimeOfLog
+    time_base: TimeBase
     legs: list[FlightLeg]
     wind: list[WindAt]
     wind_summary: WindSummary
@@ -197,7 +183,7 @@ def replay_report(
     found: Replay, prediction: Prediction | None = None, parameters: dict[str, str] | None = None
 ) -> ReplayReport:
     """Work out everything that is told of a replay; unknown numbers are None."""
-    summary, base = found.summary, found.summary.time_base
+    summary = found.summary
     return ReplayReport(
         format=summary.format,
         messages=summary.messages,
@@ -206,10 +192,10 @@ def replay_report(
         systems=summary.systems,
         other_systems=summary.others,
         system=found.system,
-        vehicle=VehicleKind(kind=found.vehicle.kind, told_by=found.vehicle.told_by),
+        vehicle=found.vehicle,
         start=instant(found, summary.start_s),
         end=instant(found, summary.end_s),
-        time_base=TimeOfLog(source=base.source, absolute=base.absolute, doubts=tuple(base.doubts)),
+        time_base=summary.time_base,
         legs=[_leg(found, leg) for leg in found.legs],
         wind=_winds(found),
         wind_summary=_wind_summary(found),

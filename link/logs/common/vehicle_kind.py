@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from skyway.models.base.json_text import HIDDEN
+
 Kind = Literal["multirotor", "fixed wing", "VTOL", "helicopter", "rover", "boat", "submarine", "airship", "unknown"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 MAV_KINDS: dict[int, Kind] = {
@@ -72,7 +74,7 @@ class Vehicle:
     """One of `KINDS`."""
     told_by: str = "the log does not state the kind of vehicle"
     """What says so, or why it is not known."""
-    leans: bool = True
+    leans: bool = field(default=True, metadata=HIDDEN)
     """Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
     hover do not."""
 
