@@ -84,7 +84,8 @@ class Download(Exchange):
             self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
             self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
         elif message["type"] != ACCEPTED:
-            self._again(now_s, f"the vehicle aborted the download (answer {message['type']})")
+            self._pause = self._may_begin_again(1, f"the vehicle aborted the download (answer {message['type']})")
+            self.next_s = now_s + _AGAIN_S if self._pause else self.next_s
 
     def _next(self, now_s: float) -> None:
         if self._tries == 1:
@@ -101,15 +102,13 @@ class Download(Exchange):
         else:
             self._ask(now_s)
 
-    def _again(self, now_s: float, problem: str) -> None:
-        """Begin again after a while: the vehicle was busy, or has changed what it holds."""
-        self._restarts += 1
+    def _may_begin_again(self, costs: int, problem: str) -> bool:
+        """Whether it may begin again: the vehicle was busy, has forgotten the transfer, or has changed what it holds."""
+        self._restarts += costs
         if self._restarts > _MAX_RESTARTS:
             self.problem = problem
             self.finish()
-            return
-        self._pause = True
-        self.next_s = now_s + _AGAIN_S
+        return not self.done
 
     def tick(self, now_s: float) -> None:
         """Ask again."""
@@ -120,10 +119,7 @@ class Download(Exchange):
             self.finish()
             return
         elif self._count is not None and self._tries >= _FORGOTTEN_TRIES:  # a reboot, or it has forgotten the transfer
-            self._restarts += _FORGOTTEN_COSTS
-            if self._restarts > _MAX_RESTARTS:
-                self.problem = f"item {len(self._got)} never came"
-                self.finish()
+            if not self._may_begin_again(_FORGOTTEN_COSTS, f"item {len(self._got)} never came"):
                 return
             self._count, self._got, self._tries = None, [], 0
         self._ask(now_s)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import msgspec
 import numpy as np
 
-from skyway.link.logs.common.vehicle_kind import Vehicle
+from skyway.link.logs.common.vehicle_kind import Vehicle  # noqa: TC001  the annotations are read at run time
 from skyway.models.base.units import J_PER_WH, from_posix, iso
 from skyway.models.drones.telemetry import QUANTITIES, TimeBase
 from skyway.models.wind.estimation.health import chi2_band

@@ -138,7 +138,7 @@ class BootTimes:
         if boot_ms is None:
             return True
         boot_s = boot_ms * 1e-3
-        if self._newest is None or self._fits(boot_s, posix_s):
+        if self._fits(boot_s, posix_s):
             self._strange.clear()
         else:
             if self._strange and abs(boot_s - self._strange[-1]) > _ALIKE_S:
@@ -154,9 +154,7 @@ class BootTimes:
         return True
 
     def _fits(self, boot_s: float, posix_s: float) -> bool:
-        if self._newest is None:
-            return True
-        newest_s, heard_s = self._newest
+        newest_s, heard_s = self._newest or (boot_s, posix_s)
         return newest_s - _BACK_S <= boot_s <= newest_s + _LATE_S + _SPEEDUP * max(posix_s - heard_s, 0.0)
 
     def utc_believed(self, utc_s: float, boot_s: float) -> bool:

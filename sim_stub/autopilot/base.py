@@ -13,7 +13,7 @@ from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Home, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionRun
 from skyway.sim_stub.autopilot.modes import Mode
-from skyway.sim_stub.plant.physics import Demand, metres_per_degree
+from skyway.sim_stub.plant.physics import Demand, metres_per_degree, offset_m
 
 if TYPE_CHECKING:
     from skyway.sim_stub.plant.physics import Body
@@ -121,6 +121,17 @@ class Autopilot(Family):
         lat = self.lat + body.north_mps * braking_s / north_scale
         lon = self.lon + body.east_mps * braking_s / east_scale
         return Fly(lat, lon, body.alt_m + 0.5 * body.up_mps, 1.0, math.inf, math.degrees(body.yaw))
+
+    def safe_place(self, reach_m: float, *, home_counts: bool) -> tuple[float, float]:
+        """Where to return to, degrees: the nearest rally point within reach, or home where that counts and is no farther."""
+
+        def away_m(place: tuple[float, float]) -> float:
+            return math.hypot(*offset_m(self.lat, self.lon, *place))
+
+        home = (self.home.lat, self.home.lon) if self.home else (self.lat, self.lon)
+        points = [(item.lat, item.lon) for item in self.stores[RALLY] if item.command == Command.RALLY_POINT]
+        rally = min(points, key=away_m, default=home)
+        return rally if away_m(rally) <= reach_m and not (home_counts and away_m(home) <= away_m(rally)) else home
 
     def event(self, text: str) -> None:
         """Record an event in the log of the world."""

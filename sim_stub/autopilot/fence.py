@@ -83,12 +83,3 @@ class Fence:
         if wanted and not (any(wanted) if any_inclusion else all(wanted)):
             return True
         return any(area.contains(lat, lon) for area in self.areas if not area.inclusion)
-
-
-def nearest_rally(items: Sequence[Item], lat: float, lon: float) -> tuple[Item, float] | None:
-    """Return the nearest rally point and its distance in metres, or None where there is none."""
-    points = [item for item in items if item.command == Command.RALLY_POINT]
-    if not points:
-        return None
-    near = min(points, key=lambda item: math.hypot(*offset_m(lat, lon, item.lat, item.lon)))
-    return near, math.hypot(*offset_m(lat, lon, near.lat, near.lon))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.link.logs.common.pieces import PIECE_BYTES
 from skyway.link.logs.tlog import tlog_kernels as kernels
 from skyway.link.logs.tlog.dialect import crc_extras
 from skyway.link.wire.layout import ID_AT_1, ID_AT_2, MAGIC_1, MAGIC_2, MAX_FRAME_BYTES
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
     from skyway.link.logs.tlog.tlog import ScanState
 
-PIECE_BYTES = 1024 * 1024
 WINDOW_BYTES = 1 << 16
 
 

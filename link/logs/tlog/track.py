@@ -11,6 +11,7 @@ import numpy as np
 from skyway.link.logs.common.assembly import Assembler, Stretch
 from skyway.link.logs.common.log import LogSummary
 from skyway.link.logs.common.messages import SPOKEN
+from skyway.link.logs.common.pieces import PIECE_BYTES, WARM_UP_S
 from skyway.link.logs.tlog.events import TlogEvents
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.logs.tlog.tlog import read_frames, scan
@@ -26,14 +27,10 @@ if TYPE_CHECKING:
     from skyway.link.logs.tlog.tlog import Frames, TlogIndex
     from skyway.models.drones.telemetry import TelemetryTrack
 
-PIECE_BYTES = 1024 * 1024
-"""Telemetry is made of so much of the log at a time."""
 CLOCK_S, CLOCK_SHARE = 5.0, 0.02
 """A vehicle's clock that differs more than this from the recorder's is doubted."""
 LOST_S = 60.0
 """Steps longer than this are pauses of the recording, not of a clock."""
-WARM_UP_S = 15.0
-"""A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
 
 
 class _Clock:

@@ -9,11 +9,9 @@ from skyway.sim_stub.autopilot.ardupilot import parameters as ardupilot_paramete
 from skyway.sim_stub.autopilot.ardupilot.failsafes import ArduPilotFailsafes
 from skyway.sim_stub.autopilot.ardupilot.mission_server import ArduPilotMissionServer
 from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
-from skyway.sim_stub.autopilot.fence import nearest_rally
-from skyway.sim_stub.autopilot.items import FENCE, NAV_COMMANDS, RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.items import FENCE, NAV_COMMANDS, Command, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import Mode
-from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -305,15 +303,9 @@ class ArduPilot(ArduPilotFailsafes):
 
     def return_home(self) -> ReturnHome:
         """To a rally point within RALLY_LIMIT_KM, else home, at RTL_ALT or higher."""
-        p, home = self.parameters, self.home
-        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
-        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
-        if rally is not None:
-            limit_m = p["RALLY_LIMIT_KM"] * 1000.0
-            in_reach = limit_m <= 0.0 or rally[1] <= limit_m
-            home_m = math.hypot(*offset_m(self.lat, self.lon, lat, lon))
-            if in_reach and not (p["RALLY_INCL_HOME"] == 1.0 and home_m < rally[1]):
-                lat, lon = rally[0].lat, rally[0].lon
+        p = self.parameters
+        limit_m = p["RALLY_LIMIT_KM"] * 1000.0
+        lat, lon = self.safe_place(limit_m if limit_m > 0.0 else math.inf, home_counts=p["RALLY_INCL_HOME"] == 1.0)
         height = self.home_alt_m + p.clamped("RTL_ALT", 0.0, 300_000.0) / 100.0
         return ReturnHome(lat, lon, height, p.clamped("RTL_LOIT_TIME", 0.0, 60_000.0) / 1000.0)
 

@@ -6,8 +6,7 @@ import math
 from typing import TYPE_CHECKING, ClassVar
 
 from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
-from skyway.sim_stub.autopilot.fence import nearest_rally
-from skyway.sim_stub.autopilot.items import RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.items import Command, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.autopilot.px4 import missions as px4_missions
@@ -348,15 +347,11 @@ class Px4(Px4Failsafes):
 
     def return_home(self) -> ReturnHome:
         """To the nearest of home and the rally points (main: RTL_TYPE 5 never home), at RTL_RETURN_ALT or higher."""
-        body, home = self.body, self.home
-        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
-        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
         only_safe = self.vehicle.config.version >= (1, 18) and int(self.parameters["RTL_TYPE"]) == 5
-        if rally is not None and (only_safe or rally[1] < math.hypot(*offset_m(self.lat, self.lon, lat, lon))):
-            lat, lon = rally[0].lat, rally[0].lon
+        lat, lon = self.safe_place(math.inf, home_counts=not only_safe)
         height = self.home_alt_m + self.parameters.clamped("RTL_RETURN_ALT", 0.0, 5000.0)
         near = math.hypot(*offset_m(self.lat, self.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]
-        return ReturnHome(lat, lon, body.alt_m if near else height)
+        return ReturnHome(lat, lon, self.body.alt_m if near else height)
 
     # Missions
 
