@@ -46,13 +46,7 @@ class Conversation:
         self.asked_once = once
 
     def listen(self, ctx: Context) -> None:
-        """Take what the operator says at any time.
-
-        Raises
-        ------
-        Turn
-            Ctrl-C on the ground, or twice in the air.
-        """
+        """Take what the operator says at any time; Ctrl-C on the ground, or twice in the air, is raised as a `Turn`."""
         word = self.operator.heard()
         if word:
             self._words.append(word.strip().lower())
@@ -81,13 +75,7 @@ class Conversation:
         )
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
-        """Let time pass until the operator says one of some words.
-
-        Raises
-        ------
-        Turn
-            Nobody is there any more who could say one.
-        """
+        """Let time pass until the operator says one of some words; it stops (a `Turn`) where nobody is there any more."""
         ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
         self.question = question

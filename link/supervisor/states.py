@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import SkywayError
 
@@ -171,9 +171,9 @@ class OffTableError(SkywayError):
 class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
     """The delivery goes to another state, from the midst of what it is doing."""
 
-    def __init__(self, state: State, reason: str, **data: Any) -> None:
+    def __init__(self, state: State, reason: str) -> None:
         super().__init__(reason)
-        self.state, self.reason, self.data = state, reason, data
+        self.state, self.reason = state, reason
 
 
 @dataclass(slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from skyway.sim_stub.plant.physics import Demand, metres_per_degree, offset_m
 
@@ -30,16 +30,6 @@ class Speeds:
     down_mps: float
     land_mps: float
     most_mps: float
-
-
-class Behaviour(Protocol):
-    """One thing to do."""
-
-    done: bool
-
-    def step(self, pilot: Autopilot) -> Demand:
-        """Motion wanted now."""
-        ...
 
 
 def steer(
@@ -253,3 +243,7 @@ class Circle:
             way * self.speed_mps * math.cos(ahead) - inwards * math.sin(angle),
             yaw_deg=math.degrees(angle) + 180.0,
         )
+
+
+Behaviour: TypeAlias = Idle | Climb | Fly | Wait | Land | ReturnHome | Circle
+"""One thing to do: `step` gives the motion wanted now, until it is `done`."""

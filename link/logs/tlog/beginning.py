@@ -26,13 +26,7 @@ WINDOW_BYTES = 1 << 16
 
 
 def beginning(path: Path, fresh: ScanState) -> ScanState:
-    """Return the parser's state when it starts to read a log.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
+    """Return the parser's state when it starts to read a log."""
     seen = np.zeros(kernels.DENSE_IDS, dtype=np.bool_)
     extras = crc_extras()
     try:

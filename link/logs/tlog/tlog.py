@@ -181,12 +181,6 @@ def scan(
     """Find and count every message of a log; memory does not grow with it.
 
     `watch` is shown the messages of each chunk and their times on the way.
-
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
     """
     memory, check = beginning(path, ScanState()), StampCheck()
     begun = memory.copy()

@@ -27,13 +27,7 @@ def landed(ctx: Context) -> bool:
 
 
 def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str, ...]) -> None:
-    """Stop commanding in the air where something is not ours: a mode, a mission, a restart.
-
-    Raises
-    ------
-    Turn
-        To holding.
-    """
+    """Hold (a `Turn`) in the air where something is not ours: a mode, a mission, a restart."""
     for change in changes:
         if change.ours:
             continue
@@ -52,13 +46,7 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
 
 
 def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
-    """Stop commanding on the ground where somebody else arms it, or changes what it is about to fly.
-
-    Raises
-    ------
-    Turn
-        To holding.
-    """
+    """Hold (a `Turn`) on the ground where somebody else arms it, or changes what it is about to fly."""
     for change in changes:
         if change.ours:
             continue

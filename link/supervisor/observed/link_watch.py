@@ -50,10 +50,10 @@ class LinkWatch:
 def ask(ctx: Context, question: Callable[[], T]) -> T:
     """Put a question to a vehicle that has time, and put it again until it is answered.
 
+    Where nothing is answered any more the link is lost (a `Turn`).
+
     Raises
     ------
-    Turn
-        To the lost link, where nothing is answered any more.
     VehicleTimeoutError
         All else is answered, and this has not been for `ASK_FOR_S`.
     """
@@ -69,38 +69,20 @@ def ask(ctx: Context, question: Callable[[], T]) -> T:
 
 
 def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
-    """Say what was not answered, or is not told; the link counts as lost where nothing else is answered either.
-
-    Raises
-    ------
-    Turn
-        To the lost link.
-    """
+    """Say what was not answered, or is not told; the link is lost (a `Turn`) where nothing else is answered either."""
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
         ctx.say(LinkNote(), f"{what}; it is asked again")
 
 
 def must_answer(ctx: Context, reason: str) -> None:
-    """Go on where the vehicle answers at all.
-
-    Raises
-    ------
-    Turn
-        To the lost link, with this reason.
-    """
+    """Go on where the vehicle answers at all; else the link is lost (a `Turn`), with this reason."""
     if not ctx.vehicle.answers():
         raise Turn(State.LOST_LINK, reason)
 
 
 def must_be_heard(ctx: Context) -> None:
-    """Go on where the vehicle is heard, or the link is known to be lost.
-
-    Raises
-    ------
-    Turn
-        To the lost link.
-    """
+    """Go on where the vehicle is heard, or the link is known to be lost; else it is lost now (a `Turn`)."""
     if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
         raise Turn(State.LOST_LINK, f"nothing was heard from the drone for {duration(ctx.vehicle.silent_s)}")
 
