@@ -49,13 +49,7 @@ def _square() -> Mission:
 
 @cache
 def drag_of(drone: Drone, payload_kg: float) -> DragModel:
-    """Fly a square twice in a light wind, in virtual time, and fit the drag.
-
-    Raises
-    ------
-    LinkError
-        The flight did not tell it.
-    """
+    """Fly a square twice in a light wind, in virtual time, and fit the drag; a `LinkError` where that fails."""
     fit = identify_drag(blocks(TelemetryTrack.of_samples(_flown(drone, payload_kg))))
     if fit.drag is None:
         raise LinkError(f"the calibration flight does not determine the drag: {fit.reason}")
@@ -63,13 +57,7 @@ def drag_of(drone: Drone, payload_kg: float) -> DragModel:
 
 
 def record_square(drone: Drone, payload_kg: float, path: Path, *, force: bool = False) -> None:
-    """Fly the same square and record it as a ``.tlog``: a flight to calibrate with.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Fly the same square and record it as a ``.tlog``: a flight to calibrate with."""
     with tempfile.TemporaryDirectory() as folder:
         _flown(drone, payload_kg, Path(folder))
         (recorded,) = Path(folder).glob("*.tlog")

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.entries import Tracked
     from skyway.link.supervisor.journal.file import Record
     from skyway.models.composition.composition import Composition
-    from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.request import Request
 
@@ -92,13 +91,6 @@ def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, flo
             raise InputError("no such station", field="--elevation", value=name)
         found[name.strip()] = metres
     return found
-
-
-def read_drag_file(path: Path | None) -> DragModel | None:
-    """Read the drag of the drone; None where none is given."""
-    from skyway.models.drones.drag_file import read_drag
-
-    return None if path is None else read_drag(path)
 
 
 def journal_name(composition: Composition, now: datetime) -> str:

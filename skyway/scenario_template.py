@@ -15,13 +15,7 @@ FILES = ("scenario.toml", "stations.csv", "drones.toml", "load.csv", "wind.csv",
 
 
 def write_template(folder: Path) -> list[Path]:
-    """Write the template into a new or empty folder.
-
-    Raises
-    ------
-    InputError
-        The folder holds something already, or cannot be written.
-    """
+    """Write the template into a new or empty folder; an `InputError` where it is neither, or cannot be written."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError("exists already and is not an empty folder", str(folder), remedy="name a new folder")
     try:

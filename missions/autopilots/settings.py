@@ -29,13 +29,7 @@ _VERSION = re.compile(r"v?(\d{1,3})\.(\d{1,3})(?:[.-].*)?")
 
 
 def version_of(text: str) -> Version:
-    """Version of a text such as ``4.6``, ``v1.16.1`` or ``main``.
-
-    Raises
-    ------
-    InputError
-        For a text that is none.
-    """
+    """Version of a text such as ``4.6``, ``v1.16.1`` or ``main``; an `InputError` for a text that is none."""
     if text.strip().lower() == "main":
         return MAIN
     found = _VERSION.fullmatch(text.strip())

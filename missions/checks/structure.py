@@ -142,11 +142,6 @@ def _uses_plain_param5(item: MissionItem) -> bool:
     return item.command in PLAIN_PARAM5_COMMANDS or (unnamed and not is_scaled(item.command, item.frame))
 
 
-def _is_near(shown: float, z: float) -> bool:
-    """Compare without turning a whole number of any length into a float."""
-    return z - ALTITUDE_TOLERANCE_M <= shown <= z + ALTITUDE_TOLERANCE_M
-
-
 def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     free = ((3,) if item.command == Command.NAV_VTOL_LAND else ()) + ((4,) if item.command in YAW_COMMANDS else ())
     wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in free]
@@ -161,7 +156,8 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     shown = item.extra.get("Altitude")
     plain = item.is_located and item.extra.get("AltitudeMode") in _PLAIN_ALTITUDE_MODES and math.isfinite(item.z)
     plain = plain and not item.was_planned_above_terrain
-    if plain and isinstance(shown, (int, float)) and not _is_near(shown, item.z):
+    low, high = item.z - ALTITUDE_TOLERANCE_M, item.z + ALTITUDE_TOLERANCE_M  # `shown` may be whole, of any length
+    if plain and isinstance(shown, (int, float)) and not low <= shown <= high:
         message = (
             f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {str(shown)[:12]} m"
         )

@@ -57,13 +57,7 @@ class Transects:
 
 
 def survey(source: JsonField) -> list[Mapping[str, Any]]:
-    """Return the items of a survey of any version.
-
-    Raises
-    ------
-    InputError
-        A setting is missing, impossible, or needs more than the file; or there would be too many items.
-    """
+    """Return the items of a survey of any version; an `InputError` for wrong settings, or too many items."""
     if source["version"].value in (2, 3):
         settings, angle, again = _settings_of_version_3(source)
     else:

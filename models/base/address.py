@@ -37,13 +37,7 @@ class Address:
 
 
 def resolve(address: Address, kind: int) -> tuple[int, Any]:
-    """Return family and socket address of a host, for a kind of socket.
-
-    Raises
-    ------
-    InputError
-        There is no such host.
-    """
+    """Return family and socket address of a host, for a kind of socket; an `InputError` where there is no such host."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except OSError as error:
@@ -52,13 +46,7 @@ def resolve(address: Address, kind: int) -> tuple[int, Any]:
 
 
 def bind(listener: socket.socket, target: Any, address: Address) -> None:
-    """Bind a socket; it is closed where that fails.
-
-    Raises
-    ------
-    InputError
-        The address is taken, or not ours.
-    """
+    """Bind a socket; where the address is taken, or not ours, it is closed: an `InputError`."""
     try:
         listener.bind(target)
     except OSError as error:

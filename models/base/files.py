@@ -60,13 +60,7 @@ def read_text(path: Path, *, max_bytes: int) -> str:
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
-    """Write a file so that a reader, or a crash, never sees half of it.
-
-    Raises
-    ------
-    InputError
-        The file exists and `force` is false, or it cannot be written.
-    """
+    """Write a file so that a reader, or a crash, never sees half of it; errors are those of `writing`."""
     with writing(path, force=force) as stream:
         stream.write(content.encode() if isinstance(content, str) else content)
 

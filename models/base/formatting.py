@@ -97,9 +97,9 @@ def share(figure: Figure) -> str:
     if high <= low:
         return probability(value, 1)
     if value >= 1.0:
-        return f">{_floor(100.0 * low)} %"
+        return f">{math.floor(1000.0 * low + 1e-9) / 10.0:g} %"
     if value <= 0.0:
-        return f"<{_ceil(100.0 * high)} %"
+        return f"<{math.ceil(1000.0 * high - 1e-9) / 10.0:g} %"
     return probability(value, 0 if figure.half_width >= 0.005 else 1)
 
 
@@ -276,11 +276,3 @@ def _stepped(seconds: float, step: int) -> str:
 def _hours(minutes_: int) -> str:
     hours, rest = divmod(minutes_, 60)
     return " ".join([f"{hours} h"] * (hours > 0) + [f"{rest} min"] * (rest > 0 or not hours))
-
-
-def _floor(value: float) -> str:
-    return f"{math.floor(10.0 * value + 1e-9) / 10.0:g}"
-
-
-def _ceil(value: float) -> str:
-    return f"{math.ceil(10.0 * value - 1e-9) / 10.0:g}"

@@ -87,13 +87,7 @@ class Entry:
         return None
 
     def parsed(self, text: str) -> Value:
-        """Return the value that a text stands for.
-
-        Raises
-        ------
-        InputError
-            It stands for none, or for one that is out of range.
-        """
+        """Return the value that a text stands for; an `InputError` where that is none, or out of range."""
         value: Any = text
         try:
             if isinstance(self.default, bool):
@@ -141,13 +135,7 @@ def changed(part: Parameters, name: str = "") -> dict[str, str]:
 
 
 def with_values(part: P, values: Mapping[str, Value]) -> P:
-    """Return a tree with some parameters changed, by their names.
-
-    Raises
-    ------
-    InputError
-        There is no such parameter, or its value is out of range.
-    """
+    """Return a tree with some parameters changed, by their names; an `InputError` for a wrong name or value."""
     known = {one.name: one for one in entries(part)}
     for name in values:
         _find(known, name)

@@ -54,7 +54,9 @@ class FaultCollector:
         self._found: list[Fault] = []
         self._unlisted = 0
 
-    def add(self, problem: str, remedy: str, *, line: int | None, field: str | None, value: object) -> None:
+    def add(
+        self, problem: str, remedy: str, *, line: int | None = None, field: str | None = None, value: object = None
+    ) -> None:
         """Note a fault; beyond a few times twenty only their number is kept."""
         if len(self._found) < 10 * LISTED_FAULTS:
             self._found.append(Fault(problem, self.file, line, field, value, remedy))
@@ -173,7 +175,7 @@ def _whole(
     for line, row in zip(lines, rows, strict=True):
         if row and len(row) != width:
             problem = f"has {len(row)} cells where the header has {width}"
-            faults.add(problem, "one cell for each column", line=line, field=None, value=None)
+            faults.add(problem, "one cell for each column", line=line)
     return [lines[number] for number in kept], [rows[number] for number in kept]
 
 
@@ -203,9 +205,9 @@ def _places(
         has = "the columns must be separated by commas"
     for name in required:
         if name not in names:
-            faults.add("no such column", has, line=1, field=name, value=None)
+            faults.add("no such column", has, line=1, field=name)
     for name in dict.fromkeys((*required, *optional)):
         if names.count(name) > 1:
-            faults.add("the column appears twice", "name it once", line=1, field=name, value=None)
+            faults.add("the column appears twice", "name it once", line=1, field=name)
     faults.raise_if_any()
     return {name: names.index(name) for name in (*required, *optional) if name in names}

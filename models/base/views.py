@@ -59,13 +59,7 @@ def station_rows(network: Network) -> list[dict[str, Any]]:
 
 
 def frame(rows: Sequence[Mapping[str, Any]], index: str) -> pd.DataFrame:
-    """Return rows as a pandas DataFrame.
-
-    Raises
-    ------
-    InputError
-        pandas is not installed.
-    """
+    """Return rows as a pandas DataFrame; an `InputError` where pandas is not installed."""
     try:
         import pandas as pd
     except ImportError as error:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from skyway.models.base import views
 from skyway.models.base.errors import AuditError
-from skyway.models.base.formatting import direction_text, duration
+from skyway.models.base.formatting import duration
 from skyway.models.base.units import J_PER_WH, iso
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from skyway.models.base.statistics import Figure
     from skyway.models.network.network import Station
+    from skyway.models.wind.summary import Wind
 
 Recharge = Literal["full", "enough"]
 
@@ -45,52 +46,6 @@ class Place:
     def of(cls, station: Station) -> Place:
         """Return the place of a station of a network."""
         return cls(station.lat, station.lon, station.elevation_m, station.name, station.pads)
-
-
-CALM_MPS = 0.05
-"""Weaker winds have no direction."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wind:
-    """Wind as speed and FROM direction: one wind, or the range that may blow."""
-
-    speed_mps: float
-    """Metres per second; the mean of those that may blow."""
-    from_deg: float | None
-    """Where it blows FROM, degrees clockwise from true north; None is variable."""
-    p10_mps: float | None = None
-    p90_mps: float | None = None
-    """Speeds that 10 and 90 % of the winds do not exceed; None: one wind."""
-
-    @property
-    def certain(self) -> bool:
-        """Whether it is one wind; else its figures have no more digits than a forecast is sure of."""
-        if self.p10_mps is None or self.p90_mps is None:
-            return True
-        return self.p90_mps - self.p10_mps < CALM_MPS and (self.from_deg is not None or self.p90_mps < CALM_MPS)
-
-    @property
-    def range_text(self) -> str:
-        """Speeds for people without unit: ``8 (5 to 11)``, or ``7.5`` where it is one wind."""
-        if self.certain or self.p10_mps is None or self.p90_mps is None:
-            return f"{self.speed_mps:.1f}"
-        return f"{self.speed_mps:.0f} ({self.p10_mps:.0f} to {self.p90_mps:.0f})"
-
-    @property
-    def direction_text(self) -> str:
-        """Direction for people: ``203°``, to ten degrees (``200°``) where it is not certain, or ``variable``."""
-        if self.from_deg is None:
-            return "variable"
-        return direction_text(self.from_deg, 1 if self.certain else 10)
-
-    def __str__(self) -> str:
-        """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``7.5 m/s from 203°``; ``calm``."""
-        if max(self.speed_mps, self.p90_mps or 0.0) < CALM_MPS:
-            return "calm"
-        if self.from_deg is None:
-            return f"{self.range_text} m/s, variable direction"
-        return f"{self.range_text} m/s from {self.direction_text}"
 
 
 @dataclass(frozen=True, slots=True)

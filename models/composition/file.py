@@ -27,8 +27,8 @@ from skyway.models.composition.composition import (
     LegSegment,
     Place,
     Stop,
-    Wind,
 )
+from skyway.models.wind.summary import Wind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -46,13 +46,7 @@ def drag_file(drag: DragModel | None, notes: Sequence[str] = (), airspeed: Airsp
 
 
 def read_drag(path: Path) -> DragModel:
-    """Read the drag of a file that has one.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file.
-    """
+    """Read the drag of a file that has one; an `InputError` with every fault in the file."""
     drag = read_air(path).drag
     if drag is None:
         raise InputError("is missing", str(path), None, "linear_per_s")
@@ -60,13 +54,7 @@ def read_drag(path: Path) -> DragModel:
 
 
 def read_air(path: Path) -> AirFile:
-    """Read a file.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file.
-    """
+    """Read a file; an `InputError` with every fault in it."""
     faults: list[Fault] = []
     top = Table(read_toml(path), str(path), "", faults)
     top.text("schema", SCHEMA, choices=(SCHEMA,))

@@ -58,37 +58,28 @@ class FlightRules:
 
 
 class SegmentWind(NamedTuple):
-    """Segments and the wind over them, as arrays for compiled kernels.
-
-    Attributes
-    ----------
-    start_s, slot_s : float
-        POSIX seconds of the first slot and length of a slot; the last slot holds on forever.
-    north, east : ndarray, shape (members, slots, sites)
-        Wind at cruise height, m/s, where the air moves TOWARDS.
-    weight : ndarray, shape (segments, sites)
-        Inverse-distance weights of the sites at each segment's midpoint, times what the wind is more as high as the segment is flown.
-    cos_bearing, sin_bearing, distance_m : ndarray, shape (segments,)
-        Of the segments.
-    airspeed_mps, wind_limit_mps, max_ground_speed_mps : float
-        Of the drone on this delivery.
-    climb_s, descent_s : float
-        Spent at the start and the end of each flight.
-    """
+    """Segments and the wind over them, as arrays for compiled kernels."""
 
     start_s: float
     slot_s: float
+    """POSIX seconds of the first slot and length of a slot; the last slot holds on forever."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    """Shape (members, slots, sites) each. Wind at cruise height, m/s, where the air moves TOWARDS."""
     weight: NDArray[np.float64]
+    """Shape (segments, sites). Inverse-distance weights of the sites at each segment's midpoint, times what the wind is
+    more as high as the segment is flown."""
     cos_bearing: NDArray[np.float64]
     sin_bearing: NDArray[np.float64]
     distance_m: NDArray[np.float64]
+    """Shape (segments,) each. Of the segments."""
     airspeed_mps: float
     wind_limit_mps: float
     max_ground_speed_mps: float
+    """Of the drone on this delivery."""
     climb_s: float
     descent_s: float
+    """Spent at the start and the end of each flight."""
 
 
 def air_over(

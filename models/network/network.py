@@ -264,19 +264,16 @@ class Network:
 
     def parts(self) -> list[tuple[str, ...]]:
         """Weakly connected parts, largest first, as station ids."""
-        parent = np.arange(len(self.stations))
-
-        def root(node: int) -> int:
-            while parent[node] != node:
-                parent[node] = parent[parent[node]]
-                node = int(parent[node])
-            return node
-
-        for tail, head in zip(self.tail.tolist(), self.head.tolist(), strict=True):
-            parent[root(tail)] = root(head)
+        part = np.arange(len(self.stations))  # least node that each is known to be joined to
+        before = part - 1
+        while not np.array_equal(part, before):
+            before = part.copy()
+            np.minimum.at(part, self.tail, before[self.head])
+            np.minimum.at(part, self.head, before[self.tail])
+            part = part[part]
         groups: dict[int, list[str]] = {}
-        for number, station in enumerate(self.stations):
-            groups.setdefault(root(number), []).append(station.id)
+        for node, station in zip(part.tolist(), self.stations, strict=True):
+            groups.setdefault(node, []).append(station.id)
         return sorted((tuple(group) for group in groups.values()), key=len, reverse=True)
 
     def find(self, text: str) -> int:

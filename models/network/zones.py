@@ -149,13 +149,7 @@ def read_geojson(path: Path) -> dict[str, Any]:
 
 
 def features(document: dict[str, Any], file: str) -> list[dict[str, Any]]:
-    """Return the features of a GeoJSON object, whatever of the three kinds it is.
-
-    Raises
-    ------
-    InputError
-        A FeatureCollection without a list of features.
-    """
+    """Return the features of a GeoJSON object of any kind; an `InputError` for a collection without a list of them."""
     if document["type"] == "FeatureCollection":
         found = document.get("features")
         if not isinstance(found, list):

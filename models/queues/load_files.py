@@ -135,7 +135,7 @@ def read_occupancy(
     for i, hours in zip(columns, np.sum(count == 0, axis=0).tolist(), strict=True):
         if hours:
             problem = f"has no value for {hours} of the 168 hours of the week"
-            faults.add(problem, "a record of at least a week", line=None, field=station_ids[i], value=None)
+            faults.add(problem, "a record of at least a week", field=station_ids[i])
     faults.raise_if_any()
     busy = np.zeros((len(station_ids), WEEK_H))
     busy[columns] = (total / np.maximum(count, 1)).T
@@ -221,7 +221,7 @@ def _note_missing_hours(station_ids: Sequence[str], missing: NDArray[np.bool_], 
             hours = _listed([str(hour) for hour in np.flatnonzero(row)], shown=24)
             problems.append(f"station {name} has no row for hours {hours}")
     for problem in problems:
-        faults.add(problem, remedy, line=None, field=None, value=None)
+        faults.add(problem, remedy)
 
 
 def _overload_warnings(load: PadLoad, station_ids: Sequence[str], pads: NDArray[np.int64] | None) -> list[str]:

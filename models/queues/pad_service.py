@@ -13,7 +13,7 @@ A drone is named by its MAVLink system id in decimal. States of charge are fract
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 import msgspec
 
@@ -22,6 +22,7 @@ from skyway.models.base.errors import LinkError
 MAX_LINE_BYTES = 4096
 """A longer line is no request."""
 
+T = TypeVar("T")
 DroneState = Literal["absent", "waiting", "charging", "done"]
 
 
@@ -113,28 +114,17 @@ def encode(message: PadRequest | PadAnswer) -> bytes:
 
 
 def decode_request(line: bytes) -> PadRequest:
-    """Read a request.
-
-    Raises
-    ------
-    PadServiceError
-        The line is no request.
-    """
-    try:
-        return _REQUEST.decode(line)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PadServiceError(f"not a request of the pad service: {error}") from error
+    """Read a request; a `PadServiceError` for a line that is none."""
+    return _decoded(_REQUEST, line, "a request")
 
 
 def decode_answer(line: bytes) -> PadAnswer:
-    """Read an answer.
+    """Read an answer; a `PadServiceError` for a line that is none."""
+    return _decoded(_ANSWER, line, "an answer")
 
-    Raises
-    ------
-    PadServiceError
-        The line is no answer.
-    """
+
+def _decoded(decoder: msgspec.json.Decoder[T], line: bytes, what: str) -> T:
     try:
-        return _ANSWER.decode(line)
+        return decoder.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PadServiceError(f"not an answer of the pad service: {error}") from error
+        raise PadServiceError(f"not {what} of the pad service: {error}") from error

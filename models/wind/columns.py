@@ -16,7 +16,6 @@ import numpy as np
 from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import SPEED_UNITS_MPS
-from skyway.models.wind.cells import check_year, parse_direction, parse_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +29,7 @@ MAX_SPEED_MPS = 75.0
 """Sustained wind above this is a slip: the strongest hurricanes measured had about 85 m/s over one minute."""
 CALM_CONVENTIONS = ("direction-0", "speed-0")
 _ZERO = timedelta(0)
+FIRST_YEAR, LAST_YEAR = 1800, 2200
 
 
 @dataclass(frozen=True)
@@ -274,3 +274,28 @@ class _RowReader:
             self._first_absurd = f"in line {chunk.lines[rows[0]]}: {value} {self._columns.speed_unit}"
         self.absurd += len(rows)
         speed[rows] = np.nan
+
+
+def check_year(stamp: datetime) -> Problem | None:
+    """Return what is wrong with a time that no record of wind can have."""
+    if FIRST_YEAR <= stamp.year <= LAST_YEAR:
+        return None
+    return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")
+
+
+def parse_number(text: str) -> float | Problem:
+    """Read a finite decimal number."""
+    try:
+        value = float(text) if "_" not in text else math.nan
+    except ValueError:
+        hint = "write the decimals after a point" if re.fullmatch(r"[-+]?\d+,\d+", text) else "a number"
+        return Problem("not a number", f"{hint}, or list the text under missing")
+    return value if math.isfinite(value) else Problem("not a finite number", "list the text under missing")
+
+
+def parse_direction(text: str) -> float | Problem:
+    """Read a direction in degrees, 0 to 360."""
+    value = parse_number(text)
+    if isinstance(value, float) and not 0.0 <= value <= 360.0:
+        return Problem("direction out of range", "degrees from 0 to 360, or list the text under variable")
+    return value

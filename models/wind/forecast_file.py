@@ -11,8 +11,7 @@ import numpy as np
 from skyway.models.base.errors import InputError
 from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import from_posix, iso, parse_instant
-from skyway.models.wind.cells import check_year, parse_direction, parse_number
-from skyway.models.wind.columns import MAX_SPEED_MPS
+from skyway.models.wind.columns import MAX_SPEED_MPS, check_year, parse_direction, parse_number
 from skyway.models.wind.triangle import speed_from, vector
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:
     shape = (len(reader.members), len(times_s), len(site_ids))
     if math.prod(shape) > MAX_CELLS:
         problem = f"{len(line):,} rows for {shape[0]:,} members, {shape[1]:,} times and {shape[2]:,} sites"
-        reader.faults.add(problem, "a row for each of them together", line=None, field=None, value=None)
+        reader.faults.add(problem, "a row for each of them together")
         reader.faults.raise_if_any()
     cell = (member.astype(np.int64) * shape[1] + slot) * shape[2] + site.astype(np.int64)
     reader.check_complete(cell, line, times_s)
@@ -99,9 +98,9 @@ def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:
     for number in faults.first(uneven):
         begin, end = (iso(from_posix(times_s[place])) for place in (number, number + 1))
         problem = f"from {begin} to {end} the step is {steps[number] / 3600.0:g} h"
-        faults.add(problem, f"the same step everywhere, here {usual / 3600.0:g} h", line=None, field="time", value=None)
+        faults.add(problem, f"the same step everywhere, here {usual / 3600.0:g} h", field="time")
     if usual > MAX_SLOT_S:
-        faults.add(f"the times are {usual / 3600.0:g} h apart", "at most 6 h", line=None, field="time", value=None)
+        faults.add(f"the times are {usual / 3600.0:g} h apart", "at most 6 h", field="time")
     return usual
 
 
@@ -142,7 +141,7 @@ class _Reader:
         for line, text in zip(chunk.lines, chunk.columns["member"], strict=True):
             name = text.strip()
             if not name:
-                self.faults.add("no member", "a name or number", line=line, field="member", value=None)
+                self.faults.add("no member", "a name or number", line=line, field="member")
             numbers.append(self.members.setdefault(name, float(len(self.members))))
         return np.array(numbers)
 
@@ -157,10 +156,10 @@ class _Reader:
             which = f"member {members[member]}, site {sites[site]}, {iso(from_posix(times_s[slot]))}"
             if rows[number]:
                 where = int(line[np.flatnonzero(cell == number)[1]])
-                self.faults.add(f"{which} is given twice", "once", line=where, field=None, value=None)
+                self.faults.add(f"{which} is given twice", "once", line=where)
             else:
                 remedy = "every member needs every site at every time"
-                self.faults.add(f"{which} is missing", remedy, line=None, field=None, value=None)
+                self.faults.add(f"{which} is missing", remedy)
 
     def probabilities(
         self, member: NDArray[np.int64], line: NDArray[np.float64], given: NDArray[np.float64]
@@ -178,7 +177,7 @@ class _Reader:
         total = float(probability.sum())
         if abs(total - 1.0) > 1e-3:
             problem = "the probabilities of the members do not sum to 1"
-            self.faults.add(problem, "parts of 1", line=None, field="probability", value=f"{total:g}")
+            self.faults.add(problem, "parts of 1", field="probability", value=f"{total:g}")
         return np.asarray(probability / total) if total > 0.0 else probability
 
     def _parse_site(self, text: str) -> float | Problem:

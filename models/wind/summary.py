@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.base.formatting import direction_text
 from skyway.models.base.statistics import weighted_quantile
-from skyway.models.composition.composition import CALM_MPS, Wind
 from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor, speed_from, vector
 
@@ -31,52 +31,82 @@ SECTOR_DEG = 90.0
 """Width of the sector within which winds count as blowing from one direction."""
 PREVAILS = 0.5
 """A direction prevails where more than this share of the winds comes from one sector; below, the direction is variable."""
+CALM_MPS = 0.05
+"""Weaker winds have no direction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """Wind as speed and FROM direction: one wind, or the range that may blow."""
+
+    speed_mps: float
+    """Metres per second; the mean of those that may blow."""
+    from_deg: float | None
+    """Where it blows FROM, degrees clockwise from true north; None is variable."""
+    p10_mps: float | None = None
+    p90_mps: float | None = None
+    """Speeds that 10 and 90 % of the winds do not exceed; None: one wind."""
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is one wind; else its figures have no more digits than a forecast is sure of."""
+        if self.p10_mps is None or self.p90_mps is None:
+            return True
+        return self.p90_mps - self.p10_mps < CALM_MPS and (self.from_deg is not None or self.p90_mps < CALM_MPS)
+
+    @property
+    def range_text(self) -> str:
+        """Speeds for people without unit: ``8 (5 to 11)``, or ``7.5`` where it is one wind."""
+        if self.certain or self.p10_mps is None or self.p90_mps is None:
+            return f"{self.speed_mps:.1f}"
+        return f"{self.speed_mps:.0f} ({self.p10_mps:.0f} to {self.p90_mps:.0f})"
+
+    @property
+    def direction_text(self) -> str:
+        """Direction for people: ``203°``, to ten degrees (``200°``) where it is not certain, or ``variable``."""
+        if self.from_deg is None:
+            return "variable"
+        return direction_text(self.from_deg, 1 if self.certain else 10)
+
+    def __str__(self) -> str:
+        """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``7.5 m/s from 203°``; ``calm``."""
+        if max(self.speed_mps, self.p90_mps or 0.0) < CALM_MPS:
+            return "calm"
+        if self.from_deg is None:
+            return f"{self.range_text} m/s, variable direction"
+        return f"{self.range_text} m/s from {self.direction_text}"
 
 
 class Passage(NamedTuple):
-    """Where and when a wind is met: a segment, at its middle, or a place.
-
-    Attributes
-    ----------
-    lat_deg, lon_deg : float
-        WGS-84.
-    begin_s, end_s : float
-        POSIX seconds; the same twice is an instant.
-    factor : float
-        Of the wind as high as it is flown there, over that at the height of the summary (`models.flight.heights.wind_factors`).
-    """
+    """Where and when a wind is met: a segment, at its middle, or a place."""
 
     lat_deg: float
     lon_deg: float
+    """WGS-84."""
     begin_s: float
     end_s: float
+    """POSIX seconds; the same twice is an instant."""
     factor: float = 1.0
+    """Of the wind as high as it is flown there, over that at the height of the summary
+    (`models.flight.heights.wind_factors`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindSummary:
-    """The winds that may be met.
-
-    Attributes
-    ----------
-    mean_mps, p10_mps, p90_mps : float
-        Mean speed, and the speeds that 10 and 90 % of the winds do not exceed.
-    from_deg : float or None
-        Prevailing direction that the wind blows FROM: the mean direction of the winds in the sector of 90 degrees that
-        holds most of them. None: variable, no sector holds more than half of them.
-    sector_share : float
-        Share of the winds in that sector.
-    north_mps, east_mps : float
-        Mean vector TOWARDS; for components along and across a course, see `components`.
-    """
+    """The winds that may be met."""
 
     mean_mps: float
     p10_mps: float
     p90_mps: float
+    """Mean speed, and the speeds that 10 and 90 % of the winds do not exceed."""
     from_deg: float | None
+    """Prevailing direction that the wind blows FROM: the mean direction of the winds in the sector of 90 degrees that
+    holds most of them. None: variable, no sector holds more than half of them."""
     sector_share: float
+    """Share of the winds in that sector."""
     north_mps: float
     east_mps: float
+    """Mean vector TOWARDS; for components along and across a course, see `components`."""
 
     def as_data(self) -> dict[str, float | None]:
         """What `summary_from` makes the same words of again: mean speed, p10, p90, direction."""
@@ -97,7 +127,7 @@ class WindSummary:
         return Wind(self.mean_mps, self.from_deg, self.p10_mps, self.p90_mps)
 
     def __str__(self) -> str:
-        """``8 (5 to 11) m/s from 200°``; see `models.composition.composition.Wind`."""
+        """``8 (5 to 11) m/s from 200°``; see `Wind`."""
         return str(self.wind)
 
 

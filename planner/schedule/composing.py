@@ -17,10 +17,9 @@ from skyway.models.composition.composition import (
     LegSegment,
     Place,
     Stop,
-    Wind,
 )
 from skyway.models.flight.heights import wind_factors
-from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
+from skyway.models.wind.summary import Passage, Wind, WindSummary, summarise_wind
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.schedule.schedule_kernels import (
     PAD,

@@ -15,10 +15,9 @@ import typer
 
 from skyway import __version__
 from skyway.cli import extras
-from skyway.cli.bare_values import BARE, fill
 from skyway.cli.command_groups import GROUPS, GroupedCommands, add_command
 from skyway.cli.compiling import show_compiling
-from skyway.cli.renamed_options import with_new_names
+from skyway.cli.typed_words import BARE, fill, with_new_names
 from skyway.models.base.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")

@@ -77,11 +77,17 @@ def as_typed() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError([_as_typed(fault) for fault in error.faults]) from None
+        typed = (one if one.file else replace(one, field=TYPED.get(one.field or "", one.field)) for one in error.faults)
+        raise InputError(list(typed)) from None
 
 
-def _as_typed(fault: Fault) -> Fault:
-    return fault if fault.file is not None else replace(fault, field=TYPED.get(fault.field or "", fault.field))
+@contextmanager
+def named(option: str) -> Iterator[None]:
+    """Name an option in all faults."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([replace(fault, field=option) for fault in error.faults]) from None
 
 
 def planner_parameters(settings: list[str] | None) -> PlannerParameters:
@@ -171,12 +177,10 @@ def check_picture(path: Path | None) -> None:
 def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
     """Find a station by id or part of its name; ``lat,lon`` adds a delivery target. Returns (scenario, station id)."""
     position = parse_position(text)
-    try:
+    with named(option):
         if position is None:
             return scenario, scenario.network.stations[scenario.network.find(text)].id
         return _target(scenario, *position)
-    except InputError as error:
-        raise InputError([replace(fault, field=option) for fault in error.faults]) from None
 
 
 def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
@@ -203,20 +207,15 @@ def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
 
 def parse_depart(text: str | None) -> datetime:
     """Departure as typed; without one, now (to the minute)."""
-    if text is None:
-        return datetime.now(UTC).replace(second=0, microsecond=0)
-    return _instant(text, "--depart")
-
-
-def _instant(text: str, option: str) -> datetime:
     from skyway.models.base.units import parse_instant
 
-    try:
-        instant = parse_instant(text, field=option)
-    except InputError as error:
-        raise InputError([replace(fault, field=option) for fault in error.faults]) from None
+    if text is None:
+        return datetime.now(UTC).replace(second=0, microsecond=0)
+    with named("--depart"):
+        instant = parse_instant(text)
     if not YEARS[0] <= instant.year <= YEARS[1]:
-        raise InputError("out of range", field=option, value=text, remedy=f"a year from {YEARS[0]} to {YEARS[1]}")
+        remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
+        raise InputError("out of range", field="--depart", value=text, remedy=remedy)
     return instant
 
 

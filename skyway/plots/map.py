@@ -266,20 +266,17 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: 
             axes.plot(x, y, mark, color=colour, markersize=size, zorder=5, markeredgecolor="white", label=label)
     lines += _draw_wind_arrows(axes, composition, at)
     axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none", framealpha=0.8)
-    placer = LabelPlacer(axes, about(net.lon, frame.middle), net.lat, lines)
+    lon = about(net.lon, frame.middle)
+    placer = LabelPlacer(axes, lon, net.lat, lines)
     _name_zones(placer, scenario, frame)
     _name_stops(placer, composition, at, landings)
-    inside = [s for s in net.stations if _within(frame, float(about(s.lon, frame.middle)), s.lat)]
-    for station in inside if len(inside) <= MAX_LABELS else ():
+    shown = (frame.west < lon) & (lon < frame.east) & (frame.south < net.lat) & (net.lat < frame.north)
+    for node in np.flatnonzero(shown) if shown.sum() <= MAX_LABELS else ():
+        station, east = net.stations[node], float(lon[node])
         if station.id not in composition.route:
-            east = float(about(station.lon, frame.middle))
             name = f"{station.id} (divert)" if station.id in diverts else station.id
             points, tone = (6.5, INK) if station.id in diverts else (5.5, MUTED_INK)
             placer.place(name, east, station.lat, zorder=5, fontsize=points, color=tone)
-
-
-def _within(frame: Frame, x: float, y: float) -> bool:
-    return frame.west < x < frame.east and frame.south < y < frame.north
 
 
 def _name_stops(

@@ -81,7 +81,7 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
             for at_s, record, entry in _of(records, entries.ListDone)
         ],
         contingencies=_contingencies(records),
-        events=_events(records),
+        events=[_event(at_s, one) for at_s, one in of.timed(records) if one.event not in _QUIET][:_MAX_ROWS],
         series=series,
     )
 
@@ -342,7 +342,3 @@ def _event(at_s: float, record: Record) -> Event:
     return Event(
         n=record.n, time_s=at_s, state=record.state, event=record.event, flight=record.flight, reason=record.reason
     )  # fmt: skip
-
-
-def _events(records: tuple[Record, ...]) -> list[Event]:
-    return [_event(at_s, record) for at_s, record in of.timed(records) if record.event not in _QUIET][:_MAX_ROWS]

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from skyway.report.series import WindExpected, WindFound
 
 _MAX_EVENTS = 2_000
+_MARKED = {"ok": "ok", "no": "no"}
+"""CSS class of a verdict."""
 _ENDS = {
     "delivered": "Delivered",
     "stopped-safe": "Not delivered: stopped, safe on the ground",
@@ -262,7 +264,7 @@ def _preflights(document: FlightReport) -> str:
     for entry in document.preflights:
         lines = [
             f'<tr><td class="t">{safe(check.name or UNKNOWN)}</td>'
-            f'<td class="t {_verdict(check.verdict)}">{safe(check.verdict or UNKNOWN)}</td>'
+            f'<td class="t {_MARKED.get(check.verdict or "", "unknown")}">{safe(check.verdict or UNKNOWN)}</td>'
             f'<td class="w">{safe(check.said or "")}</td></tr>'
             for check in entry.checks
         ]
@@ -272,10 +274,6 @@ def _preflights(document: FlightReport) -> str:
             f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
         )
     return "".join(parts) or '<p class="none">none</p>'
-
-
-def _verdict(verdict: str | None) -> str:
-    return verdict if verdict in ("ok", "no") else "unknown"
 
 
 def _events(document: FlightReport) -> str:

@@ -77,8 +77,8 @@ def write_report(
     document = flight(journal, logs=logs, plan=plan)
     scenario = scenario or _built_in(document)
     zones = None if scenario is None else _zones(scenario)
-    if scenario is not None:
-        _add_stations(document, scenario)
+    for one in () if scenario is None else scenario.network.stations:  # beside those that the plan names
+        document.planned.stations.setdefault(one.id, Station(one.lat, one.lon, one.name))
     write_atomically(report, page(document, zones), force=force)
     if plot is not None:
         write_atomically(plot, picture(document, zones), force=force)
@@ -95,13 +95,6 @@ def _built_in(document: FlightReport) -> Scenario | None:
         return None
     scenario = load_scenario(None)
     return scenario if scenario.sha256 == source.sha256 else None
-
-
-def _add_stations(document: FlightReport, scenario: Scenario) -> None:
-    """Put the other stations of the scenario beside those that the plan names."""
-    known = document.planned.stations
-    for station in scenario.network.stations:
-        known.setdefault(station.id, Station(station.lat, station.lon, station.name))
 
 
 def _zones(scenario: Scenario) -> list[Zone]:

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
 Columns = dict[str, list[Any]]
 """Values over time by name, all of one length; None is not known."""
-_PLAIN = (
-    "lat", "lon", "height_m", "ground_speed_mps", "power_w", "forecast_north_mps", "forecast_east_mps", "soc",
+_TRACK = (
+    "time_s", "flight", "air", "lat", "lon", "height_m", "ground_speed_mps", "power_w", "forecast_north_mps",
+    "forecast_east_mps", "soc", "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m",
+    "commanded_mps", "energy_factor", "soc_land", "planned_soc_land", "p_below_reserve", "wind_north_mps",
+    "wind_east_mps", "wind_sigma_mps", "forecast_mean_mps", "forecast_p10_mps", "forecast_p90_mps", "forecast_from_deg",
+    "believed_mean_mps",
 )  # fmt: skip
-_EXPECTED = (
-    "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m", "commanded_mps", "energy_factor",
-    "soc_land", "planned_soc_land", "p_below_reserve",
-)  # fmt: skip
+_TRUTH = ("time_s", "wind_north_mps", "wind_east_mps", "soc")
 _MEASURED = ("wind_north_mps", "wind_east_mps", "wind_sigma_mps")
 _SAME_S = 10.0
 """A truth no further away in time than this belongs to an estimate."""
@@ -79,35 +80,21 @@ class LegWind(msgspec.Struct, frozen=True, kw_only=True):
 
 def series_of(records: tuple[Record, ...]) -> Series:
     """Return the courses that a journal tells."""
-    track = [row for at_s, record in of.timed(records) if (row := _track_row(at_s, record)) is not None]
-    truth = [
-        {"time_s": at_s, "wind_north_mps": entry.wind_north_mps, "wind_east_mps": entry.wind_east_mps, "soc": entry.soc}
-        for at_s, record in of.timed(records)
-        if (entry := record.entry(entries.Truth)) is not None
-    ]
-    names = ("time_s", "flight", "air", *_PLAIN, *_EXPECTED, *_MEASURED, "forecast_mean_mps", "forecast_p10_mps",
-             "forecast_p90_mps", "forecast_from_deg", "believed_mean_mps")  # fmt: skip
-    return Series(
-        track={name: [row[name] for row in track] for name in names},
-        truth={name: [row[name] for row in truth] for name in ("time_s", "wind_north_mps", "wind_east_mps", "soc")},
-    )
+    track: list[dict[str, Any]] = []
+    truth: list[dict[str, Any]] = []
+    for at_s, record in of.timed(records):
+        if (entry := record.entry(entries.Tracked)) is not None:
+            lat, lon = of.place(entry.lat, entry.lon) or (None, None)
+            aloft = {"time_s": at_s, "flight": record.flight, "air": entry.landed is False, "lat": lat, "lon": lon}
+            unmeasured = entry.measured_words() is None  # the filter tells its forecast where nothing was measured
+            track.append(entry.to_json() | aloft | (dict.fromkeys(_MEASURED) if unmeasured else {}))
+        elif (true := record.entry(entries.Truth)) is not None:
+            truth.append(true.to_json() | {"time_s": at_s})
+    return Series(track=_columns(track, _TRACK), truth=_columns(truth, _TRUTH))
 
 
-def _track_row(at_s: float, record: Record) -> dict[str, float | None] | None:
-    """Values of a ``track`` record; None of another."""
-    entry = record.entry(entries.Tracked)
-    if entry is None:
-        return None
-    place = of.place(entry.lat, entry.lon) or (None, None)
-    row: dict[str, float | None] = {"time_s": at_s, "flight": record.flight, "air": entry.landed is False}
-    row |= {name: getattr(entry, name) for name in _PLAIN} | dict(zip(("lat", "lon"), place, strict=True))
-    row |= {name: getattr(entry.expected, name) for name in _EXPECTED}
-    unmeasured = entry.measured_words() is None  # the filter tells its forecast where nothing was measured
-    row |= {name: None if unmeasured else getattr(entry, name) for name in _MEASURED}
-    row |= {
-        f"forecast_{name}": getattr(entry.forecast, name) for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")
-    }
-    return row | {"believed_mean_mps": entry.believed.mean_mps}
+def _columns(rows: list[dict[str, Any]], names: tuple[str, ...]) -> Columns:
+    return {name: [row.get(name) for row in rows] for name in names}
 
 
 def log_series(paths: Sequence[Path]) -> Columns:

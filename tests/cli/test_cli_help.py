@@ -10,7 +10,7 @@ import typer
 from skyway.cli.command_groups import GROUPS
 from skyway.cli.compiling import CompilingNotice
 from skyway.cli.main import app, main
-from skyway.cli.renamed_options import RENAMED, with_new_names
+from skyway.cli.typed_words import RENAMED, with_new_names
 
 
 def test_help_lists_every_command_under_a_heading_with_its_whole_first_sentence(capsys, monkeypatch):

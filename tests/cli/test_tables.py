@@ -14,7 +14,8 @@ from skyway.cli.views.plan import schedule_sheet
 from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
 from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
 from skyway.models.base.statistics import Figure
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
+from skyway.models.wind.summary import Wind
 
 COMMANDS = {
     "plan": ("plan", *TRIP, "--drone", "m300"),

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
+from skyway.models.wind.summary import Wind
 
 NOON = datetime(2026, 5, 4, 12, 0, tzinfo=UTC)
 STATIONS = {

@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
-from skyway.cli.bare_values import BARE, fill
 from skyway.cli.main import main
+from skyway.cli.typed_words import BARE, fill
 
 SHORT = ["--tcp", "0", "--speedup", "20", "--duration", "0.5"]
 

@@ -8,9 +8,10 @@ from sim_station import Station
 
 from skyway import missions
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Stop, Wind
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Stop
 from skyway.models.composition.composition import Place as PlanPlace
 from skyway.models.network.network import Station as Place
+from skyway.models.wind.summary import Wind
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.plant.physics import offset_m
 from skyway.sim_stub.plant.wind_truth import ConstantWind

@@ -37,12 +37,6 @@ def _names_in_logs(kind: str) -> dict[int, str]:
     return dict(names.get(kind, {}))
 
 
-def _command(custom_mode: int) -> tuple[float]:
-    return (float(custom_mode),)
-
-
-def _log_name(kind: str, custom_mode: int) -> str | None:
-    return _names_in_logs(kind).get(custom_mode)
-
-
-MODES = Modes(_NUMBERS, _NAMES, _command, _log_name, _ON_ROTORS)
+MODES = Modes(
+    _NUMBERS, _NAMES, lambda mode: (float(mode),), lambda kind, mode: _names_in_logs(kind).get(mode), _ON_ROTORS
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -178,17 +178,9 @@ def measurements(
     parts = [by_airspeed, autopilot_wind(air, autopilot_s, np.append(airspeed_s, by_airspeed.time_s))]
     if drag is not None:
         parts.insert(0, tilt_wind(air, drag, mean))
-    time_s = np.concatenate([part.time_s for part in parts])
-    order = np.argsort(time_s, kind="stable")
-    return Measurements(
-        time_s[order],
-        np.concatenate([part.wind for part in parts])[order],
-        np.concatenate([part.noise for part in parts])[order],
-        np.concatenate([part.source for part in parts])[order],
-        np.concatenate([part.velocity for part in parts])[order],
-        np.concatenate([part.yaw_rad for part in parts])[order],
-        np.concatenate([part.air_velocity for part in parts])[order],
-    )
+    order = np.argsort(np.concatenate([part.time_s for part in parts]), kind="stable")
+    columns = (np.concatenate([getattr(part, one.name) for part in parts])[order] for one in fields(Measurements))
+    return Measurements(*columns)
 
 
 def _chosen(

@@ -87,9 +87,11 @@ def fly(
     from skyway import flying
     from skyway.cli.console import Console
     from skyway.cli.views.flight import view_for
+    from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.composition.file import load
+    from skyway.models.drones.drag_file import read_drag
 
     _refuse_together(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
@@ -102,10 +104,10 @@ def fly(
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)
-    service = _pad_service(pads)
+    service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     request = flying.request_of(composition, region)
     how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation))
-    drag_model = flying.read_drag_file(drag)
+    drag_model = None if drag is None else read_drag(drag)
 
     def job(now: datetime) -> DeliveryJob:
         return DeliveryJob(
@@ -214,13 +216,6 @@ def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
         options.parse_wind(wind)
     if forecast is not None and not forecast.is_file():
         raise InputError("no such file", str(forecast), field="--forecast")
-
-
-def _pad_service(pads: str) -> TcpPads | None:
-    """The pad service of an address; None where people tend the pads."""
-    from skyway.link.pads import TcpPads
-
-    return None if pads == "manual" else TcpPads(pads)
 
 
 def _clock(vehicle: Vehicle, console: Console) -> Clock:

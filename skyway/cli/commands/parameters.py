@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from skyway.cli import options
@@ -13,6 +14,59 @@ from skyway.cli.connection_options import Link, Yes
 from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import CommandRefusedError, LinkError
 from skyway.models.base.json_text import json_text
+
+
+class ParameterValues(msgspec.Struct, frozen=True, kw_only=True):
+    """Values by name."""
+
+    schema: str = "skyway.parameters/1"
+    parameters: dict[str, float]
+
+
+class ParameterSet(msgspec.Struct, frozen=True, kw_only=True):
+    """A value that was set, or would be."""
+
+    schema: str = "skyway.parameter/1"
+    name: str
+    was: float
+    value: float
+    set: bool
+
+
+class ParameterDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """A value of a file that the vehicle has otherwise, or not at all."""
+
+    name: str
+    file: float
+    vehicle: float | None
+
+
+class ParametersDiff(msgspec.Struct, frozen=True, kw_only=True):
+    """A vehicle compared with a file."""
+
+    schema: str = "skyway.parameters-diff/1"
+    ok: bool
+    compared: int
+    differences: list[ParameterDifference]
+
+
+class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
+    """A value that a flight changed, and what was done about it."""
+
+    name: str
+    now: float
+    before: float
+    done: str
+
+
+class ParametersRestore(msgspec.Struct, frozen=True, kw_only=True):
+    """What was restored; `problem` where not all could be."""
+
+    schema: str = "skyway.parameters-restore/1"
+    ok: bool
+    parameters: list[ParameterRestored]
+    problem: str | None
+
 
 params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
 
@@ -31,8 +85,6 @@ def params_get(
       skyway params get > all.param
       skyway params get RTL_ALT FS_OPTIONS --connect tcp:127.0.0.1:5760
     """
-    from skyway.cli.views.parameters import ParameterValues
-
     with link.aboard() as vehicle:
         found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
     if as_json:
@@ -58,8 +110,6 @@ def params_set(
     --------
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """
-    from skyway.cli.views.parameters import ParameterSet
-
     with link.aboard() as vehicle:
         before = vehicle.parameter(name).value
         after = vehicle.set_parameter(name, value).value if yes else value
@@ -82,7 +132,6 @@ def params_diff(
     --------
       skyway params diff delivery.param --connect tcp:127.0.0.1:5760
     """
-    from skyway.cli.views.parameters import ParameterDifference, ParametersDiff
     from skyway.link.protocol.parameter_file import read_parameters
     from skyway.link.protocol.parameters import same_value
 
@@ -123,7 +172,6 @@ def params_restore(
     """
     from datetime import UTC, datetime
 
-    from skyway.cli.views.parameters import ParameterRestored, ParametersRestore
     from skyway.link.supervisor import Journal, read_journal
     from skyway.link.supervisor.departure.parameter_changes import changes_of, restore_all
     from skyway.link.supervisor.journal.entries import ParameterNote

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyway.cli import bare_values, options
+from skyway.cli import options, typed_words
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from skyway.sim_stub.transports.loop import SocketLoop
     from skyway.sim_stub.world import Event, World
 
-BARE = bare_values.BARE["sim"]
+BARE = typed_words.BARE["sim"]
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
 CONNECT_HELP = (
     f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
@@ -123,12 +123,14 @@ def sim(
         faults=tuple(parse_fault(text) for text in fault or ()),
         parameters=tuple(_parameter(text) for text in parameter or ()),
     )
+    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
+        raise InputError("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles")
     addresses = connect or ([] if tcp is not None else [DEFAULT_CONNECT])
-    world = build_world(asked, _print_json if as_json else _print_line)
+    world = build_world(asked, _print_json if as_json else typer.echo)
     loop, listening = serve(
         world,
         connect=tuple(parse_address(text, option="--connect") for text in addresses),
-        tcp_port=_tcp_port(tcp, vehicles),
+        tcp_port=tcp,
         pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
         impairment=_bad_link(loss, delay, jitter, duplicate, reorder),
         speedup=speedup,
@@ -158,12 +160,6 @@ def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorde
         raise InputError([replace(f, field=f"--{(f.field or '').removesuffix('_s')}") for f in error.faults]) from None
 
 
-def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
-    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
-        raise InputError("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles")
-    return tcp
-
-
 def _run(world: World, loop: SocketLoop, listening: list[str], lasting: float | None, *, as_json: bool) -> None:
     """Run until the time is over or it is stopped; Ctrl-C is the usual end, not an error."""
     before = {number: signal.signal(number, lambda *_: loop.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -176,10 +172,6 @@ def _run(world: World, loop: SocketLoop, listening: list[str], lasting: float | 
             signal.signal(number, handler)
     if not as_json:
         typer.echo(f"{world.sim_s:10.2f} s  ended")
-
-
-def _print_line(event: Event) -> None:
-    typer.echo(str(event))
 
 
 def _print_json(event: Event) -> None:

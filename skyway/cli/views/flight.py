@@ -165,7 +165,7 @@ class FlightView:
                 else f", to be charged to {percent(context.delivery.charge_to)}"
             )
             found[0] += (
-                f"; at {context.delivery.station or 'no known station'}; charge {percent(_finite(context.battery.soc))}{aim}"
+                f"; at {context.delivery.station or 'no known station'}; charge {percent(context.battery.soc)}{aim}"
             )
         if self._checks and not self._leg:
             found += self._open_checks()
@@ -249,10 +249,6 @@ def view_for(*, as_json: bool, zone: tzinfo) -> FlightView:
     if as_json:
         return RecordLines(Console(file=io.StringIO()), zone)
     return FlightView(Console(highlight=False, markup=False, emoji=False), zone)
-
-
-def _finite(value: float) -> float | None:
-    return of.number({"value": value}, "value")
 
 
 def _late(seconds: float | None) -> str:

@@ -10,7 +10,7 @@ import typer
 
 from skyway.models.base.formatting import wind_text
 from skyway.models.base.units import from_posix, iso, parse_instant
-from skyway.models.composition.composition import Wind
+from skyway.models.wind.summary import Wind
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -40,7 +40,7 @@ def as_json(report: PlanReport) -> dict[str, object]:
         found["departures"] = [
             {
                 "depart": iso(one.depart),
-                "delivery_mean_s": _finite(one.delivery_s),
+                "delivery_mean_s": one.delivery_s,
                 "delivery_mean": None if one.delivery is None else figure_json(one.delivery),
                 "p_on_time": one.p_on_time,
             }
@@ -60,10 +60,6 @@ def _reason_json(one: StopReason) -> dict[str, object]:
     found = {name: value for name, value in vars(one).items() if name != "later"}
     later = None if one.later is None else figure_json(one.later)
     return found | {"later_s": None if one.later is None else one.later.value, "later": later}
-
-
-def _finite(value: float) -> float | None:
-    return value if value < float("inf") else None
 
 
 def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -12,6 +11,7 @@ import typer
 from skyway.cli.views.sheet import width
 from skyway.models.base.formatting import duration, height_text, percent, place_text, speed_text, wind_text
 from skyway.models.base.json_text import json_text
+from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -70,7 +70,9 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         wind_from_deg=_known(math.degrees(math.atan2(-east, -north)) % 360.0, 0),
         item=_known(latest("mission_item"), 0),
         mission=vehicle.mission_state,
-        time=None if sample is None else _instant(sample.time_s),
+        time=None
+        if sample is None
+        else from_posix(sample.time_s).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
         clock=vehicle.live.clock.base.source,
         silent_s=round(vehicle.silent_s, 1),
         loss=round(vehicle.live.loss, 3),
@@ -81,10 +83,6 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         rejected=vehicle.connection.rejected,
         conflict=vehicle.connection.conflict is not None,
     )
-
-
-def _instant(posix_s: float) -> str:
-    return datetime.fromtimestamp(posix_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _known(value: float, digits: int) -> float | None:

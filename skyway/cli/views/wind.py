@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import percent, weekday_clock
-from skyway.models.composition.composition import Wind
+from skyway.models.wind.summary import Wind
 
 if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario

@@ -19,9 +19,9 @@ from skyway.models.composition.composition import (
     LegSegment,
     Place,
     Stop,
-    Wind,
 )
 from skyway.models.composition.file import SCHEMA, from_json, load, save, to_json
+from skyway.models.wind.summary import Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 NUMBER = st.floats(0.0, 1e6)

@@ -5,15 +5,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from skyway.models.composition.composition import (
-    ArrivalDistribution,
-    Composition,
-    DroneService,
-    Place,
-    State,
-    Stop,
-    Wind,
-)
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, State, Stop
+from skyway.models.wind.summary import Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

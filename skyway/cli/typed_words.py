@@ -1,0 +1,58 @@
+"""What is typed otherwise than typer reads it: options by their former names, and options whose value may be omitted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+RENAMED = {
+    "plan": {"--truth": "--actual-wind"},
+    "compare": {"--truth": "--actual-wind"},
+    "wind": {"--truth": "--actual-wind"},
+    "sim": {"--wind-truth": "--wind", "--for": "--duration"},
+    "watch": {"--for": "--duration"},
+    "demo": {"--proving-flight": "--calibration-flight"},
+    "bench": {"--keep": "--resume", "--out": "--output"},
+}
+"""New name of each option by command and former name, which keeps working, hidden, for one release."""
+BARE: Mapping[str, Mapping[str, str]] = {"sim": {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}}
+"""What an option of a command means where it stands bare, ``--jitter`` for ``--jitter 0.01``: typer has no such options."""
+
+
+def with_new_names(arguments: list[str]) -> list[str]:
+    """Return the arguments of a command line with former names of options replaced; what follows ``--`` is left alone."""
+    names = RENAMED.get(arguments[0], {}) if arguments else {}
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    return [_new(one, names) for one in arguments[:end]] + arguments[end:]
+
+
+def _new(argument: str, names: dict[str, str]) -> str:
+    name, equals, value = argument.partition("=")
+    return names.get(name, name) + equals + value
+
+
+def fill(arguments: Sequence[str], bare: Mapping[str, str]) -> list[str]:
+    """Give every bare option its value: what follows it is not a number.
+
+    Parameters
+    ----------
+    bare : mapping
+        Options that take a number, with the value of the bare option.
+    """
+    filled: list[str] = []
+    for place, word in enumerate(arguments):
+        if word == "--":
+            return [*filled, *arguments[place:]]
+        following = arguments[place + 1] if place + 1 < len(arguments) else ""
+        filled.append(f"{word}={bare[word]}" if word in bare and not _number(following) else word)
+    return filled
+
+
+def _number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
