@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base.formatting import distance_text, percent, probability, speed_text
+from skyway.planner.reach.diverts import divert_cover
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from skyway.planner.online.following import Step
     from skyway.planner.online.information import Information
     from skyway.planner.online.policy import OnlinePolicy
-    from skyway.planner.online.reach import Place, Reach
     from skyway.planner.problem.problem import Problem
+    from skyway.planner.reach.reach import Place, Reach
 
 STEPS = 1000
 """Into which the charge is divided."""
@@ -76,8 +77,8 @@ class DepartureGate:
         reach = self._reach.where_flown(way, at_s)
         least = self._keeps_reserve(reach, way, at_s)
         if least is None:
-            reserve, cost = self._policy.request.reserve_soc, self._cost(reach, way, at_s)
-            chance = float(reach.p_below(1.0, cost, reserve)[0])
+            reserve = self._policy.request.reserve_soc
+            chance = self._p_below_reserve(reach, way, at_s, 1.0)
             why = f"even fully charged it lands below {percent(reserve)} at {sure[-1]} with probability {probability(chance)}"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         covered = self._covered(
@@ -100,8 +101,10 @@ class DepartureGate:
         """Whether a whole leg most probably breaks the reserve."""
         way = self._reach.way(names[0], names[1:-1], names[-1])
         reach = self._reach.where_flown(way, at_s)
-        chance = float(reach.p_below(soc, self._cost(reach, way, at_s), self._policy.request.reserve_soc)[0])
-        return chance > self._policy.parameters.p_hopeless
+        return self._p_below_reserve(reach, way, at_s, soc) > self._policy.parameters.p_hopeless
+
+    def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
+        return float(reach.p_below(soc, self._cost(reach, way, at_s), self._policy.request.reserve_soc)[0])
 
     def later(self, step: Step, p: Problem) -> float | None:
         """How much later a leg can be begun by the forecast, s; None where never."""
@@ -140,8 +143,8 @@ class DepartureGate:
         reserve = self._policy.request.reserve_soc
         floor, kept = reserve * parameters.divert_share, reserve if self._info.watched else 0.0
         while soc <= 1.0 + 1e-9:
-            cover = reach.cover(
-                way, at_s, soc, floor_soc=floor, epsilon=parameters.epsilon, destination=end,
+            cover = divert_cover(
+                reach, way, at_s, soc, floor_soc=floor, epsilon=parameters.epsilon, destination=end,
                 not_at=self._info.unusable, reserve_soc=kept,
             )  # fmt: skip
             if cover.gap_m is None:

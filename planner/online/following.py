@@ -250,8 +250,7 @@ class Following:
         pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
         soc = p.soc
         if until > pad:
-            time, level = p.curve(p.origin)
-            soc = float(np.interp(np.interp(soc, level, time) + until - pad, time, level))
+            soc = p.soc_after(p.origin, soc, until - pad)
             queue = no_queue()
         after = p.standing_at(p.origin, until, soc)
         return self._best_s(after, replace(future, queues=future.queues.with_path(p.origin, queue)))

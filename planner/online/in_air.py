@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.planner.online.hindsight import Hindsight
     from skyway.planner.online.information import Information
     from skyway.planner.online.policy import OnlinePolicy
-    from skyway.planner.online.reach import Place, Reach
+    from skyway.planner.reach.reach import Place, Reach
 
 
 class FlightDecision:

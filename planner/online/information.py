@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.planner.online.reach import Place
     from skyway.planner.online.turn_back_kernels import TurnBack
+    from skyway.planner.reach.reach import Place
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.planner.online.hindsight import Hindsight
-    from skyway.planner.online.reach import Flown, Place, Reach
+    from skyway.planner.reach.reach import Flown, Place, Reach
 
 
 @dataclass(frozen=True, slots=True)

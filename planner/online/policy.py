@@ -11,8 +11,6 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from skyway.models.base.formatting import duration, percent
 from skyway.models.base.units import S_PER_H, from_posix
 from skyway.models.composition.composition import State
@@ -22,11 +20,11 @@ from skyway.planner.online.following import Step
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.online.in_air import FlightDecision
 from skyway.planner.online.information import Decision, Departure
-from skyway.planner.online.reach import Reach
 from skyway.planner.online.told_plan import itinerary_of, told_plan
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import Problem
+from skyway.planner.reach.reach import Reach
 
 if TYPE_CHECKING:
     from skyway.models.drones.drag import DragModel
@@ -34,10 +32,10 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.online.information import Action, Information
-    from skyway.planner.online.reach import Place
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
+    from skyway.planner.reach.reach import Place
 
 
 class OnlinePolicy:
@@ -250,8 +248,7 @@ class OnlinePolicy:
         """Charge that it can have at a time while it waits; None where it cannot charge."""
         if not p.has_pads(p.origin):
             return None
-        time, level = p.curve(p.origin)
-        reached = float(np.interp(np.interp(info.soc, level, time) + until_s - info.time_s, time, level))
+        reached = p.soc_after(p.origin, info.soc, until_s - info.time_s)
         return reached if reached > info.soc + self.parameters.charge_step else None
 
     @staticmethod

@@ -17,7 +17,11 @@ class ScheduleParameters(Parameters):
     landings_weight: float = parameter(
         0.25, "weight of the landings on the way against that of the delivery, for the same", 0, 100
     )
-    max_diverts: int = parameter(3, "most divert stations that a leg names", 0, 100)
+    max_diverts: int = parameter(3, "most divert stations that a leg of a plan names", 0, 100)
+    divert_members: int = parameter(8, "members of the forecast that they are reached in", 1, 1000)
+    divert_every_m: float = parameter(
+        2000.0, "distance between the points of the leg from which they are reached", 10, 10**5, unit="m"
+    )
     departure_step_s: float = parameter(
         1800.0, "step between the departures that are tried in a window", 60, 86_400, unit="s"
     )

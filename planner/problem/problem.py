@@ -173,6 +173,11 @@ class Problem:
         time, soc = self.curve(node)
         return float(np.interp(min(soc_to, 1.0), soc, time) - np.interp(max(soc_from, 0.0), soc, time))
 
+    def soc_after(self, node: int, soc: float, charging_s: float) -> float:
+        """Return the charge after so long on a pad."""
+        time, level = self.curve(node)
+        return float(np.interp(np.interp(soc, level, time) + charging_s, time, level))
+
     def has_pads(self, node: int) -> bool:
         """Return whether a drone can recharge there."""
         return self.network.stations[node].pads > 0

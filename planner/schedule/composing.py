@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,8 @@ from skyway.models.composition.composition import (
 from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.summary import Passage, Wind, WindSummary, summarise_wind
 from skyway.models.wind.triangle import speed_from
+from skyway.planner.reach.diverts import divert_cover
+from skyway.planner.reach.reach import Reach
 from skyway.planner.schedule.schedule_kernels import (
     PAD,
     ROOM,
@@ -54,7 +55,11 @@ def compose(
 ) -> Composition:
     """Return an itinerary as a composition whose typical schedule is `schedule`, flown in one member."""
     network, request, drone = problem.network, problem.request, problem.drone
-    services = [_service(problem, itinerary, schedule, member, result, number) for number in range(len(itinerary))]
+    reach = Reach(
+        problem.scenario, problem.forecast.thinned(problem.parameters.schedule.divert_members), drone, request.payload_kg, drone.energy_belief.next_flight(),
+        parameters=problem.parameters.online, watched=True,
+    )  # fmt: skip
+    services = [_service(problem, reach, itinerary, schedule, member, result, n) for n in range(len(itinerary))]
     stops = [_stop(problem, itinerary, schedule, number) for number in range(len(itinerary))]
     named = {problem.origin, problem.destination}
     for leg in itinerary:
@@ -120,8 +125,9 @@ def _take_off(problem: Problem, schedule: NDArray[np.float64], number: int) -> t
 
 
 def _service(
-    problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64], member: int, result: Outcome, number: int
-) -> DroneService:
+    problem: Problem, reach: Reach, itinerary: Itinerary, schedule: NDArray[np.float64], member: int, result: Outcome,
+    number: int,
+) -> DroneService:  # fmt: skip
     network = problem.network
     segments = np.array(itinerary[number].segments, dtype=np.int64)
     nodes = [int(network.tail[segments[0]]), *(int(node) for node in network.head[segments])]
@@ -154,7 +160,7 @@ def _service(
         p_hold_room=float(result.p_hold_room[number]),
         segments=tuple(each),
         course_wind=_course_wind(problem, member, parts),
-        diverts=_diverts(problem, nodes, (soc_off, soc_down), (winds[0].north_mps, winds[0].east_mps)),
+        diverts=_diverts(problem, reach, nodes, (off, soc_off)),
     )
 
 
@@ -224,32 +230,12 @@ def _stop(problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64],
     )
 
 
-def _diverts(
-    problem: Problem, nodes: list[int], soc: tuple[float, float], wind: tuple[float, float]
-) -> tuple[str, ...]:
-    """Stations with pads, off the route, that stay in reach above the reserve from the point of the route nearest to them."""
-    network = problem.network
-    lat, lon = network.lat, network.lon
-    begin, end = nodes[0], nodes[-1]
-    best: dict[int, float] = {}
-    with_pads = network.pads > 0
-    with_pads[nodes] = False
-    for part in (0.25, 0.5, 0.75):
-        length = geodesy.distance_m(lat[begin], lon[begin], lat[end], lon[end])
-        bearing = geodesy.bearing_deg(lat[begin], lon[begin], lat[end], lon[end])
-        here = geodesy.direct(lat[begin], lon[begin], bearing, part * length)
-        spare = soc[0] + part * (soc[1] - soc[0]) - problem.reserve
-        within_m = (spare / problem.soc_per_s - problem.rules.descent_s) * problem.air.max_ground_speed_mps
-        candidates = np.flatnonzero(with_pads & (geodesy.coarse_distance_m(*here, lat, lon) <= 1.01 * within_m))
-        if not len(candidates):
-            continue
-        distance, course = geodesy.inverse(*here, lat[candidates], lon[candidates])
-        angle = np.radians(course)
-        tail = wind[0] * np.cos(angle) + wind[1] * np.sin(angle)
-        speed = np.clip(problem.air.airspeed_mps + np.minimum(tail, 0.0), 1.0, problem.air.max_ground_speed_mps)
-        cost = problem.soc_per_s * (distance / speed + problem.rules.descent_s)
-        for k in np.flatnonzero(cost <= spare):
-            node = int(candidates[k])
-            best[node] = min(best.get(node, math.inf), float(distance[k]))
-    nearest = sorted(best, key=best.__getitem__)[: problem.parameters.schedule.max_diverts]
-    return tuple(network.stations[node].id for node in nearest)
+def _diverts(problem: Problem, reach: Reach, nodes: list[int], off: tuple[float, float]) -> tuple[str, ...]:
+    """Divert stations of a leg that takes off at a time with a charge, as the online policy finds them."""
+    online, schedule, reserve = problem.parameters.online, problem.parameters.schedule, problem.reserve
+    way = [(float(problem.network.lat[node]), float(problem.network.lon[node])) for node in nodes]
+    cover = divert_cover(
+        reach, way, *off, floor_soc=reserve * online.divert_share,
+        epsilon=online.epsilon, destination=problem.network.stations[nodes[-1]].id, reserve_soc=reserve, most=schedule.max_diverts, every_m=schedule.divert_every_m,
+    )  # fmt: skip
+    return cover.stations

@@ -17,9 +17,9 @@ from skyway.models.base.errors import InfeasibleError
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.kernels import land
-from skyway.planner.online.reach import Reach
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem
+from skyway.planner.reach.reach import Reach
 
 WORLDS = 5
 COMMANDED_MPS = 0.01

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.models.drones.airspeed_load import AirspeedLoad
-    from skyway.planner.online.reach import Reach
+    from skyway.planner.reach.reach import Reach
 
 
 @dataclass(slots=True)

@@ -11,6 +11,7 @@ import pytest
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
+from skyway.models.base.parameters import with_values
 from skyway.models.composition.composition import State
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.energy_belief import EnergyBelief
@@ -19,13 +20,14 @@ from skyway.models.wind.forecast import constant_wind
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.policy import OnlinePolicy
-from skyway.planner.online.reach import Reach
 from skyway.planner.online.told_plan import best_charges, itinerary_of, needed_charges
 from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
+from skyway.planner.reach.diverts import divert_cover
+from skyway.planner.reach.reach import Reach
 
 DEPART = datetime.fromisoformat("2013-07-10T14:00-04:00")
 QUICK = "pfs-charge-aware"
@@ -144,15 +146,31 @@ def test_charges_of_a_kept_plan_are_what_each_flight_needs(newyork, request_):
 def test_every_point_of_a_leg_has_a_divert_station_that_can_be_flown_to(newyork, request_):
     reach = Reach(newyork, wind(), newyork.drone("m200"), 0.8, SURE)
     way = reach.way("bellevue", (), "belvedere")
-    full = reach.cover(way, DEPART.timestamp(), 1.0, floor_soc=0.1, epsilon=0.01, destination="belvedere")
+    full = divert_cover(reach, way, DEPART.timestamp(), 1.0, floor_soc=0.1, epsilon=0.01, destination="belvedere")
     assert full.gap_m is None
     assert full.stations
     assert "belvedere" not in full.stations
-    low = reach.cover(way, DEPART.timestamp(), 0.13, floor_soc=0.1, epsilon=0.01, destination="belvedere")
+    low = divert_cover(reach, way, DEPART.timestamp(), 0.13, floor_soc=0.1, epsilon=0.01, destination="belvedere")
     assert low.gap_m is not None
     index = newyork.network.index
     for station in full.stations:
         assert newyork.network.stations[index[station]].pads > 0
+
+
+def test_a_plan_names_the_divert_stations_that_the_policy_would_find(newyork, request_):
+    """One answer from one code: looked for as finely, the first ones of a plan's leg are those of the gate before it is begun."""
+    fine = with_values(PlannerParameters(), {"schedule.max_diverts": 16, "schedule.divert_every_m": 500.0})
+    drone = newyork.drone("m200")
+    for speed in (0.0, 4.0, 7.0):
+        composition = plan(newyork, request_, planner=QUICK, forecast=wind(speed), parameters=fine).composition
+        reach = Reach(newyork, wind(speed), drone, 0.8, drone.energy_belief.next_flight(), watched=True)
+        for leg in composition.services:
+            found = divert_cover(
+                reach, reach.way(leg.origin, leg.via, leg.destination), leg.depart.timestamp(), leg.soc_depart,
+                floor_soc=0.2 * fine.online.divert_share, epsilon=fine.online.epsilon, destination=leg.destination, reserve_soc=0.2,
+            )  # fmt: skip
+            assert leg.diverts == found.stations
+            assert leg.destination not in leg.diverts
 
 
 def test_straight_flights_take_longer_against_the_wind(newyork):
@@ -454,10 +472,10 @@ def test_a_leg_whose_end_is_not_sure_needs_a_station_that_keeps_the_reserve_from
     needed = 0.2 + float(reach.expected(reach.to_the_end(way, at_s, climbs=True).soc))
     given = {"floor_soc": 0.1, "epsilon": 0.01, "destination": "jacobi", "reserve_soc": 0.2}
     for soc in (needed - 0.03, needed + 0.1):
-        cover = reach.cover(way, at_s, soc, **given)
+        cover = divert_cover(reach, way, at_s, soc, **given)
         sure = float(reach.p_below(soc, reach.to_the_end(way, at_s, climbs=True).soc[:, None], 0.2)[0]) <= 0.01
         floor = 0.1 if sure else 0.2
-        assert cover == reach.cover(way, at_s, soc, **{**given, "floor_soc": floor, "reserve_soc": 0.0})
+        assert cover == divert_cover(reach, way, at_s, soc, **{**given, "floor_soc": floor, "reserve_soc": 0.0})
     assert sure
 
 

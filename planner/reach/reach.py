@@ -1,15 +1,12 @@
 """What a drone in the air can still reach: straight flights from any point, under every member of the forecast.
 
-A leg is flown only when for every point of it a station is known that could be landed at with a margin, other than the one
-that it is flown to. The wind is that at the middle of each straight flight, slot by slot (`models.flight.kernels.cross`).
+The wind is that at the middle of each straight flight, slot by slot (`models.flight.kernels.cross`).
 """
 
 from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -36,6 +33,8 @@ if TYPE_CHECKING:
 
 SOC_SD = 0.005
 """Of a state of charge as vehicles tell it, that landings are judged by."""
+MIN_LOAD = 0.6
+"""Power over that of hover is nowhere less in forward flight (`models.drones.airspeed_load`)."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -47,16 +46,6 @@ class Flown(NamedTuple):
     """How long they take."""
     soc: NDArray[np.float64]
     """Charge that they take by the model, without the factor that is believed."""
-
-
-@dataclass(frozen=True, slots=True)
-class DivertCover:
-    """Divert stations of a leg."""
-
-    stations: tuple[str, ...]
-    """Enough that every covered point of the leg has one; those that cover most come first."""
-    gap_m: float | None
-    """How far along the leg the first point lies that has none; None where all have one."""
 
 
 class Reach:
@@ -204,9 +193,9 @@ class Reach:
 
     def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
         """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
-        return np.asarray(np.einsum("m,m...->...", self.wind.probability, self._below(soc, cost, floor_soc)))
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, self.below(soc, cost, floor_soc)))
 
-    def _below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
+    def below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
         """Probability of landing below a charge in each member, shape of `cost`."""
         from scipy.special import ndtr
 
@@ -219,6 +208,13 @@ class Reach:
     def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean over the members of something of shape (members, …)."""
         return np.asarray(np.einsum("m,m...->...", self.wind.probability, values))
+
+    def pads_near(self, places: Sequence[Place], soc: float) -> NDArray[np.int64]:
+        """Return stations with pads that are near enough to any of some places to be flown to with so much charge, at best."""
+        most_m = soc / (MIN_LOAD * self.soc_per_s) * self.drone.max_ground_speed_mps
+        lat, lon = self.network.lat[self.pads], self.network.lon[self.pads]
+        near = [geodesy.coarse_distance_m(*place, lat, lon) <= 1.01 * most_m for place in places]
+        return np.asarray(self.pads[np.any(near, axis=0)])
 
     def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the straight way to each station crosses no zone, shape (n,)."""
@@ -238,10 +234,14 @@ class Reach:
         places = np.array(way)
         north, east = self.winds(places[:, 0], places[:, 1], np.full(len(places), time_s))
         open_now = np.hypot(north, east).max(axis=1) <= self.drone.wind_limit_mps
-        if not float(self.wind.probability @ open_now) > 0.0:
+        return self.in_members(open_now)
+
+    def in_members(self, count: NDArray[np.bool_]) -> Reach:
+        """Return the same for those members of the forecast alone that count; where none does, all do."""
+        if not float(self.wind.probability @ count) > 0.0:
             return self
         same = copy(self)
-        same.wind = self.wind.weighted(open_now.astype(np.float64))
+        same.wind = self.wind.weighted(count.astype(np.float64))
         return same
 
     def way(self, origin: str | Place, via: Sequence[str], destination: str) -> list[Place]:
@@ -249,112 +249,3 @@ class Reach:
         index, lat, lon = self.network.index, self.network.lat, self.network.lon
         first = (float(lat[index[origin]]), float(lon[index[origin]])) if isinstance(origin, str) else origin
         return [first, *((float(lat[index[s]]), float(lon[index[s]])) for s in (*via, destination))]
-
-    def cover(
-        self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
-        destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True, reserve_soc: float = 0.0,
-    ) -> DivertCover:  # fmt: skip
-        """Find divert stations for every point of a leg.
-
-        The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
-        The reserve is kept by the destination from the start, or by another station from each point, in the winds in which it is
-        flown that far.
-
-        Parameters
-        ----------
-        way : sequence of (lat, lon)
-            From `way`.
-        time_s, soc : float
-            At the take-off.
-        floor_soc, epsilon : float
-            A divert lands below this charge with no more than this probability.
-        destination : str
-            Where the leg ends.
-        not_at : frozenset of str
-            Stations that do not count: those known to be unusable.
-        reserve_soc : float
-            The destination, or a divert from each point, lands below this with no more than `epsilon`.
-        """
-        points = _points(way, self.parameters.point_every_m)
-        places = [place for place, _ in points]
-        begins = time_s + (self.rules.climb_s if climbs else 0.0)
-        high = self.flying_over(float(self.network.ground_at_m(*np.array(way).T).max()))
-        flown = high.along(places, begins)
-        spent, used = np.zeros((2, len(self.wind), len(points)))
-        spent[:, 1:] = flown.time_s
-        used[:, 1:] = flown.soc
-        used += self.soc_climb if climbs else 0.0
-        nodes = np.array([n for n in self.pads if self.network.stations[n].id not in not_at], dtype=np.int64)
-        ends_at = self.network.index[destination]
-        nodes = nodes[nodes != ends_at]
-        safe = np.zeros((len(points), len(nodes)), dtype=bool)
-        nearest = np.zeros(len(points), dtype=bool)
-        at_end = used[:, -1:] + self.soc_descent
-        keeps = self.p_below(soc, at_end, reserve_soc)[0] <= epsilon
-        flown_on = self if keeps else self._not_hopeless(soc, at_end, reserve_soc)
-        mean_s = self.expected(spent)
-        for row, place in enumerate(places):
-            if not len(nodes):
-                break
-            flight = high.to_stations(place, begins + float(mean_s[row]), nodes)
-            left_s = float(mean_s[-1] - mean_s[row]) + self.descent_s
-            nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
-            cost = used[:, row, None] + flight.soc
-            sure = self.p_below(soc, cost, floor_soc) <= epsilon
-            near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc) <= epsilon))
-            near = near[np.argsort(self.expected(cost)[near])][:12]
-            safe[row, near[self.clear(place, nodes[near])]] = True
-        uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
-        gap = float(points[uncovered[0]][1]) if len(uncovered) else None
-        chosen = _fewest(safe, self.parameters.max_diverts)
-        chosen += [k for k in self._beside(places, nodes, safe) if k not in chosen][
-            : self.parameters.max_diverts - len(chosen)
-        ]
-        return DivertCover(tuple(self.network.stations[nodes[k]].id for k in chosen), gap)
-
-    def _not_hopeless(self, soc: float, at_end: NDArray[np.float64], reserve_soc: float) -> Reach:
-        """Return the same for those members alone in which a leg is flown to its end: in the others it is turned before."""
-        hopeless = self._below(soc, at_end, reserve_soc)[:, 0] > self.parameters.p_hopeless
-        if not float(self.wind.probability @ ~hopeless) > 0.0:
-            return self
-        same = copy(self)
-        same.wind = self.wind.weighted((~hopeless).astype(np.float64))
-        return same
-
-    def _beside(self, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
-        """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
-        lat, lon = np.array(places).T
-        found = []
-        for k in np.flatnonzero(safe.any(axis=0)):
-            station = self.network.stations[nodes[k]]
-            north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
-            off = float(np.hypot(north, east).min())
-            if off <= self.parameters.beside_m:
-                found.append((off, int(k)))
-        return [k for _, k in sorted(found)]
-
-
-def _points(way: Sequence[Place], every_m: float) -> list[tuple[Place, float]]:
-    """Points of a way not farther apart than `every_m`, with the distance flown to each."""
-    found: list[tuple[Place, float]] = [(way[0], 0.0)]
-    flown = 0.0
-    for before, after in pairwise(way):
-        length = geodesy.distance_m(*before, *after)
-        parts = max(1, math.ceil(length / every_m))
-        inner = geodesy.along(*before, *after, parts - 1)
-        found += [(point, flown + length * (k + 1) / parts) for k, point in enumerate(inner)]
-        flown += length
-        found.append((after, flown))
-    return found
-
-
-def _fewest(safe: NDArray[np.bool_], most: int) -> list[int]:
-    """Return few columns that together cover every row that any column covers (greedily)."""
-    left = safe.any(axis=1)
-    chosen: list[int] = []
-    while left.any() and len(chosen) < most:
-        gain = safe[left].sum(axis=0)
-        best = int(np.argmax(gain))
-        chosen.append(best)
-        left &= ~safe[:, best]
-    return chosen

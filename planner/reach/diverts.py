@@ -1,0 +1,144 @@
+"""Divert stations of a leg: from every point of it one can be landed at with a margin.
+
+Plans name them, and the online policy begins no leg that has a point without one other than the end that it is flown to.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.planner.reach.reach import Place, Reach
+
+
+@dataclass(frozen=True, slots=True)
+class DivertCover:
+    """Divert stations of a leg."""
+
+    stations: tuple[str, ...]
+    """Enough that every covered point of the leg has one; those that cover most come first."""
+    gap_m: float | None
+    """How far along the leg the first point lies that has none; None where all have one."""
+
+
+def divert_cover(
+    reach: Reach, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
+    destination: str, not_at: frozenset[str] = frozenset(), reserve_soc: float = 0.0, most: int | None = None,
+    every_m: float | None = None,
+) -> DivertCover:  # fmt: skip
+    """Find divert stations for every point of a leg.
+
+    The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
+    The reserve is kept by the destination from the start, or by another station from each point, in the winds in which it is
+    flown that far.
+
+    Parameters
+    ----------
+    way : sequence of (lat, lon)
+        From `Reach.way`.
+    time_s, soc : float
+        At the take-off.
+    floor_soc, epsilon : float
+        A divert lands below this charge with no more than this probability.
+    destination : str
+        Where the leg ends.
+    not_at : frozenset of str
+        Stations that do not count: those known to be unusable.
+    reserve_soc : float
+        The destination, or a divert from each point, lands below this with no more than `epsilon`.
+    most : int, optional
+        So many stations at most; by default as the online policy takes them.
+    every_m : float, optional
+        Distance between the points; by default that of the online policy.
+    """
+    points = _points(way, every_m or reach.parameters.point_every_m)
+    places = [place for place, _ in points]
+    begins = time_s + reach.rules.climb_s
+    high = reach.flying_over(float(reach.network.ground_at_m(*np.array(way).T).max()))
+    flown = high.along(places, begins)
+    spent, used = np.zeros((2, len(reach.wind), len(points)))
+    spent[:, 1:] = flown.time_s
+    used[:, 1:] = flown.soc
+    used += reach.soc_climb
+    ends_at = reach.network.index[destination]
+    left_out = {ends_at, *(reach.network.index[station] for station in not_at)}
+    nodes = np.array([n for n in reach.pads_near(places, soc) if n not in left_out], dtype=np.int64)
+    safe = np.zeros((len(points), len(nodes)), dtype=bool)
+    nearest = np.zeros(len(points), dtype=bool)
+    at_end = used[:, -1:] + reach.soc_descent
+    keeps = reach.p_below(soc, at_end, reserve_soc)[0] <= epsilon
+    flown_on = reach if keeps else _not_hopeless(reach, soc, at_end, reserve_soc)
+    mean_s = reach.expected(spent)
+    for row, place in enumerate(places):
+        if not len(nodes):
+            break
+        flight = high.to_stations(place, begins + float(mean_s[row]), nodes)
+        left_s = float(mean_s[-1] - mean_s[row]) + reach.descent_s
+        nearest[row] = reach.network.pads[ends_at] > 0 and left_s <= float(reach.expected(flight.time_s).min())
+        cost = used[:, row, None] + flight.soc
+        sure = reach.p_below(soc, cost, floor_soc) <= epsilon
+        near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc) <= epsilon))
+        near = near[np.argsort(reach.expected(cost)[near])][:12]
+        safe[row, near[reach.clear(place, nodes[near])]] = True
+    uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
+    gap = float(points[uncovered[0]][1]) if len(uncovered) else None
+    most = reach.parameters.max_diverts if most is None else most
+    chosen = _fewest(safe, most)
+    chosen += [k for k in _beside(reach, places, nodes, safe) if k not in chosen][: most - len(chosen)]
+    return DivertCover(tuple(reach.network.stations[nodes[k]].id for k in chosen), gap)
+
+
+def _not_hopeless(reach: Reach, soc: float, at_end: NDArray[np.float64], reserve_soc: float) -> Reach:
+    """Return the same for those members alone in which a leg is flown to its end: in the others it is turned before."""
+    hopeless = reach.below(soc, at_end, reserve_soc)[:, 0] > reach.parameters.p_hopeless
+    return reach.in_members(~hopeless)
+
+
+def _beside(reach: Reach, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
+    """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
+    lat, lon = np.array(places).T
+    found = []
+    for k in np.flatnonzero(safe.any(axis=0)):
+        station = reach.network.stations[nodes[k]]
+        north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
+        off = float(np.hypot(north, east).min())
+        if off <= reach.parameters.beside_m:
+            found.append((off, int(k)))
+    return [k for _, k in sorted(found)]
+
+
+def _points(way: Sequence[Place], every_m: float) -> list[tuple[Place, float]]:
+    """Points of a way not farther apart than `every_m`, with the distance flown to each."""
+    found: list[tuple[Place, float]] = [(way[0], 0.0)]
+    flown = 0.0
+    for before, after in pairwise(way):
+        length = geodesy.distance_m(*before, *after)
+        parts = max(1, math.ceil(length / every_m))
+        inner = geodesy.along(*before, *after, parts - 1)
+        found += [(point, flown + length * (k + 1) / parts) for k, point in enumerate(inner)]
+        flown += length
+        found.append((after, flown))
+    return found
+
+
+def _fewest(safe: NDArray[np.bool_], most: int) -> list[int]:
+    """Return few columns that together cover every row that any column covers (greedily)."""
+    left = safe.any(axis=1)
+    chosen: list[int] = []
+    while left.any() and len(chosen) < most:
+        gain = safe[left].sum(axis=0)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left &= ~safe[:, best]
+    return chosen
