@@ -39,7 +39,7 @@ def answer(pads: Pads, line: bytes) -> PadAnswer:
 
 
 class PadPeer(TcpPeer):
-    """One client of the pads."""
+    """One client of the pads; pads and charging go on without it."""
 
     def __init__(self, connection: socket.socket, selector: selectors.BaseSelector, pads: Pads) -> None:
         super().__init__(connection, selector)
@@ -62,9 +62,6 @@ class PadPeer(TcpPeer):
         """The answers."""
         waiting, self.answers = self.answers, b""
         return waiting
-
-    def left(self) -> None:
-        """Nothing: pads and charging go on without a client."""
 
 
 def serve_pads(address: Address, pads: Pads, selector: selectors.BaseSelector) -> TcpListener:

@@ -51,8 +51,7 @@ class TcpPeer(ABC):
     def outgoing(self, now_s: float) -> bytes:
         """Bytes for the peer."""
 
-    @abstractmethod
-    def left(self) -> None:
+    def left(self) -> None:  # noqa: B027  not all do anything
         """React to the end of the connection."""
 
     def readable(self) -> None:

@@ -120,13 +120,7 @@ class ULogEvents:
             evidence.hovers = "is_vtol"
         evidence.tails |= bool(np.any(columns.get("is_vtol_tailsitter", 0)))
         for name in _WATCHED:
-            if name in columns:
-                self._changes(name, stamps_us, columns)
-
-    def landing(self, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
-        """Take messages ``vehicle_land_detected``."""
-        if "landed" in columns:
-            self._changes("landed", stamps_us, columns)
+            self.changes(name, stamps_us, columns)
 
     def resets(self, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
         """Take messages ``vehicle_local_position``: a filter that resets its velocity by much was wrong for some time before."""
@@ -183,12 +177,12 @@ class ULogEvents:
                 in_words.append(time_us)
         return events, checks, in_words
 
-    def _changes(self, name: str, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
+    def changes(self, name: str, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
         """Find where one field changes, and say so."""
-        values = columns[name].astype(np.float64)
         good = np.flatnonzero(np.isfinite(stamps_us))
-        if not len(good):
+        if name not in columns or not len(good):
             return
+        values = columns[name].astype(np.float64)
         before = self._state.get(name, math.nan)
         changed = good[np.flatnonzero(np.diff(values[good], prepend=before) != 0.0)]  # true for NaN, the first
         for row in changed.tolist():

@@ -139,7 +139,7 @@ class ULogFile:
             if "vehicle_local_position" in stamped:
                 self._events.resets(*stamped["vehicle_local_position"])
             if "vehicle_land_detected" in stamped:
-                self._events.landing(*stamped["vehicle_land_detected"])
+                self._events.changes("landed", *stamped["vehicle_land_detected"])
         self._odd_stamps = steady.odd
         for topic in RECEIVERS:
             if len(zeros[topic]):

@@ -103,24 +103,15 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         return
     away = geodesy.distance_m(*place, station.lat, station.lon)
     doubt = ctx.vehicle.live.doubts.get("position")
+    said = f"{distance_text(away)} from {service.origin}"
+    wrong = ""
     if away > AT_PLACE_M:
-        yield Check(
-            "position",
-            "no",
-            f"{distance_text(away)} from {service.origin}, at most {distance_text(AT_PLACE_M)} allowed: bring the drone to the pad",
-            waits=True,
-        )
+        wrong = f"{said}, at most {distance_text(AT_PLACE_M)} allowed: bring the drone to the pad"
     elif doubt is not None:
-        yield Check("position", "no", f"the reported position {doubt}", waits=True)
+        wrong = f"the reported position {doubt}"
     elif ctx.observed.sample is not None and ctx.observed.sample.gps_ok == 0.0:
-        yield Check(
-            "position",
-            "no",
-            "the GPS receiver has no fix that it trusts: wait, with a clear view of the sky",
-            waits=True,
-        )
-    else:
-        yield Check("position", "ok", f"{distance_text(away)} from {service.origin}")
+        wrong = "the GPS receiver has no fix that it trusts: wait, with a clear view of the sky"
+    yield Check("position", "no" if wrong else "ok", wrong or said, waits=bool(wrong))
     try:
         home = ctx.vehicle.home()
     except LinkError as error:
