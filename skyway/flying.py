@@ -32,10 +32,7 @@ FAR_S = 300.0
 def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
     """Read the scenario that a plan was made in, or the one named; stations of the plan that it lacks are added.
 
-    Raises
-    ------
-    InputError
-        It cannot be found, or has changed since the plan was made.
+    An `InputError` says that it cannot be found, or has changed since the plan was made.
     """
     from skyway.scenarios import BUILT_IN, load_scenario
 

@@ -34,12 +34,8 @@ class LinkLoss:
 class Failsafes(ABC):
     """The failsafes of one family; values are settings by key, in our units (`Settings.in_our_units`).
 
-    Parameters
-    ----------
-    keys : tuple of str
-        Settings that decide what it does by itself.
-    station, pilot : LinkLoss
-        Loss of the link to us, and of the remote control.
+    The settings with these keys decide what it does by itself, `station` and `pilot` what at the loss of the link to
+    us, and of the remote control.
     """
 
     def __init__(self, settings: Settings, keys: tuple[str, ...], station: LinkLoss, pilot: LinkLoss) -> None:

@@ -70,16 +70,10 @@ class Setting:
     """In our unit: a value beyond is in another unit, or means something else, than we know."""
 
     def need(self, rule: Rule, value: float | None, why: str, *otherwise: Parameter, paired: str = "") -> Parameter:
-        """Return what a mission needs of it, under each of its names.
+        """Return what a mission needs of it, under each of its names; the value in our unit.
 
-        Parameters
-        ----------
-        rule, value, why
-            As `Parameter` has them; the value in our unit.
-        otherwise : Parameter
-            What will do where the firmware has no such setting at all.
-        paired : str
-            It counts only where the vehicle has this parameter too, which came into the firmware with it.
+        `otherwise` will do where the firmware has no such setting at all. It counts only where the vehicle has the
+        parameter `paired` too, which came into the firmware with it.
         """
         low, high = self.plausible
         ways = [

@@ -61,17 +61,8 @@ class WireItem:
 def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0, mission_type: int = 0) -> WireItem:
     """Put one item on the wire; a place that is not given becomes 0, 0: "here" for take-off, landing, loiter.
 
-    Parameters
-    ----------
-    number : int
-        Ours, named in errors.
-    shift : int
-        What the autopilot's number is above ours.
-
-    Raises
-    ------
-    InputError
-        A located item without an altitude, or a plain value that 32 bits do not hold.
+    The autopilot's number is ours plus `shift`. An `InputError`, which names ours, refuses a located item without an
+    altitude, and a plain value that 32 bits do not hold.
     """
     scaled = is_scaled(item.command, item.frame)
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):

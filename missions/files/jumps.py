@@ -29,16 +29,8 @@ def resolved(
 ) -> tuple[MissionItem, ...]:
     """Return items whose references are our numbers; one that leads nowhere stays out of range.
 
-    Parameters
-    ----------
-    items : sequence of MissionItem
-        As the file has them.
-    numbers : sequence of int or None
-        Of each item in the file.
-    first : int
-        Number of the first item where the file gives none.
-    ambiguous : callable
-        Makes the error for an item, by our number, and a number that several items have.
+    `numbers` are those of the items in the file; where it gives none, they count from `first`. `ambiguous` makes the
+    error for an item, by our number, and a number that several items have.
     """
     found = list(items)
     if not any(item.command in INDEX_COMMANDS for item in items):

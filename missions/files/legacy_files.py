@@ -14,10 +14,7 @@ MAX_LINES = 100_000
 def loads_fence(text: str, file: str = "fence") -> MissionDocument:
     """Read an old fence: the first line is the return point, the polygon repeats its first vertex at the end.
 
-    Raises
-    ------
-    InputError
-        Lines that are not two numbers, coordinates out of range, or fewer than three vertices.
+    An `InputError` lists lines that are not two numbers, coordinates out of range, or fewer than three vertices.
     """
     points: list[Point] = []
     faults: list[Fault] = []
@@ -40,10 +37,7 @@ def loads_fence(text: str, file: str = "fence") -> MissionDocument:
 def loads_rally(text: str, file: str = "rally") -> MissionDocument:
     """Read old rally points: ``RALLY lat lon altitude break_altitude landing_direction flags``.
 
-    Raises
-    ------
-    InputError
-        Lines of another form, or coordinates out of range.
+    An `InputError` lists lines of another form, and coordinates out of range.
     """
     points: list[RallyPoint] = []
     faults: list[Fault] = []

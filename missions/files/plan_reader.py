@@ -56,13 +56,10 @@ _PLAN_KEYS = frozenset({"fileType", "version", "groundStation", "mission", "geoF
 
 
 def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
-    """Read the text of a ``.plan`` or ``.mission`` file.
+    """Read the text of a ``.plan`` or ``.mission`` file, which errors name.
 
-    Raises
-    ------
-    InputError
-        Not JSON, of a version we do not know, with fields that are missing or wrong, or with complex items that
-        cannot be expanded.
+    An `InputError` refuses what is not JSON, of a version we do not know, with fields that are missing or wrong, or
+    with complex items that cannot be expanded.
     """
     try:
         raw = msgspec.json.decode(data)

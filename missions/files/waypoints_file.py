@@ -43,11 +43,8 @@ class _Row(NamedTuple):
 def loads(text: str, file: str = "waypoints") -> MissionDocument:
     """Read the text of a ``.waypoints`` file; comment lines (``#``) are kept with the item that follows.
 
-    Raises
-    ------
-    InputError
-        Another version, rows that are not twelve numbers, coordinates out of range, fences whose vertex counts
-        disagree, or jumps to a row number that several rows have; every fault is listed.
+    An `InputError` lists every fault: another version, rows that are not twelve numbers, coordinates out of range,
+    fences whose vertex counts disagree, or jumps to a row number that several rows have.
     """
     lines = text.splitlines()
     header = lines[0].split() if lines else []

@@ -19,10 +19,7 @@ MAX_PARAM = float(2**31 - 1)
 class JsonField:
     """A value of a JSON file, and where it stands: what is read of it is checked.
 
-    Parameters
-    ----------
-    file, name : str
-        Named in errors; the name as in ``mission.items[3].command``, empty for the whole file.
+    Errors name the file and the field, as in ``mission.items[3].command``, empty for the whole file.
     """
 
     __slots__ = ("file", "name", "value")

@@ -128,14 +128,9 @@ def dumps(
 ) -> str:
     """Return the text of a Mission Planner parameter file, which QGroundControl's users can read too.
 
-    Parameters that must only be read first are comments, and so is what other firmware calls a parameter.
-
-    Parameters
-    ----------
-    firmware : str
-        For which the file is, in words.
-    way : callable, optional
-        The way of a need in that firmware, None where it has none; the first way otherwise.
+    Parameters that must only be read first are comments, and so is what other firmware calls a parameter. `firmware`
+    says in words for which it is, `way` which way of a need counts in that firmware, None for none; by default the
+    first.
     """
     lines = ["# Parameters that this mission needs: NAME,VALUE"]
     if firmware:

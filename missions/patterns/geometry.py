@@ -38,12 +38,8 @@ def is_clockwise(polygon: NDArray[np.float64]) -> bool:
 def offset(line: NDArray[np.float64], distance_m: float, *, closed: bool) -> NDArray[np.float64] | None:
     """Move the edges of a line to their left; None where two neighbours are parallel, or an edge has no length.
 
-    Parameters
-    ----------
-    line : ndarray of shape (n, 2)
-        Vertices; every corner of the result is where two moved edges, made longer, meet.
-    distance_m : float
-        To the left of the direction of each edge; negative is to the right.
+    Every corner of the result is where two moved edges, made longer, meet; vertices have the shape (n, 2). A negative
+    distance is to the right of the direction of each edge. Of a closed line the last vertex is joined to the first.
     """
     following = np.roll(line, -1, axis=0)
     edges = (following - line) if closed else (following - line)[:-1]

@@ -30,17 +30,9 @@ _WITHOUT_STYLE = (2, 3)
 def expand(source: JsonField, number_here: int) -> tuple[list[Mapping[str, Any]], bool]:
     """Return the simple items of a pattern, and whether they were built as QGroundControl builds them.
 
-    The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact.
-
-    Parameters
-    ----------
-    number_here : int
-        Of the item it begins at, for errors.
-
-    Raises
-    ------
-    InputError
-        A pattern or version we do not know, or one that cannot be built from what the file says.
+    The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact. An
+    `InputError`, which names the number of the first item, refuses a pattern or version we do not know, and one that
+    cannot be built from what the file says.
     """
     kind = str(source["complexItemType"].value or source["type"].value)
     _check_version(kind, source)

@@ -26,11 +26,8 @@ CAMERA_TO_THE_RIGHT_DEG = 90
 def structure_scan(source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items of a structure scan of version 3.
 
-    Raises
-    ------
-    InputError
-        A setting is missing or impossible, the number of layers contradicts the heights, or there would be too many
-        items.
+    An `InputError` says that a setting is missing or impossible, that the number of layers contradicts the heights, or
+    that there would be too many items.
     """
     camera = source["CameraCalc"]
     layer_m = camera["AdjustedFootprintFrontal"].quantity(positive=True)

@@ -61,10 +61,7 @@ class Fault:
 class InputError(SkywayError, ValueError):
     """A file, option or argument is wrong; carries every fault found, not only the first.
 
-    Parameters
-    ----------
-    faults : str, Fault or sequence of Fault
-        What is wrong; in words, the other parameters are those of its `Fault`.
+    What is wrong is said by faults, or in words, with the other arguments of a `Fault`.
     """
 
     def __init__(
@@ -91,14 +88,10 @@ def refuse(faults: Sequence[Fault]) -> None:
 
 
 class InfeasibleError(SkywayError):
-    """The request is well formed, and the answer is no.
+    """The request is well formed, and the answer is no: why, with the figures that bind.
 
-    Parameters
-    ----------
-    message : str
-        Why, with the figures that bind.
-    constraint : str
-        The binding constraint: ``payload``, ``energy``, ``wind``, ``disconnected``, ``room``, ``no-drone``, ``time-limit``.
+    The binding constraint is ``payload``, ``energy``, ``wind``, ``disconnected``, ``room``, ``no-drone`` or
+    ``time-limit``.
     """
 
     exit_code = 1
@@ -115,12 +108,7 @@ class NoRouteError(InfeasibleError):
 class AuditError(SkywayError):
     """A planner's answer is not what comes out when it is flown; it is not given.
 
-    Parameters
-    ----------
-    leg : int or None
-        Which leg, from 1; None is the whole.
-    claimed, flown : object
-        The two figures, or in words what was claimed and what is.
+    The leg counts from 1, None is the whole; claimed and flown are figures, or words.
     """
 
     exit_code = 1

@@ -49,13 +49,7 @@ def finite(text: object) -> float | None:
 
 
 class Table:
-    """One table of a file, read field by field; wrong fields give faults and a fallback.
-
-    Parameters
-    ----------
-    file, path : str
-        File, and dotted path of the table, for the faults.
-    """
+    """One table of a file, named by its dotted path and read field by field; wrong fields give faults and a fallback."""
 
     def __init__(self, values: object, file: str, path: str, faults: list[Fault]) -> None:
         self.file = file

@@ -24,10 +24,7 @@ def file_error(action: str, path: Path, error: Exception) -> InputError:
 def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     """Read a file of at most `max_bytes` (counted after decompression for ``.gz``).
 
-    Raises
-    ------
-    InputError
-        Missing, a folder, unreadable, damaged or too large.
+    An `InputError` says that it is missing, a folder, unreadable, damaged or too large.
     """
     try:
         opener = gzip.open if path.suffix == ".gz" else open

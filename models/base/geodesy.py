@@ -35,17 +35,9 @@ def _wgs84() -> Geod:
 def inverse(
     lat1: ArrayLike, lon1: ArrayLike, lat2: ArrayLike, lon2: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Length and initial bearing of the geodesics between points.
+    """Length, metres, and initial bearing of the geodesics between points in degrees, broadcast against each other.
 
-    Parameters
-    ----------
-    lat1, lon1, lat2, lon2 : array_like, degrees
-        Start and end points; broadcast against each other.
-
-    Returns
-    -------
-    distance_m, bearing_deg : ndarray
-        Metres, and degrees clockwise from true north in [0, 360) at the start point.
+    Bearings are degrees clockwise from true north in [0, 360) at the start point.
     """
     a, b, c, d = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat1, lon1, lat2, lon2)))
     azimuth, _, distance = _wgs84().inv(b.ravel(), a.ravel(), d.ravel(), c.ravel())
@@ -156,10 +148,7 @@ def middle_longitude(lon: ArrayLike) -> float:
 def line_geometry(places: Sequence[tuple[float, float]]) -> dict[str, Any]:
     """Return a line through places (lat, lon) as GeoJSON, cut where it crosses the antimeridian (RFC 7946, 3.1.9).
 
-    Returns
-    -------
-    dict
-        A ``LineString``, or a ``MultiLineString`` with a part on each side.
+    That is a ``LineString``, or a ``MultiLineString`` with a part on each side.
     """
     parts = _cut(places)
     if len(parts) == 1:

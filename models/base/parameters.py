@@ -152,10 +152,7 @@ def with_values(part: P, values: Mapping[str, Value]) -> P:
 def with_settings(part: P, settings: Iterable[str]) -> P:
     """Return a tree with parameters changed as they are typed: ``planner.robust.members=50``.
 
-    Raises
-    ------
-    InputError
-        One is no ``name=value``, has no such parameter, or its value is out of range.
+    An `InputError` says that one is no ``name=value``, has no such parameter, or a value out of range.
     """
     known = {one.name: one for one in entries(part)}
     values: dict[str, Value] = {}

@@ -40,17 +40,9 @@ SPEED_UNITS_MPS = {
 
 
 def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
-    """Read an ISO 8601 instant that says its offset; it is returned in UTC.
+    """Read an ISO 8601 instant that says its offset, such as ``2013-07-10T14:00-04:00``; it is returned in UTC.
 
-    Parameters
-    ----------
-    text : str
-        For example ``2013-07-10T14:00-04:00`` or ``2013-07-10T18:00Z``.
-
-    Raises
-    ------
-    InputError
-        Not ISO 8601, or without an offset: a naive time means a different instant to each reader.
+    An `InputError` that names `field` and `file` refuses a naive time: it means a different instant to each reader.
     """
     example = "write it as 2013-07-10T14:00-04:00 or 2013-07-10T18:00Z"
     try:

@@ -95,17 +95,8 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
 def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0) -> DragModel:
     """Find the linear drag of a flight, hover included, in a wind that was measured nearby.
 
-    Parameters
-    ----------
-    air : Blocks
-        Averages of the flight.
-    wind : ndarray, shape (blocks, 2)
-        Known wind, (north, east) TOWARDS, m/s.
-
-    Returns
-    -------
-    DragModel
-        With the scatter of the drag seen about the drag expected.
+    The wind is (north, east) TOWARDS, m/s, shape (blocks, 2). The drag has the scatter of what was seen about what was
+    expected.
     """
     good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
     if good.sum() < MIN_BLOCKS:

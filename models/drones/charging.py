@@ -42,17 +42,8 @@ _ASYMPTOTE_SOC = CC_END_SOC + _Q
 class ChargingCurve:
     """State of charge over time on a pad, from empty.
 
-    Parameters
-    ----------
-    full_time_s : float
-        0 to 100 % on a charger that limits nothing, seconds.
-    max_rate_per_s : float
-        SoC per second that the pad can deliver at most; infinite by default.
-
-    Raises
-    ------
-    InputError
-        A time or rate that is not above 0.
+    0 to 100 % takes `full_time_s` on a charger that limits nothing; the pad delivers at most `max_rate_per_s`, SoC per
+    second. An `InputError` refuses a time or rate that is not above 0.
     """
 
     full_time_s: float
@@ -113,20 +104,11 @@ class ChargingCurve:
         return self.time_from_empty_s(soc_to) - self.time_from_empty_s(soc_from)
 
     def piecewise(self, pieces: int = 24) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Piecewise-linear curve through points of the true one, for the kernels.
+        """Piecewise-linear curve through points of the true one, for kernels: times, s, and SoC, from empty to full.
 
-        Chords of a concave function lie below it: the piecewise curve never promises charge that is not there.
-        With the default 24 pieces it is at most 0.00011 (0.011 % SoC) below.
-
-        Parameters
-        ----------
-        pieces : int
-            How many straight pieces the falling part gets, at least 1.
-
-        Returns
-        -------
-        time_s, soc : ndarray, shape (pieces + 2,) or (2,)
-            Break points, from (0, 0) to (total_s, 1).
+        Chords of a concave function lie below it: the piecewise curve never promises charge that is not there. The
+        falling part has `pieces` straight ones, so that both arrays have the shape (pieces + 2,), or (2,) without such
+        a part. With the default 24 pieces it is at most 0.00011 (0.011 % SoC) below.
         """
         if self.knee_soc >= 1.0:
             return np.array([0.0, self.total_s]), np.array([0.0, 1.0])

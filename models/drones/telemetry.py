@@ -111,13 +111,7 @@ _LOWEST, _HIGHEST = (
 
 
 def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return telemetry with implausible values as NaN: damage, or a sensor that is not there.
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., quantities)
-        In the order of `QUANTITIES`.
-    """
+    """Return telemetry, shape (..., quantities), with implausible values as NaN: damage, or a sensor that is not there."""
     return np.where((values >= _LOWEST) & (values <= _HIGHEST), values, np.nan)  # false for NaN
 
 

@@ -92,17 +92,8 @@ def air_over(
 ) -> SegmentWind:
     """Lay the ensemble's wind, carried to the height at which each is flown, over the segments of a network.
 
-    Parameters
-    ----------
-    network, ensemble, drone, rules
-        What is flown where, in which wind, by what, and how.
-    airspeed_mps : float, optional
-        Planned airspeed; the drone's cruise airspeed by default.
-
-    Raises
-    ------
-    InputError
-        A speed, height or length that is not finite and above 0: kernels would never end, or read beyond their arrays.
+    Without a planned airspeed it is the drone's for cruising. An `InputError` refuses a speed, height or length that is
+    not finite and above 0: kernels would never end, or read beyond their arrays.
     """
     airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
     _check_flown(network, drone, rules, airspeed_mps)
@@ -124,18 +115,9 @@ def air_between(
 ) -> SegmentWind:
     """Lay the wind over straight ways of one's own choice; without climb, descent and limits of the wind.
 
-    Parameters
-    ----------
-    wind : WindEnsemble
-        At cruise height.
-    middle : (lat, lon)
-        Middles of the ways, degrees, shape (ways,) each.
-    bearing_deg, distance_m : ndarray, shape (ways,)
-        Their courses and lengths.
-    airspeed_mps, max_ground_speed_mps : float
-        Of the drone.
-    factor : ndarray, shape (ways,)
-        Of the wind as high as each is flown (`models.flight.heights.wind_factors`).
+    The wind is that at cruise height; `factor` tells what it is as high as each way is flown
+    (`models.flight.heights.wind_factors`). Middles of the ways (lat, lon), degrees, their courses, lengths and factors
+    have the shape (ways,) each.
     """
     weight = idw_weights(*middle, wind.site_lat, wind.site_lon) * factor[:, None]
     return _air(wind, weight, bearing_deg, distance_m, airspeed_mps, max_ground_speed_mps)

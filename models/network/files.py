@@ -38,17 +38,8 @@ def read_stations(
 ) -> tuple[Station, ...]:
     """Read stations from CSV or, by the ending ``.geojson`` or ``.json``, from GeoJSON points.
 
-    Parameters
-    ----------
-    columns : mapping, optional
-        Column (or property) of the file for each of `STATION_FIELDS` that is called otherwise there.
-    pads, holding_spots : int
-        Where the file says nothing.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file.
+    `columns` says what those of `STATION_FIELDS` are called in the file that have another name there; `pads` and
+    `holding_spots` count where the file says nothing. An `InputError` has every fault in the file.
     """
     given = columns or {}
     names = {field: given.get(field, field) for field in STATION_FIELDS}
@@ -210,12 +201,8 @@ def _geojson_rows(
 def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, int]]:
     """Read directed segments (``from``, ``to`` station ids) from CSV or GeoJSON lines.
 
-    A column or property ``both`` with ``no``, ``false`` or ``0`` makes a segment one-way.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file: unknown ends, loops, missing columns.
+    A column or property ``both`` with ``no``, ``false`` or ``0`` makes a segment one-way. An `InputError` has every
+    fault in the file: unknown ends, loops, missing columns.
     """
     index = {station.id: number for number, station in enumerate(stations)}
     faults: list[Fault] = []

@@ -88,10 +88,7 @@ class NoFlyZones:
 def read_zones(path: Path) -> NoFlyZones:
     """Read no-fly polygons from a GeoJSON FeatureCollection, Feature or bare geometry.
 
-    Raises
-    ------
-    InputError
-        Not GeoJSON, or with geometries that are no valid polygons; every fault is listed.
+    An `InputError` lists everything that is no GeoJSON, or no valid polygon.
     """
     file = str(path)
     document = read_geojson(path)

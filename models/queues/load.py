@@ -79,31 +79,19 @@ class PadLoad:
         return len(self.arrivals_per_s)
 
     def utilisation(self, pads: ArrayLike) -> NDArray[np.float64]:
-        """Share of the pads, shape (stations,), that the arrivals of each hour would keep busy; above 1 the line grows.
+        """Share of the pads that arrivals of each hour would keep busy, shape (stations, 168); above 1 the line grows.
 
-        Returns
-        -------
-        ndarray, shape (stations, 168)
-            0 at stations without pads, where nobody recharges.
+        `pads`, shape (stations,); 0 at stations without pads, where nobody recharges.
         """
         count = np.broadcast_to(np.asarray(pads, dtype=np.float64), (len(self),))[:, None]
         offered = self.arrivals_per_s * self.mean_charging_s
         return np.where(count > 0.0, offered / np.maximum(count, 1.0), 0.0)
 
     def hourly(self, station: int, start_s: float, hours: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Rates in consecutive hours of UTC, from the one that holds an instant.
+        """Arrivals per s and mean charging s in hours of UTC, shape (hours,), from the one that holds `start_s`.
 
-        Where local time changes, an hour of the week comes twice or not at all, as on the clock. In zones
-        whose offset is no whole hour, an hour of UTC gets the rates of the local hour in which it begins.
-
-        Parameters
-        ----------
-        start_s : float
-            POSIX seconds.
-
-        Returns
-        -------
-        arrivals_per_s, mean_charging_s : ndarray, shape (hours,)
+        Where local time changes, an hour of the week comes twice or not at all, as on the clock. In zones whose offset
+        is no whole hour, an hour of UTC gets the rates of the local hour in which it begins.
         """
         hour = hours_of_week(self.timezone, start_s, hours)
         return self.arrivals_per_s[station, hour], self.mean_charging_s[station, hour]
@@ -128,17 +116,9 @@ def zone(timezone: str) -> ZoneInfo:
 
 
 def hours_of_week(timezone: str, start_s: float, hours: int) -> NDArray[np.int64]:
-    """Local hour of the week, 0 to 167, in which each of consecutive UTC hours begins.
+    """Local hour of the week, 0 to 167, in which each of consecutive UTC hours begins, shape (hours,); read-only.
 
-    Parameters
-    ----------
-    start_s : float
-        POSIX seconds; the first hour is the one that holds it.
-
-    Returns
-    -------
-    ndarray of int, shape (hours,)
-        Read-only.
+    The first hour is the one that holds `start_s`, POSIX seconds.
     """
     return _hours_of_week(timezone, math.floor(start_s / S_PER_H), hours)
 

@@ -48,29 +48,13 @@ def read_load(
 ) -> tuple[PadLoad, list[str]]:
     """Read a CSV table ``station,hour_of_week,arrivals_per_h,mean_charging_min`` (other columns are ignored).
 
-    Rows of station ``*`` hold for every station and hour without a row of its own.
+    Rows of station ``*`` hold for every station and hour without a row of its own; hours of the week are those of the
+    time zone. Where `pads` are given, shape (stations,), stations without pads need no rows, and those whose mean
+    utilisation over the week is above 1, so that their queue grows without end, are warned about.
 
-    Parameters
-    ----------
-    timezone : str
-        IANA name, of the hours of the week.
-    pads : array_like of int, shape (stations,), optional
-        Pads of each station. Where given, stations without pads need no rows, and stations with more load
-        than pads are warned about.
-
-    Returns
-    -------
-    load : PadLoad
-        Rows in the order of `station_ids`.
-    warnings : list of str
-        Stations whose mean utilisation over the week is above 1: their queue grows without end.
-
-    Raises
-    ------
-    InputError
-        Carries every fault found (twenty are listed, the others counted): unknown station, hour outside 0-167, two rows
-        for one hour, a negative or missing number or one out of range, hours without a row, a missing
-        column, an empty file, an unknown time zone.
+    An `InputError` carries every fault found (twenty are listed, the others counted): unknown station, hour outside
+    0-167, two rows for one hour, a negative or missing number or one out of range, hours without a row, a missing
+    column, an empty file, an unknown time zone.
     """
     zone(timezone)
     faults = FaultCollector(str(path))
@@ -94,33 +78,16 @@ def read_occupancy(
 ) -> tuple[PadLoad, list[str]]:
     """Derive the load from a record of busy pads: one row per hour, one column per station.
 
-    The first column is the time: local, or with an offset. The others are headed by station ids, in any
-    order, and hold the mean number of busy pads in that hour (plug-hours per hour). Values are averaged by
-    hour of the week (a local hour that comes twice or not at all when the clock changes is averaged over
-    the rows there are), and arrivals = busy pads / mean charging time (Little). Empty cells and ``nan`` are
-    gaps.
+    The first column is the time: local to the time zone, or with an offset. The others are headed by station ids, in
+    any order, and hold the mean number of busy pads in that hour (plug-hours per hour). Values are averaged by hour of
+    the week (a local hour that comes twice or not at all when the clock changes is averaged over the rows there are),
+    and arrivals = busy pads / mean charging time (Little). Empty cells and ``nan`` are gaps.
 
-    Parameters
-    ----------
-    timezone : str
-        IANA name, of the times without an offset.
-    pads : array_like of int, shape (stations,)
-        Pads of each station.
-
-    Returns
-    -------
-    load : PadLoad
-        Rows in the order of `station_ids`.
-    warnings : list of str
-        Stations without a column (they get no load), columns that are no station, gaps, and hours of the
-        week in which on average every pad is busy (counted as `CLAMPED_UTILISATION` of the pads).
-
-    Raises
-    ------
-    InputError
-        Carries every fault found (twenty are listed, the others counted): times and values that cannot be read,
-        negative values, hours of the week without any value, two columns of one name, an empty file, an
-        unknown time zone.
+    Warnings tell stations without a column (they get no load), columns that are no station, gaps, and hours of the week
+    in which on average every one of the `pads`, shape (stations,), is busy (counted as `CLAMPED_UTILISATION` of them).
+    An `InputError` carries every fault found (twenty are listed, the others counted): times and values that cannot be
+    read, negative values, hours of the week without any value, two columns of one name, an empty file, an unknown time
+    zone.
     """
     place = zone(timezone)
     charging_s = mean_charging_min * S_PER_MIN

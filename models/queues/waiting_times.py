@@ -59,10 +59,7 @@ STEP_S = 600.0
 def erlang_c(pads: int, offered_load: float) -> float:
     """Probability that an arrival must wait, in the long run (Erlang's C formula).
 
-    Parameters
-    ----------
-    offered_load : float
-        Arrival rate times mean charging time, from 0 up; from `pads` on everybody waits.
+    The offered load is the arrival rate times the mean charging time, from 0 up; from `pads` on everybody waits.
     """
     if offered_load >= pads:
         return 1.0
@@ -73,18 +70,10 @@ def erlang_c(pads: int, offered_load: float) -> float:
 
 
 def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float64]:
-    """Long-run probabilities of the first states of the unlimited queue.
+    """Long-run probabilities of the first states of the unlimited queue, shape (states,).
 
-    Parameters
-    ----------
-    offered_load : float
-        Arrival rate times mean charging time, below `pads`.
-    states : int
-        How many; what the rest has is missing from the sum.
-
-    Returns
-    -------
-    ndarray, shape (states,)
+    The offered load, arrival rate times mean charging time, is below `pads`; what the other states have is missing from
+    the sum.
     """
     waits = erlang_c(pads, offered_load)
     ratio = offered_load / pads
@@ -124,15 +113,8 @@ class PadQueue:
     def distribution(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the probabilities of 0, 1, 2, … drones on the pads and in the line, shape (times, states).
 
-        Parameters
-        ----------
-        times_s : ndarray, shape (times,)
-            Instants from `start_s` on, POSIX seconds, ascending.
-
-        Raises
-        ------
-        InputError
-            The line grows beyond `MAX_STATES`.
+        Times are instants from `start_s` on, POSIX seconds, ascending. An `InputError` refuses a line beyond
+        `MAX_STATES`.
         """
         begin_s, initial = 0.0, self.unseen
         if self.busy is not None:
@@ -178,27 +160,12 @@ def forecast_waits(
     hours: float,
     busy: Mapping[int, int],
 ) -> dict[int, WaitForecast]:
-    """Forecast the waits at several stations; those with the same load, pads and start share one forecast.
+    """Forecast the waits at several stations, by node; those with the same load, pads and start share one forecast.
 
-    The start state matters: at utilisation 0.9 for some 76 charging times. Where the pads were not seen, it is what a
-    load that repeats every week leads to (see `settled`).
-
-    Parameters
-    ----------
-    pads : ndarray of int, shape (nodes,)
-        Pads of each station; where 0, as at a delivery target, nobody recharges, so nobody waits.
-    busy : mapping of int to int
-        Drones seen at `start_s` by node (see `PadQueue`); stations left out were not seen.
-
-    Returns
-    -------
-    dict of int to WaitForecast
-        By node.
-
-    Raises
-    ------
-    InputError
-        A line that grows beyond `MAX_STATES`.
+    The start state matters: at utilisation 0.9 for some 76 charging times. `busy` has the drones seen at `start_s`,
+    POSIX seconds (see `PadQueue`). Where the pads were not seen, the start is what a load that repeats every week leads
+    to (see `settled`). Where `pads`, shape (nodes,), are 0, as at a delivery target, nobody recharges, so nobody waits.
+    An `InputError` refuses a line that grows beyond `MAX_STATES`.
     """
     shared: dict[tuple[int, int | None, bytes, bytes], WaitForecast] = {}
     result = {}
@@ -231,17 +198,13 @@ def station_queue(
 def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
     """Probabilities of 0, 1, 2, … drones at a station that nobody has seen, at the beginning of an hour of UTC.
 
-    They are worked out once for each hour, load and number of pads. The station begins with the long run of the week's
-    mean load and lives through the load of the hours before, until it has forgotten that (`FORGOTTEN`). With more load
-    on average than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from week to week.
+    They are worked out once for each hour, load and number of pads, and are read-only. The station begins with the long
+    run of the week's mean load and lives through the load of the hours before, until it has forgotten that
+    (`FORGOTTEN`). With more load on average than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from
+    week to week.
 
     Source of the relaxation time: E. A. van Doorn, "Conditions for exponential ergodicity and bounds for the decay
     parameter of a birth-death process", Advances in Applied Probability 17 (1985).
-
-    Returns
-    -------
-    ndarray, shape (states,)
-        Read-only.
     """
     return _kept(("settled", first_s), load, station, pads, lambda: _settled(load, station, pads, first_s))
 

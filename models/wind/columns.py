@@ -135,13 +135,7 @@ class WindRows:
 
 
 def read_rows(path: Path, columns: WindColumns, site_ids: Sequence[str]) -> WindRows:
-    """Read every row of a wind record.
-
-    Raises
-    ------
-    InputError
-        With all faults of the file; a list of them ends after twenty with how many more there are.
-    """
+    """Read every row of a wind record; an `InputError` has its first twenty faults, and how many more there are."""
     reader = _RowReader(str(path), columns, site_ids)
     wanted = [columns.time, columns.speed, columns.from_]
     if columns.site is not None:

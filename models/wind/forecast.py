@@ -40,26 +40,13 @@ def analogue_ensemble(
 ) -> WindEnsemble:
     """Make an ensemble of the days of a record that lie in the same season.
 
-    Each member is the measured series beginning at the same UTC hour as the departure, on a day whose date is
-    at most `season_days` from the departure's in the circle of the year (29 February counts as the 28th). All
-    are equally probable. Dates are those of the clock of `depart`, so give it with its local offset.
+    Each member is the measured series beginning at the same UTC hour as the departure, on a day whose date is at most
+    `season_days` from the departure's in the circle of the year (29 February counts as the 28th). All are equally
+    probable, none has a gap or overlaps the departure's own, or one of a day to `exclude`, such as the truth of a
+    trial. They are for the height of the measurement. Dates are those of the clock of `depart`, so give it with its
+    local offset; it lies in slot 0, and may be in the future of the record.
 
-    Parameters
-    ----------
-    depart : datetime
-        Aware; it lies in slot 0. It may be in the future of the record.
-    exclude : collection of date
-        Days to leave out, such as the truth of a trial, and those whose series overlap theirs.
-
-    Returns
-    -------
-    WindEnsemble
-        At the height of the measurement; no series with a gap, none that overlaps the departure's own.
-
-    Raises
-    ------
-    InputError
-        No such day, a naive time, or a length out of range.
+    An `InputError` says that there is no such day, or refuses a naive time or a length out of range.
     """
     days = _Days(history, depart, hours)
     today = _day_of_year(np.array([days.today]))[0]
@@ -86,12 +73,8 @@ def analogue_ensemble(
 def truth_series(history: WindHistory, day: date, depart: datetime, hours: int) -> WindEnsemble:
     """Lay what was measured on a day onto a departure, as an ensemble of one.
 
-    The series begins at the same UTC hour as the departure; `day` is a date of the clock of `depart`.
-
-    Raises
-    ------
-    InputError
-        The record has no complete series on that day; names the nearest day that has.
+    The series begins at the same UTC hour as the departure; `day` is a date of the clock of `depart`. An `InputError`
+    names the nearest day with a complete series where that day has none.
     """
     days = _Days(history, depart, hours)
     wanted = np.datetime64(day, "D")
@@ -136,27 +119,14 @@ def constant_wind(
 def read_forecast(
     path: Path, sites: Sequence[WindSite], depart: datetime, hours: int, measured_at_m: float
 ) -> WindEnsemble:
-    """Read a forecast that someone else made.
+    """Read a forecast that someone else made, for a height above ground.
 
-    Parameters
-    ----------
-    path : Path
-        CSV: time (ISO 8601 with offset), site, member, speed_mps, from_deg [, probability]. The times are
-        evenly spaced, at most 6 h apart; every member has every site at every time. Without the last column
-        all members are equally probable.
-    sites : sequence of WindSite
-        The sites it names, all of them.
-    depart : datetime
-        Aware; it lies in slot 0 of the answer.
-    hours : int
-        How long the answer is at least; after the end of the file the last wind holds on.
-    measured_at_m : float
-        Height above ground that it is for.
+    The CSV has time (ISO 8601 with offset), site, member, speed_mps, from_deg [, probability]. The times are evenly
+    spaced, at most 6 h apart; every member has every one of the sites at every time. Without the last column all
+    members are equally probable. The departure lies in slot 0 of the answer; after the end of the file the last wind
+    holds on.
 
-    Raises
-    ------
-    InputError
-        With all faults of the file, or the range it covers where the departure is outside.
+    An `InputError` has all faults of the file, or the range it covers where the departure is outside.
     """
     faults = check_sites(sites)
     if not 0.0 < measured_at_m < math.inf:

@@ -48,10 +48,7 @@ class ForecastTable:
 def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:
     """Read a forecast; the answer is complete.
 
-    Raises
-    ------
-    InputError
-        With all faults of the file: first those of its cells, then those of what is missing or twice there.
+    An `InputError` has all faults of the file: first those of its cells, then those of what is missing or twice there.
     """
     reader = _Reader(str(path), site_ids)
     chunks = read_table(path, _COLUMNS, reader.faults, optional=("probability",))

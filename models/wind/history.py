@@ -116,22 +116,13 @@ class WindHistory:
 def read_history(path: Path, columns: WindColumns, sites: Sequence[WindSite], measured_at_m: float) -> WindHistory:
     """Read a record of wind into hourly slots and fill its gaps.
 
-    Several rows of a site within an hour are averaged as vectors. Where only the direction is missing, it is
-    taken from the hours around (gaps up to 3 h), else from the other sites, and the speed is kept; where all
-    is missing, the wind is taken so. Other sites count by the inverse square of their distance.
+    Several rows of a site within an hour are averaged as vectors. Where only the direction is missing, it is taken from
+    the hours around (gaps up to 3 h), else from the other sites, and the speed is kept; where all is missing, the wind
+    is taken so. Other sites count by the inverse square of their distance. Instruments stand `measured_at_m` above
+    ground, usually 10.
 
-    Parameters
-    ----------
-    path : Path
-        CSV, at most 64 MB and 5 million rows; ``.gz`` is unpacked.
-    measured_at_m : float
-        Height of the instruments above ground, usually 10.
-
-    Raises
-    ------
-    InputError
-        With all faults of the file: values, times, sites or columns that cannot be read, no wind at all, or a
-        span of more than 60 years.
+    The CSV has at most 64 MB and 5 million rows; ``.gz`` is unpacked. An `InputError` has all its faults: values,
+    times, sites or columns that cannot be read, no wind at all, or a span of more than 60 years.
     """
     _check_request(sites, columns, measured_at_m)
     rows = read_rows(path, columns, [site.id for site in sites])

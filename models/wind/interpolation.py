@@ -13,22 +13,10 @@ if TYPE_CHECKING:
 
 
 def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike) -> NDArray[np.float64]:
-    """Weights of the sites at points, by the inverse square of the distance.
+    """Weights of sites at points, degrees, by the inverse square of the distance, shape (points, sites); rows sum to 1.
 
-    Parameters
-    ----------
-    lat, lon : array_like, shape (points,)
-        Degrees.
-    site_lat, site_lon : array_like, shape (sites,)
-        Degrees.
+    Within a millimetre of a site it alone counts.
 
-    Returns
-    -------
-    ndarray, shape (points, sites)
-        Rows sum to 1; within a millimetre of a site it alone counts.
-
-    Notes
-    -----
     Source: D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968.
     """
     points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))

@@ -143,16 +143,10 @@ def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
 def summarise_wind(
     ensemble: WindEnsemble, passages: Sequence[Passage], height_m: float, profile_exponent: float
 ) -> WindSummary:
-    """Summarise the winds of an ensemble that may be met on a way.
+    """Summarise the winds of an ensemble that may be met on a way at a height above ground; of one member: that wind.
 
-    Parameters
-    ----------
-    ensemble : WindEnsemble
-        At any height; of one member: that wind.
-    passages : sequence of Passage
-        Each counts with its duration; instants count equally.
-    height_m, profile_exponent : float
-        Height above ground that is flown, and how the wind grows with height (`models.wind.triangle.height_factor`).
+    Each passage counts with its duration; instants count equally. The wind grows with height by
+    `models.wind.triangle.height_factor`.
     """
     factor = height_factor(height_m, ensemble.height_m, profile_exponent)
     lat, lon = [one.lat_deg for one in passages], [one.lon_deg for one in passages]

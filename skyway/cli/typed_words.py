@@ -34,13 +34,7 @@ def _new(argument: str, names: dict[str, str]) -> str:
 
 
 def fill(arguments: Sequence[str], bare: Mapping[str, str]) -> list[str]:
-    """Give every bare option its value: what follows it is not a number.
-
-    Parameters
-    ----------
-    bare : mapping
-        Options that take a number, with the value of the bare option.
-    """
+    """Give every bare option its value from `bare`: what follows it is not a number."""
     filled: list[str] = []
     for place, word in enumerate(arguments):
         if word == "--":

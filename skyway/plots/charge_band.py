@@ -47,16 +47,10 @@ def charge_band(result: PlanResult) -> ChargeBand | None:
 
 
 def band_of(schedule: NDArray[np.float64], weight: NDArray[np.float64], depart_s: float, soc: float) -> ChargeBand:
-    """Return the band of some runs.
+    """Return the band of some runs, which all begin at `depart_s` with a charge.
 
-    Parameters
-    ----------
-    schedule : ndarray, shape (runs, legs, columns)
-        See `planner.schedule.schedule_kernels`.
-    weight : ndarray, shape (runs,)
-        Probability of each.
-    depart_s, soc : float
-        When and with which charge all of them begin.
+    Their schedules have the shape (runs, legs, columns of `planner.schedule.schedule_kernels`), their probabilities
+    (runs,).
     """
     end_s = schedule[:, -1, TOUCH_DOWN]
     grid = np.linspace(depart_s, float(end_s.max()), TIMES)

@@ -72,10 +72,7 @@ def plot_composition(
 ) -> Figure:
     """Draw the route on the part of the network round it, and the state of charge over time below it.
 
-    Parameters
-    ----------
-    band : ChargeBand, optional
-        How the charge differs over the simulated deliveries.
+    The band tells how the charge differs over the simulated deliveries.
     """
     shown = [(place.lon, place.lat) for place in (composition.stations[key] for key in composition.route)]
     shown += _diverts(composition, scenario).values()

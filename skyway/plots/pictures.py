@@ -63,17 +63,10 @@ def plain_axes(axes: Any) -> None:
 
 
 class LabelPlacer:
-    """Sets labels beside their points so that they keep off each other, other points and lines.
+    """Sets labels beside their points so that they keep off each other, and off points and lines in data coordinates.
 
-    Labels are set one by one, the important ones first, each at the least crowded of sixteen places. The axes must
-    have their final limits and the figure its final layout.
-
-    Parameters
-    ----------
-    x, y : ndarray
-        Points to keep clear of, in data coordinates.
-    lines : sequence of tuple
-        Lines ((x, y), (x, y)) to keep clear of, in data coordinates.
+    Labels are set one by one, the important ones first, each at the least crowded of sixteen places. The axes must have
+    their final limits and the figure its final layout.
     """
 
     def __init__(

@@ -47,13 +47,7 @@ _LANDING_S = 15.0
 
 
 def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = None) -> FlightReport:
-    """Return what was planned and what happened.
-
-    Parameters
-    ----------
-    plan : dict, optional
-        Composition to compare with; without it, the one that the journal begins with.
-    """
+    """Return what was planned, by a composition or that which the journal begins with, and what happened."""
     start = entries.Start.read(records[0].data)
     planned = plan or start.composition
     series = series_of(records)

@@ -27,19 +27,9 @@ if TYPE_CHECKING:
 def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> FlightReport:
     """Return what was planned and what happened, as ``skyway.flight/1``.
 
-    Parameters
-    ----------
-    journal : Path
-        As ``skyway fly`` writes it; it may be that of a flight which was broken off.
-    logs : sequence of Path
-        Recordings of the flight: their telemetry is finer than the journal's.
-    plan : Path, optional
-        Plan to compare with; without it, the one in the journal.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or is not what it should be.
+    The journal may be that of a flight which was broken off; the telemetry of recordings is finer than the journal's.
+    Without a plan to compare with, it is the one in the journal. An `InputError` refuses a file that is not what it
+    should be.
     """
     records = read_journal(journal).records
     document = flight_report(records, None if plan is None else to_json(load(plan)))
@@ -58,21 +48,10 @@ def write_report(
     plot: Path | None = None,
     force: bool = False,
 ) -> FlightReport:
-    """Write the report of a flight as one page that needs no other file; returns what it was made of.
+    """Write the report of a flight as one page that needs no other file; returns what it was made of (see `flight`).
 
-    Parameters
-    ----------
-    journal, logs, plan
-        See `flight`.
-    scenario : Scenario, optional
-        Where it flew, for the no-fly zones on the map. Without it the built-in one, if the plan was made in it.
-    plot : Path, optional
-        Write map, charge and wind as a picture too: FILE.svg.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or the page cannot be written.
+    The scenario gives the no-fly zones on the map; without it the built-in one does, if the plan was made in it. `plot`
+    is a picture of map, charge and wind as well: FILE.svg.
     """
     document = flight(journal, logs=logs, plan=plan)
     scenario = scenario or _built_in(document)

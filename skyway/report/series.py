@@ -100,10 +100,7 @@ def _columns(rows: list[dict[str, Any]], names: tuple[str, ...]) -> Columns:
 def log_series(paths: Sequence[Path]) -> Columns:
     """Return the columns of recordings, a row a second: finer than the journal's.
 
-    Raises
-    ------
-    InputError
-        No log, or none of a vehicle whose time of day is known.
+    An `InputError` refuses a file that is no log, or none of a vehicle whose time of day is known.
     """
     rows: dict[float, tuple[float, ...]] = {}
     for path in paths:

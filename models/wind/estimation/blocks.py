@@ -105,12 +105,9 @@ def is_trusted(track: TelemetryTrack) -> NDArray[np.bool_]:
 
 
 class BlockMaker:
-    """Makes blocks of the telemetry of one vehicle; how the stream is cut does not matter.
+    """Makes blocks of the telemetry of one vehicle, each of a period; how the stream is cut does not matter.
 
-    Parameters
-    ----------
-    period_s : float
-        Length of a period; periods begin at whole multiples of it.
+    Periods begin at whole multiples of `period_s`.
     """
 
     def __init__(self, period_s: float = 1.0) -> None:

@@ -55,12 +55,9 @@ class DragCheck:
 
 
 def check_drag(velocity: NDArray[np.float64], through_air: NDArray[np.float64]) -> DragCheck:
-    """Compare ground and air velocities of a stretch of flight.
+    """Compare ground and air velocities of a stretch of flight, shape (n, 2), one a second or so, in the order of time.
 
-    Parameters
-    ----------
-    velocity, through_air : ndarray, shape (n, 2)
-        Over the ground and, by the drag in use, through the air; one a second or so, in the order of time.
+    Those through the air are the ones that the drag in use gives.
     """
     good = np.isfinite(velocity).all(axis=1) & np.isfinite(through_air).all(axis=1)
     velocity, through_air = velocity[good], through_air[good]

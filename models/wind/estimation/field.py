@@ -110,12 +110,8 @@ def check_observations(observations: Sequence[WindObservation]) -> None:
 class WindField:
     """The wind of a region.
 
-    Parameters
-    ----------
-    observations : sequence of WindObservation
-        Of any drones; one slot of one drone each, so that correlated samples are not counted again and again.
-    forecast : ndarray, shape (n, 2)
-        (north, east) of the forecast where and when each was measured.
+    It is made of observations of any drones, one slot of one drone each, so that correlated samples are not counted
+    again and again, and of the forecast (north, east) where and when each was measured, shape (n, 2).
     """
 
     def __init__(

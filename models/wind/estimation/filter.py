@@ -185,21 +185,11 @@ class WindFilter:
     def update(
         self, wind: tuple[float, float], noise: ArrayLike, depends: Dependence | None = None, row: int = 0
     ) -> bool:
-        """Take a measurement for the present time.
+        """Take a measurement for the present time; returns whether it was used.
 
-        Parameters
-        ----------
-        wind : (float, float)
-            (north, east) TOWARDS, m/s; not finite is no measurement.
-        noise : array_like, shape (2, 2) or scalar
-            Covariance of what is new in it, m2/s2.
-        depends, row : Dependence, int, optional
-            How it depends on the systematic errors: that row of `depends`; by default it does not.
-
-        Returns
-        -------
-        bool
-            Whether it was used.
+        The wind is (north, east) TOWARDS, m/s; not finite is no measurement. `noise` is the covariance of what is new
+        in it, m2/s2, shape (2, 2) or scalar. It depends on the systematic errors as that row of `depends` says; by
+        default it does not.
         """
         measured = np.array([[wind[0]], [wind[1]]])
         covariance = np.asarray(noise, dtype=np.float64)

@@ -69,13 +69,9 @@ DRAG_WINDOW = 300
 def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -> Forecast:
     """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude, height): (north, east), m/s.
 
-    Parameters
-    ----------
-    ensemble : WindEnsemble
-        The forecast. Where a place is not known (NaN), its first site stands for it.
-    profile_exponent : float, optional
-        Of the power law that carries the wind to the vehicle's height above the take-off site, never below
-        `MIN_PROFILE_M`; by default the forecast is taken to be for the height that is flown.
+    Where a place is not known (NaN), the first site stands for it. The power law with `profile_exponent` carries the
+    wind to the vehicle's height above the take-off site, never below `MIN_PROFILE_M`; by default the forecast is taken
+    to be for the height that is flown.
     """
 
     @lru_cache(maxsize=256)
@@ -186,16 +182,9 @@ class LiveWind:
     ) -> bool:
         """Take an external measurement of the wind at the current time; returns whether it was used.
 
-        Parameters
-        ----------
-        wind, noise
-            (north, east) TOWARDS, m/s, and its covariance.
-        place : (latitude, longitude, height)
-            Where it was measured.
-        doubt : ndarray, shape (2, 2)
-            How unsure this makes what was believed of the wind by the autopilot's word, m2/s2.
-        same_error : float
-            So many of the autopilot's further reports count as one.
+        The wind is (north, east) TOWARDS, m/s, with its covariance, at (latitude, longitude, height). `doubt` says how
+        unsure this makes what was believed by the autopilot's word, m2/s2, shape (2, 2), of whose further reports so
+        many count as one.
         """
         if self.filter is None:
             return False

@@ -134,12 +134,7 @@ def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurem
 def autopilot_wind(air: Blocks, after_s: float = -math.inf, told_s: NDArray[np.float64] | None = None) -> Measurements:
     """Return the autopilot's own estimate, taken seldom because it is filtered already.
 
-    Parameters
-    ----------
-    after_s : float
-        When it was taken last, in blocks before these.
-    told_s : ndarray, optional
-        When airspeed gave the wind, in order.
+    It was taken last at `after_s`, in blocks before these; airspeed gave the wind at `told_s`, in order.
     """
     noise = np.broadcast_to(np.array([AUTOPILOT_SIGMA_MPS**2, 0.0, AUTOPILOT_SIGMA_MPS**2]), (len(air), 3))
     airspeed_s = np.concatenate([[-np.inf], np.empty(0) if told_s is None else told_s])
@@ -163,16 +158,8 @@ def measurements(
 ) -> Measurements:
     """Every measurement of the wind that telemetry gives, in the order of time.
 
-    Parameters
-    ----------
-    drag : DragModel or None
-        None: the drag is not known, so tilt tells nothing.
-    sensor : AirspeedModel
-        Of a plane; by default as the sensor says.
-    autopilot_s, airspeed_s : float
-        When the autopilot's estimate was taken last, and airspeed gave the wind, in blocks before these.
-    mean : MeanWind, optional
-        Which goes on from the blocks before these.
+    Without a drag tilt tells nothing. The autopilot's estimate was taken last, and airspeed gave the wind, at
+    `autopilot_s` and `airspeed_s` in blocks before these, from which `mean` goes on.
     """
     by_airspeed = airspeed_wind(air, sensor)
     parts = [by_airspeed, autopilot_wind(air, autopilot_s, np.append(airspeed_s, by_airspeed.time_s))]

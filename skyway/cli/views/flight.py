@@ -43,10 +43,7 @@ _REFRESH_HZ = 2.0
 class FlightView:
     """Shows the records of a journal as they are written, and what is going on between them.
 
-    Parameters
-    ----------
-    typed : callable, optional
-        Returns what the operator has typed of a line so far.
+    `typed` returns what the operator has typed of a line so far.
     """
 
     def __init__(self, terminal: Terminal, zone: tzinfo = UTC, typed: Callable[[], str] = lambda: "") -> None:
