@@ -34,22 +34,15 @@ _TOLERANCES: dict[str, float] = {"x": TOLERANCE_E7, "y": TOLERANCE_E7, "z": TOLE
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One thing that is not as it was sent.
-
-    Attributes
-    ----------
-    item : int or None
-        Number of the item (or of the fence area, or rally point); None concerns their count.
-    field : str
-        ``command``, ``param1``, ``x``, ``altitude reference``, …
-    sent, read : object
-        The two values; None is nothing there.
-    """
+    """One thing that is not as it was sent."""
 
     item: int | None
+    """Number of the item (or of the fence area, or rally point); None concerns their count."""
     field: str
+    """``command``, ``param1``, ``x``, ``altitude reference``, …"""
     sent: object
     read: object
+    """The two values; None is nothing there."""
 
     def __str__(self) -> str:
         where = "count" if self.item is None else f"item {self.item} {self.field}"

@@ -40,25 +40,17 @@ _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """What a check found: ``skyway.check/1``.
-
-    Attributes
-    ----------
-    ok : bool
-        No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed.
-    findings : tuple of Finding
-        Errors first, then warnings, then information; each in the order of items.
-    legs : tuple of LegEnergy
-        Flights, in order; their distances alone where no vehicle was judged.
-    vehicle_judged : bool
-        False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown.
-    """
+    """What a check found: ``skyway.check/1``."""
 
     schema: str = SCHEMA
     ok: bool
+    """No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed."""
     findings: tuple[Finding, ...]
+    """Errors first, then warnings, then information; each in the order of items."""
     legs: tuple[LegEnergy, ...]
+    """Flights, in order; their distances alone where no vehicle was judged."""
     vehicle_judged: bool = field(metadata=HIDDEN)
+    """False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown."""
 
 
 def check(

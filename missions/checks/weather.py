@@ -38,18 +38,12 @@ class Weather(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SteadyWind:
-    """One wind everywhere, at flying height.
-
-    Attributes
-    ----------
-    speed_mps : float
-        Metres per second.
-    from_deg : float
-        Where it blows FROM.
-    """
+    """One wind everywhere, at flying height."""
 
     speed_mps: float = 0.0
+    """Metres per second."""
     from_deg: float = 0.0
+    """Where it blows FROM."""
 
     @property
     def probability(self) -> NDArray[np.float64]:
@@ -71,21 +65,14 @@ class SteadyWind:
 
 @dataclass(frozen=True, slots=True)
 class ForecastWind:
-    """The members of an ensemble, carried to the height that is flown.
-
-    Attributes
-    ----------
-    ensemble : WindEnsemble
-        At any height.
-    depart_s : float
-        POSIX seconds of the first take-off.
-    profile_exponent : float
-        How the wind grows with height (`models.wind.triangle.height_factor`), but not below `MIN_PROFILE_M`; 0: not.
-    """
+    """The members of an ensemble, carried to the height that is flown."""
 
     ensemble: WindEnsemble
+    """At any height."""
     depart_s: float
+    """POSIX seconds of the first take-off."""
     profile_exponent: float = 0.0
+    """How the wind grows with height (`models.wind.triangle.height_factor`), but not below `MIN_PROFILE_M`; 0: not."""
 
     @property
     def probability(self) -> NDArray[np.float64]:

@@ -10,15 +10,10 @@ from typing import Self
 
 
 class Frame(IntEnum):
-    """Coordinate frame of an item (MAV_FRAME).
-
-    Attributes
-    ----------
-    reference : str
-        What an altitude counts from, in a word or two.
-    """
+    """Coordinate frame of an item (MAV_FRAME)."""
 
     reference: str
+    """What an altitude counts from, in a word or two."""
 
     def __new__(cls, number: int, reference: str = "") -> Self:
         """Make a member of its number and what its altitudes count from."""

@@ -15,17 +15,12 @@ _FLOWN, _PLACE, _NUMBERS = "flown to", "place", "numbers"
 
 
 class Command(IntEnum):
-    """What an item orders (MAV_CMD without its prefix).
-
-    Attributes
-    ----------
-    last_params : str
-        What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former of
-        a place that the vehicle goes to, the latter of one that it only points at; ``numbers``, parameter 5 or 6 is a
-        plain number; empty, they are unused.
-    """
+    """What an item orders (MAV_CMD without its prefix)."""
 
     last_params: str
+    """What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former
+    of a place that the vehicle goes to, the latter of one that it only points at; ``numbers``, parameter 5 or 6 is a
+    plain number; empty, they are unused."""
 
     def __new__(cls, number: int, last_params: str = "") -> Self:
         """Make a member of its number and what its last parameters are."""

@@ -20,16 +20,11 @@ def from_e7(value: int) -> float:
 
 
 class Point(NamedTuple):
-    """A place on the map, compared exactly.
-
-    Attributes
-    ----------
-    lat_e7, lon_e7 : int
-        Latitude and longitude, WGS-84, in 1e-7 degree.
-    """
+    """A place on the map, compared exactly."""
 
     lat_e7: int
     lon_e7: int
+    """Latitude and longitude, WGS-84, in 1e-7 degree."""
 
     @property
     def lat(self) -> float:

@@ -15,18 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MissionDocument:
-    """Mission, fence and rally points that are uploaded together.
-
-    Attributes
-    ----------
-    mission : Mission
-    fence : Geofence
-    rally : RallyPoints
-    extra : mapping
-        What a file said besides; not compared.
-    """
+    """Mission, fence and rally points that are uploaded together."""
 
     mission: Mission = field(default_factory=Mission)
     fence: Geofence = field(default_factory=Geofence)
     rally: RallyPoints = field(default_factory=RallyPoints)
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides; not compared."""

@@ -10,27 +10,18 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding, with what is needed to correct it.
-
-    Attributes
-    ----------
-    severity : str
-        ``error``: it will not fly, or not safely; ``warning``: look at it; ``info``: worth knowing.
-    item : int or None
-        Number of the item, home not counted; None concerns the whole mission.
-    code : str
-        Stable name, for machines.
-    message : str
-        What was found.
-    remedy : str or None
-        What would be right.
-    """
+    """One finding, with what is needed to correct it."""
 
     severity: Severity
+    """``error``: it will not fly, or not safely; ``warning``: look at it; ``info``: worth knowing."""
     item: int | None
+    """Number of the item, home not counted; None concerns the whole mission."""
     code: str
+    """Stable name, for machines."""
     message: str
+    """What was found."""
     remedy: str | None = None
+    """What would be right."""
 
     def __str__(self) -> str:
         where = "mission" if self.item is None else f"item {self.item}"

@@ -13,43 +13,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FencePolygon:
-    """A polygon to stay inside, or outside.
-
-    Attributes
-    ----------
-    vertices : tuple of Point
-        At least three; the first is not repeated at the end.
-    inclusion : bool
-        True: stay inside; False: stay outside.
-    extra : mapping
-        What a file said besides; not compared.
-    """
+    """A polygon to stay inside, or outside."""
 
     vertices: tuple[Point, ...]
+    """At least three; the first is not repeated at the end."""
     inclusion: bool = True
+    """True: stay inside; False: stay outside."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides; not compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class FenceCircle:
-    """A circle to stay inside, or outside.
-
-    Attributes
-    ----------
-    center : Point
-        Its middle.
-    radius_m : float
-        Metres.
-    inclusion : bool
-        True: stay inside; False: stay outside.
-    extra : mapping
-        What a file said besides; not compared.
-    """
+    """A circle to stay inside, or outside."""
 
     center: Point
+    """Its middle."""
     radius_m: float
+    """Metres."""
     inclusion: bool = True
+    """True: stay inside; False: stay outside."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides; not compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,24 +43,16 @@ class Geofence:
 
     With several inclusion areas PX4 wants to be inside any of them, ArduPilot inside all of them unless bit 1 of
     FENCE_OPTIONS is set.
-
-    Attributes
-    ----------
-    polygons : tuple of FencePolygon
-    circles : tuple of FenceCircle
-    return_point : Point or None
-        Where ArduPilot goes after a breach, where one is set.
-    return_altitude_m : float
-        Height above home there; 0 where none was given.
-    extra : mapping
-        What a file said besides; not compared.
     """
 
     polygons: tuple[FencePolygon, ...] = ()
     circles: tuple[FenceCircle, ...] = ()
     return_point: Point | None = None
+    """Where ArduPilot goes after a breach, where one is set."""
     return_altitude_m: float = 0.0
+    """Height above home there; 0 where none was given."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides; not compared."""
 
     def __bool__(self) -> bool:
         return bool(self.polygons or self.circles or self.return_point)

@@ -30,38 +30,27 @@ ABOVE_TERRAIN_MODE = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MissionItem:
-    """One order of a mission, with the fields of MISSION_ITEM_INT.
-
-    Attributes
-    ----------
-    command : Command or int
-        MAV_CMD, by name where we know it.
-    frame : Frame or int
-        MAV_FRAME: what `z` counts from.
-    param1, param2, param3, param4 : float
-        As the command defines them; 0 where unused, NaN where the command lets the vehicle choose.
-    x, y : int or None
-        Parameters 5 and 6 in units of 1e-7: for a located command latitude and longitude in 1e-7 degree. None means
-        not given (null in a ``.plan``, the greatest integer on the wire).
-    z : float
-        Parameter 7: for a located command the altitude in metres; NaN means not given.
-    autocontinue : bool
-        Go on to the next item by itself.
-    extra : mapping
-        What a file said besides, kept for writing; not compared.
-    """
+    """One order of a mission, with the fields of MISSION_ITEM_INT."""
 
     command: int
+    """MAV_CMD, by name where we know it."""
     frame: int = Frame.MISSION
+    """MAV_FRAME: what `z` counts from."""
     param1: float = 0.0
     param2: float = 0.0
     param3: float = 0.0
     param4: float = 0.0
+    """As the command defines them; 0 where unused, NaN where the command lets the vehicle choose."""
     x: int | None = 0
     y: int | None = 0
+    """Parameters 5 and 6 in units of 1e-7: for a located command latitude and longitude in 1e-7 degree. None means not
+    given (null in a ``.plan``, the greatest integer on the wire)."""
     z: float = 0.0
+    """Parameter 7: for a located command the altitude in metres; NaN means not given."""
     autocontinue: bool = True
+    """Go on to the next item by itself."""
     extra: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """What a file said besides, kept for writing; not compared."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MissionItem):
@@ -150,18 +139,12 @@ class MissionItem:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where the vehicle is meant to take off: the reference of relative heights.
-
-    Attributes
-    ----------
-    point : Point
-        On the map.
-    altitude_m : float or None
-        Ground above mean sea level; None is unknown.
-    """
+    """Where the vehicle is meant to take off: the reference of relative heights."""
 
     point: Point
+    """On the map."""
     altitude_m: float | None = None
+    """Ground above mean sea level; None is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,34 +162,23 @@ class ComplexItem:
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """The orders of one flight, or of several with landings between them.
-
-    Attributes
-    ----------
-    items : tuple of MissionItem
-        Numbered from 0, home not counted.
-    home : Home or None
-        Planned home; None is unknown.
-    cruise_speed_mps, hover_speed_mps : float or None
-        Speeds a ground station plans with, fixed wing and multirotor; None is unknown.
-    firmware : int or None
-        MAV_AUTOPILOT the mission was made for (3 ArduPilot, 12 PX4); None is unknown.
-    vehicle_type : int or None
-        MAV_TYPE; None is unknown.
-    complex_items : tuple of ComplexItem
-        Patterns that some items came from; not compared.
-    extra : mapping
-        What a file said besides, kept for writing; not compared.
-    """
+    """The orders of one flight, or of several with landings between them."""
 
     items: tuple[MissionItem, ...] = ()
+    """Numbered from 0, home not counted."""
     home: Home | None = None
+    """Planned home; None is unknown."""
     cruise_speed_mps: float | None = None
     hover_speed_mps: float | None = None
+    """Speeds a ground station plans with, fixed wing and multirotor; None is unknown."""
     firmware: int | None = None
+    """MAV_AUTOPILOT the mission was made for (3 ArduPilot, 12 PX4); None is unknown."""
     vehicle_type: int | None = None
+    """MAV_TYPE; None is unknown."""
     complex_items: tuple[ComplexItem, ...] = field(default=(), compare=False, repr=False)
+    """Patterns that some items came from; not compared."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides, kept for writing; not compared."""
 
     def __len__(self) -> int:
         return len(self.items)

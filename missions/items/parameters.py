@@ -17,41 +17,29 @@ UNITS = {"": 1.0, "m": 1.0, "cm": 100.0, "m/s": 1.0, "cm/s": 100.0, "deg": 1.0, 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter and what it must be.
-
-    Attributes
-    ----------
-    name : str
-        The autopilot's name.
-    rule : str
-        ``equal``, ``at-least``, ``at-most``; ``bits``: these bits set, others as they are; ``read``: any value, but
-        read it before flying and tell the operator what it means.
-    value : float or None
-        In the autopilot's unit; None for ``read``.
-    why : str
-        What happens otherwise.
-    key, words : str
-        Which setting it is, and that in words (`missions.autopilots.settings`); empty for a parameter of no known meaning.
-    unit : str
-        The autopilot's.
-    paired : str
-        It counts only where the vehicle has this parameter too; empty for none.
-    plausible : (float, float)
-        In the autopilot's unit: a value beyond means something else than we know.
-    others : tuple of Parameter
-        The same need where the firmware has no parameter of that name, the best first.
-    """
+    """One parameter and what it must be."""
 
     name: str
+    """The autopilot's name."""
     rule: Rule
+    """``equal``, ``at-least``, ``at-most``; ``bits``: these bits set, others as they are; ``read``: any value, but read
+    it before flying and tell the operator what it means."""
     value: float | None
+    """In the autopilot's unit; None for ``read``."""
     why: str
+    """What happens otherwise."""
     key: str = ""
     words: str = ""
+    """Which setting it is, and that in words (`missions.autopilots.settings`); empty for a parameter of no known
+    meaning."""
     unit: str = ""
+    """The autopilot's."""
     paired: str = ""
+    """It counts only where the vehicle has this parameter too; empty for none."""
     plausible: tuple[float, float] = (-3.5e38, 3.5e38)
+    """In the autopilot's unit: a value beyond means something else than we know."""
     others: tuple[Parameter, ...] = ()
+    """The same need where the firmware has no parameter of that name, the best first."""
 
     @property
     def ways(self) -> tuple[Parameter, ...]:

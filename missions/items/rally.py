@@ -13,37 +13,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RallyPoint:
-    """A place to go to and land.
-
-    Attributes
-    ----------
-    point : Point
-        On the map.
-    altitude_m : float
-        Height above home at which to arrive.
-    extra : mapping
-        What a file said besides (an old rally file: break altitude, landing direction, flags); not compared.
-    """
+    """A place to go to and land."""
 
     point: Point
+    """On the map."""
     altitude_m: float
+    """Height above home at which to arrive."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides (an old rally file: break altitude, landing direction, flags); not compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class RallyPoints:
-    """The rally points of a vehicle.
-
-    Attributes
-    ----------
-    points : tuple of RallyPoint
-        In order.
-    extra : mapping
-        What a file said besides; not compared.
-    """
+    """The rally points of a vehicle."""
 
     points: tuple[RallyPoint, ...] = ()
+    """In order."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a file said besides; not compared."""
 
     def __len__(self) -> int:
         return len(self.points)
