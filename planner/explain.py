@@ -19,7 +19,8 @@ from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, 
 if TYPE_CHECKING:
     from skyway.models.base.statistics import Figure
     from skyway.planner.result import PlanResult
-    from skyway.planner.robust.robust import Candidate, RobustAnswer
+    from skyway.planner.robust.candidate import Candidate
+    from skyway.planner.robust.robust import RobustAnswer
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles that say how far a charge may be from that of the typical schedule."""

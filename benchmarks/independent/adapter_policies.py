@@ -17,14 +17,15 @@ from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import LOOK_S, chance_full
-from skyway.planner.robust.required_soc_kernels import GRID_S, energy_belief_after, flight_energy
+from skyway.planner.robust.information_kernels import energy_belief_after
+from skyway.planner.robust.required_soc_kernels import GRID_S, flight_energy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.independent.adapter import Planned
     from benchmarks.independent.information import Flown, Seen
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
 
 WAIT_S = 300.0
 

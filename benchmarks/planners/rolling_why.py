@@ -31,7 +31,7 @@ from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
-from skyway.planner.robust.required_soc_kernels import careful_speeds, gust_mean
+from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 from skyway.planner.schedule.gust_kernels import LATERAL
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from benchmarks.cases.instances import Instance
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.online.information import Information
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)

@@ -15,14 +15,14 @@ from skyway.models.flight.kernels import NEVER
 from skyway.models.queues.sampling import QueuePath
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
-from skyway.planner.robust.required_soc_kernels import careful_speeds, gust_mean
+from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.problem.problem import Problem
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
 
 
 class SampledQueues(Mapping[int, QueuePath]):

@@ -15,14 +15,14 @@ import numpy as np
 
 from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.planner.online.turn_back_kernels import TurnBack, later_speeds, trials
-from skyway.planner.robust.required_soc_kernels import MIN_CHANCE
+from skyway.planner.robust.information_kernels import MIN_CHANCE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.problem.problem import Problem
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
 
 USUAL_FLIGHT_S = 500.0
 """Gusts average out over a flight; over this one about so much."""

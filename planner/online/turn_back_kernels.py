@@ -17,14 +17,14 @@ from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.robust.normal_kernels import capped
-from skyway.planner.robust.required_soc_kernels import gust_mean, gust_mean_variance, wind_felt, wind_variance
+from skyway.planner.robust.uncertain_wind_kernels import gust_mean, gust_mean_variance, wind_felt, wind_variance
 from skyway.planner.schedule.gust_kernels import GUST_STEP_S, GustyPlace, gusts_of, gusty_part, gusty_speed, gusty_start
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.flight.rules import SegmentWind
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
 
 
 class TurnBack(NamedTuple):

@@ -19,7 +19,8 @@ import numpy as np
 from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look, others_at
-from skyway.planner.robust.required_soc_kernels import energy_about, energy_belief_after, next_change
+from skyway.planner.robust.information_kernels import energy_belief_after
+from skyway.planner.robust.required_soc_kernels import energy_about, next_change
 from skyway.planner.schedule.profile_kernels import interpolate
 from skyway.planner.schedule.schedule_kernels import (
     COLUMNS,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
     from skyway.models.flight.rules import SegmentWind
     from skyway.planner.robust.free_capacity_kernels import Present
-    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.robust.information_kernels import Known
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.schedule_kernels import Legs, Queues
 
@@ -58,7 +59,7 @@ class Stop(NamedTuple):
     landing : float
         Least charge at the end of the flight.
     ratio, deviation : float
-        Multiple of the model's energy to expect of the flight; see `planner.robust.required_soc_kernels.energy_belief_after`.
+        Multiple of the model's energy to expect of the flight; see `planner.robust.information_kernels.energy_belief_after`.
     at_once, first : bool
         It cannot stay; it is where the delivery begins.
     """

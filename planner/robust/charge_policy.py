@@ -21,6 +21,7 @@ from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import present_in, room_at
+from skyway.planner.robust.information_kernels import Known, energy_belief_after
 from skyway.planner.robust.out_of_sample import (
     CHOOSING,
     PROMISING,
@@ -29,7 +30,7 @@ from skyway.planner.robust.out_of_sample import (
     queue_sets,
     simulated_realizations,
 )
-from skyway.planner.robust.required_soc_kernels import Known, energy_belief_after, required_soc_tables
+from skyway.planner.robust.required_soc_kernels import required_soc_tables
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
@@ -53,7 +54,7 @@ NEARLY_ALL = 0.98
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
-    """What a drone of a problem knows at every stop; see `planner.robust.required_soc_kernels.Known`.
+    """What a drone of a problem knows at every stop; see `planner.robust.information_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
     Estimation", 1986, eq. 3.28), but is wider: see `RobustParameters.bandwidth`.

@@ -17,7 +17,7 @@ from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import fly_as_it_stands, place_nodes
 from skyway.planner.schedule.outcome import outcome
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
+from skyway.planner.schedule.schedule_kernels import ROOM, SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 from skyway.planner.schedule.typical import Runs, typical_schedule
 
 if TYPE_CHECKING:
@@ -128,6 +128,12 @@ class OutOfSample(Runs):
     def arrival_s(self) -> NDArray[np.float64]:
         """Arrival of each run, POSIX seconds, infinite where there is none."""
         return self.schedule[:, -1, TOUCH_DOWN]
+
+    @property
+    def waits_for_room(self) -> bool:
+        """Whether room at the next station holds any run that never leaves; most of them are held by their charge alone."""
+        held_s = self.schedule[:, :, ROOM][np.isinf(self.schedule[:, :, TAKE_OFF])]
+        return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
 
     @property
     def charging(self) -> NDArray[np.float64]:

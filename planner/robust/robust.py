@@ -25,12 +25,12 @@ from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
 from skyway.planner.problem.mean_value import ExpectedQueues
 from skyway.planner.problem.speeds import MeanSpeeds
+from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
+from skyway.planner.robust.information_kernels import energy_belief_after
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
-from skyway.planner.robust.required_soc_kernels import energy_belief_after
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
-from skyway.planner.schedule.schedule_kernels import ROOM, TAKE_OFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -42,28 +42,6 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
     from skyway.planner.schedule.typical import Typical
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A route with its rule of charging, and how it fares."""
-
-    policy: ChargePolicy
-    """Flights and rule."""
-    outcome: Outcome
-    """Out of sample."""
-    unsafe: bool
-    """It breaks the reserve more often than allowed, by more than chance may explain."""
-    loss: tuple[float, float]
-    """See `planner.problem.objective.Objective.loss`."""
-    out_of_sample: OutOfSample
-    """The runs behind the outcome; the same realizations for all candidates of a comparison."""
-
-    @property
-    def stops(self) -> tuple[int, ...]:
-        """Nodes landed at, in order."""
-        head = self.policy.problem.network.head
-        return tuple(int(head[leg.segments[-1]]) for leg in self.policy.itinerary)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +104,7 @@ class RobustSearch:
             self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
             if not _flying(found):
                 raise
-            return self._first_to_finish([*sorted(_flying(found), key=_order), *candidates])
+            return self._first_to_finish([*sorted(_flying(found), key=Candidate.order), *candidates])
 
     def _first_to_finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Finish the first that can be: looked at closely, the drone may never leave, or run empty."""
@@ -148,7 +126,7 @@ class RobustSearch:
             self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None)[0])
             for one in first + bold
         ]
-        return sorted(again, key=_order) + [one for one in others if one not in bold]
+        return sorted(again, key=Candidate.order) + [one for one in others if one not in bold]
 
     def _careful(self, one: Candidate) -> Candidate:
         """Calibrate one that breaks the reserve: with a margin it may still be the best."""
@@ -230,13 +208,13 @@ class RobustSearch:
         if not flying:
             first = next(iter(found.values()))
             raise first.policy.grounded(first.out_of_sample)
-        return sorted(flying, key=_order)
+        return sorted(flying, key=Candidate.order)
 
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
     ) -> None:
         """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
-        best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
+        best, begin = min(found.values(), key=Candidate.order).outcome, self.problem.depart_s
         chance = self.parameters.chance_runs / self.parameters.screen_runs
         if best.p_arrive > 1.0 - chance and best.mean_s - begin <= self.parameters.long_wait * (
             best.quantile_s(0.5) - begin
@@ -365,7 +343,7 @@ class RobustSearch:
         policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
         found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
         for most_full in self.parameters.fuller:
-            if found.outcome.p_arrive >= self.parameters.min_arrival or not _waits_for_room(found.out_of_sample):
+            if found.outcome.p_arrive >= self.parameters.min_arrival or not found.out_of_sample.waits_for_room:
                 break
             policy = replace(policy, most_full=most_full)
             again = policy.simulate(self.errors, runs, max_realizations=realizations, before=found.out_of_sample)
@@ -383,18 +361,6 @@ class RobustSearch:
 def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
     """Those that arrive in any realization."""
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]
-
-
-def _waits_for_room(out_of_sample: OutOfSample) -> bool:
-    """Whether room at the next station holds any run that never leaves; most of them are held by their charge alone."""
-    held_s = out_of_sample.schedule[:, :, ROOM][np.isinf(out_of_sample.schedule[:, :, TAKE_OFF])]
-    return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
-
-
-def _order(one: Candidate) -> tuple[float, ...]:
-    """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
-    least = one.policy.problem.parameters.robust.min_arrival
-    return one.outcome.p_arrive < least, one.unsafe, *one.loss
 
 
 def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64], least: float) -> Itinerary:

@@ -37,7 +37,8 @@ from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probability_after
 from skyway.planner.robust.free_capacity_kernels import chance_full
 from skyway.planner.robust.out_of_sample import left_out, margin_for
-from skyway.planner.robust.required_soc_kernels import flight_energy, gust_mean
+from skyway.planner.robust.required_soc_kernels import flight_energy
+from skyway.planner.robust.uncertain_wind_kernels import gust_mean
 from skyway.planner.schedule.gust_kernels import gusty_land, no_disturbance
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 
