@@ -5,7 +5,7 @@
 What is true: `reports` (raw records), `series` (wind between reports), `wind` (between sites), `profile` (above 10 m), `turbulence`,
 `craft` (motion), `energy`, `battery`, `pads` (strangers). `ground` is the map. `build` puts the parts of one of the `worlds` together for an
 order; `delivery` flies it, and tells a policy only what `information` says. `study` draws orders and counts, `statistics` gives intervals.
-`adapter` and `adapter_policies` are the only doors to the product: plans, decisions, network data, and the simulated vehicle's power.
+`product.planning` and `product.policies` are the only doors to the product: plans, decisions, network data, and the simulated vehicle's power.
 
 The world "ours" deviates in nothing: there it must say what the product's own evaluation says, and a test holds it to that. Judged by day:
 a plan is made without some days of the record, and flown on them. What is not simulated: decisions in the air elsewhere than over stations

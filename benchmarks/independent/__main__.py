@@ -9,7 +9,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.independent import adapter
+from benchmarks.independent.product import planning
 from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines, verdict
 from benchmarks.independent.worlds import worlds
 
@@ -36,7 +36,7 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(
             f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
         )
-    known = worlds(tuple(site.id for site in adapter.city(options.city).sites))
+    known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     names = list(known) if options.worlds == "all-of-them" else options.worlds.split(",")
     unknown = [name for name in names if name not in known]
     if unknown:

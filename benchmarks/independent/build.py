@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.independent import battery
-from benchmarks.independent.craft import Air
 from benchmarks.independent.delivery import LONGEST_S, Setting
-from benchmarks.independent.energy import Flat, Momentum
 from benchmarks.independent.pads import Stations
-from benchmarks.independent.profile import PowerLaw, Stability
-from benchmarks.independent.series import SiteWinds
-from benchmarks.independent.turbulence import Harmonics, Relaxing
-from benchmarks.independent.wind import LENGTH_M, InverseDistance, LeftOut, RandomField, leave_one_out
+from benchmarks.independent.vehicle import battery
+from benchmarks.independent.vehicle.craft import Air
+from benchmarks.independent.vehicle.energy import Flat, Momentum
+from benchmarks.independent.weather.profile import PowerLaw, Stability
+from benchmarks.independent.weather.series import SiteWinds
+from benchmarks.independent.weather.turbulence import Harmonics, Relaxing
+from benchmarks.independent.weather.wind import LENGTH_M, InverseDistance, LeftOut, RandomField, leave_one_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from benchmarks.independent.craft import Flying
-    from benchmarks.independent.energy import DataSheet, Power
     from benchmarks.independent.ground import Ground
     from benchmarks.independent.information import Order
-    from benchmarks.independent.reports import Site
-    from benchmarks.independent.turbulence import Gusts
-    from benchmarks.independent.wind import TrueWind
+    from benchmarks.independent.vehicle.craft import Flying
+    from benchmarks.independent.vehicle.energy import DataSheet, Power
+    from benchmarks.independent.weather.reports import Site
+    from benchmarks.independent.weather.turbulence import Gusts
+    from benchmarks.independent.weather.wind import TrueWind
     from benchmarks.independent.worlds import World
 
 HOURS = LONGEST_S / 3600.0 + 4.0
@@ -47,7 +47,7 @@ class City:
     Attributes
     ----------
     plant : callable
-        Another law of power, by payload; see `benchmarks.independent.adapter`.
+        Another law of power, by payload; see `benchmarks.independent.product.planning`.
     exponent : float
         Of the profile that the product assumes.
     hour : (int, int)

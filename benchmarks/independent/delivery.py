@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.independent.craft import cruise
 from benchmarks.independent.information import Flown, Seen
+from benchmarks.independent.vehicle.craft import cruise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from benchmarks.independent.battery import Batteries, Charging
-    from benchmarks.independent.craft import Air, Flying
-    from benchmarks.independent.energy import Power
     from benchmarks.independent.ground import Ground
     from benchmarks.independent.information import Leave, Order, Policy
     from benchmarks.independent.pads import Stations
-    from benchmarks.independent.reports import Site
-    from benchmarks.independent.turbulence import Gusts
+    from benchmarks.independent.vehicle.battery import Batteries, Charging
+    from benchmarks.independent.vehicle.craft import Air, Flying
+    from benchmarks.independent.vehicle.energy import Power
+    from benchmarks.independent.weather.reports import Site
+    from benchmarks.independent.weather.turbulence import Gusts
 
 DELIVERED, STRANDED, NEVER_LEFT, GAVE_UP = "delivered", "stranded", "never left", "gave up"
 LONGEST_S = 46 * 3600.0

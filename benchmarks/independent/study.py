@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.independent import adapter, adapter_policies
 from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
 from benchmarks.independent.information import Order
+from benchmarks.independent.product import planning, policies
 from benchmarks.independent.statistics import over_days, percent, wilson
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from benchmarks.independent.worlds import World
 
-PLANNERS = {"robust": adapter_policies.Robust, "online": adapter_policies.Online}
+PLANNERS = {"robust": policies.Robust, "online": policies.Online}
 RESERVE = 0.2
 PAYLOADS_KG = 0.2, 1.4
 EDGE_S = 12 * 86_400.0
@@ -49,7 +49,7 @@ def orders(study: Study) -> Iterator[Order]:
     if study.order:
         yield written(study.order)
         return
-    city = adapter.city(study.city)
+    city = planning.city(study.city)
     ids = [name for name, pads in zip(city.ground.ids, city.ground.pads, strict=True) if pads]
     first = city.sites[0].time_s[0] + EDGE_S
     days = int((city.sites[0].time_s[-1] - EDGE_S - first) / 86_400.0)
@@ -69,17 +69,17 @@ def written(text: str) -> Order:
 
 def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
     """Fly one order in several worlds; plans for the same sites are made once. One JSON document a world."""
-    city = adapter.city(study.city)
-    days = adapter.days_for(study.city, order, study.days, study.seed)
-    policies: dict[str, tuple[Any, adapter.Planned] | None] = {}
+    city = planning.city(study.city)
+    days = planning.days_for(study.city, order, study.days, study.seed)
+    policies: dict[str, tuple[Any, planning.Planned] | None] = {}
     of_run = [day for day in days for _ in range(study.runs)]
-    shift = np.array([adapter.shift_s(study.city, order, day) for day in of_run])
+    shift = np.array([planning.shift_s(study.city, order, day) for day in of_run])
     seeds: list[tuple[int, ...]] = [
         (study.seed, order.seed, day.toordinal(), k % study.runs) for k, day in enumerate(of_run)
     ]
     for world in worlds:
         if world.kept_back not in policies:
-            plan = adapter.planned(study.city, order, days, world.kept_back)
+            plan = planning.planned(study.city, order, days, world.kept_back)
             policies[world.kept_back] = None if plan is None else (PLANNERS[study.planner](plan), plan)
         found = policies[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
@@ -93,7 +93,7 @@ def _flown(
     world: World,
     order: Order,
     policy: Any,
-    promise: adapter.Promise,
+    promise: planning.Promise,
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
     city: Any,
 ) -> dict[str, Any]:
@@ -200,7 +200,7 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
         promised_mean_min=mean_of("promised_mean_s") / 60.0,
         on_time=tuple(
             (level, float(said[:, k].mean()), float(kept[:, k].mean()), over_days(kept[:, k].astype(float), day))
-            for k, level in enumerate(adapter.LEVELS)
+            for k, level in enumerate(planning.LEVELS)
         ),
     )
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import adapter, adapter_policies, build, delivery, study, worlds
+from benchmarks.independent import build, delivery, study, worlds
+from benchmarks.independent.product import planning, policies
 from skyway.models.queues.load import PadLoad
 from skyway.planner.evaluation.evaluate import fly_charging, sample_realizations
 from skyway.planner.problem.error_model import NO_ERRORS
@@ -18,18 +19,18 @@ class NoGusts:
 
 @pytest.mark.slow
 def test_without_deviations_deliveries_are_those_of_the_product(monkeypatch):
-    city = adapter.city("new-york")
-    base = adapter.scenario_of("new-york")
+    city = planning.city("new-york")
+    base = planning.scenario_of("new-york")
     calm = replace(base, load=PadLoad.none(len(base.network), base.load.timezone))
-    monkeypatch.setattr(adapter, "scenario_of", lambda _: calm)
-    adapter.told_scenario.cache_clear()
+    monkeypatch.setattr(planning, "scenario_of", lambda _: calm)
+    planning.told_scenario.cache_clear()
     many = 0
     for order in study.orders(study.Study("new-york", "robust", 4, 4, 1, 5)):
-        days = adapter.days_for("new-york", order, 4, 5)
-        plan = adapter.planned("new-york", order, days)
+        days = planning.days_for("new-york", order, 4, 5)
+        plan = planning.planned("new-york", order, days)
         if plan is None:
             continue
-        shift = np.array([adapter.shift_s("new-york", order, day) for day in days])
+        shift = np.array([planning.shift_s("new-york", order, day) for day in days])
         setting = build.setting_for(worlds.OURS, city, order, shift, [(1, k) for k in range(len(days))])
         empty = replace(city.ground, arrivals_per_s=np.zeros_like(city.ground.arrivals_per_s))
         setting = replace(
@@ -38,7 +39,7 @@ def test_without_deviations_deliveries_are_those_of_the_product(monkeypatch):
             vehicle=np.ones(len(days)),
             stations=[build.Stations(empty, (1,), order.depart_s, 40)] * len(days),
         )
-        runs = delivery.deliver(setting, order, adapter_policies.Robust(plan))
+        runs = delivery.deliver(setting, order, policies.Robust(plan))
         truths = sample_realizations(calm, plan.request, days, runs=len(days), errors=NO_ERRORS)
         theirs = fly_charging(truths, plan.result.problem.drone.id, plan.result.robust.policy)
         ours_s = np.array([run.time_s - order.depart_s for run in runs])
@@ -46,4 +47,4 @@ def test_without_deviations_deliveries_are_those_of_the_product(monkeypatch):
         assert [min(run.landings) for run in runs] == pytest.approx(theirs.lowest_soc, abs=0.005)
         many += len(runs)
     assert many >= 12
-    adapter.told_scenario.cache_clear()
+    planning.told_scenario.cache_clear()

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import battery, build, craft, delivery, energy, ground, profile, reports, statistics, worlds
+from benchmarks.independent import build, delivery, ground, statistics, worlds
 from benchmarks.independent.information import Leave, Order
 from benchmarks.independent.pads import Stations
+from benchmarks.independent.vehicle import battery, craft, energy
+from benchmarks.independent.weather import profile, reports
 
 SHEET = energy.DataSheet(4.69, 1.45, 349.3 * 3600.0, 2280.0, 1440.0, 8064.0, 20.0, 20.0)
 HOW = craft.Flying(20.0, 20.0, 5.0, 3.0, 60.0)

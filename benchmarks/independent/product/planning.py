@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.cases.melbourne import melbourne as melbourne_scenario
 from benchmarks.cases.networks import new_york as new_york_scenario
-from benchmarks.independent import reports
 from benchmarks.independent.build import City
-from benchmarks.independent.craft import Flying
-from benchmarks.independent.energy import DataSheet, Tabulated
 from benchmarks.independent.ground import Ground, Plane
+from benchmarks.independent.vehicle.craft import Flying
+from benchmarks.independent.vehicle.energy import DataSheet, Tabulated
+from benchmarks.independent.weather import reports
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.composition.composition import State
 from skyway.models.wind.columns import WindColumns
@@ -34,8 +34,8 @@ from skyway.sim_stub.plant.power import PowerModel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from benchmarks.independent.energy import Power
     from benchmarks.independent.information import Order
+    from benchmarks.independent.vehicle.energy import Power
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble

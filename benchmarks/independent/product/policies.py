@@ -23,8 +23,8 @@ from skyway.planner.robust.required_soc_kernels import GRID_S, flight_energy
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from benchmarks.independent.adapter import Planned
     from benchmarks.independent.information import Flown, Seen
+    from benchmarks.independent.product.planning import Planned
     from skyway.planner.robust.information_kernels import Known
 
 WAIT_S = 300.0

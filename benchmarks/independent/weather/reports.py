@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 WIND = ROOT.parent / "shared" / "data" / "wind"
 AIRPORTS = {"EWR": (40.6825, -74.1694), "JFK": (40.6386, -73.7622), "LGA": (40.7794, -73.8803)}
 MELBOURNE, LONDON = (-37.8136, 144.9631), (51.5225, -0.1546)

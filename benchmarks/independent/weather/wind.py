@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.independent.ground import Plane
-    from benchmarks.independent.reports import Site
-    from benchmarks.independent.series import SiteWinds
+    from benchmarks.independent.weather.reports import Site
+    from benchmarks.independent.weather.series import SiteWinds
 
 Space = Literal["inverse-distance", "field"]
 LENGTH_M = 10_000.0, 40_000.0

@@ -10,10 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from benchmarks.independent.energy import Power
-    from benchmarks.independent.profile import PowerLaw, Stability
-    from benchmarks.independent.turbulence import Gusts
-    from benchmarks.independent.wind import TrueWind
+    from benchmarks.independent.vehicle.energy import Power
+    from benchmarks.independent.weather.profile import PowerLaw, Stability
+    from benchmarks.independent.weather.turbulence import Gusts
+    from benchmarks.independent.weather.wind import TrueWind
 
 STEP_S = 4.0
 MEAN_EVERY = 5

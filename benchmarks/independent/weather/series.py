@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from benchmarks.independent.reports import Site
+    from benchmarks.independent.weather.reports import Site
 
 Between = Literal["steps", "lines", "spectrum"]
 GRID_S = 60.0

@@ -1,0 +1,1 @@
+"""The vehicles of the independent worlds: flight, energy and battery."""
