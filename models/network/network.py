@@ -185,8 +185,12 @@ class Network:
         if not len(known):
             return np.full(np.shape(np.atleast_1d(lat)), math.nan)
         lowest = self.ground_m[known].min()  # so that the ground between stations of one height has that very height
-        weights = idw_weights(lat, lon, self.lat[known], self.lon[known])
-        return np.asarray(lowest + weights @ (self.ground_m[known] - lowest))
+        above = self.ground_m[known] - lowest
+        found = []
+        for place in zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True):
+            closeness = np.maximum(geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]), 1.0) ** -2
+            found.append(lowest + closeness @ above / closeness.sum())
+        return np.array(found)
 
     @cached_property
     def pads(self) -> NDArray[np.int64]:

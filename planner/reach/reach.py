@@ -35,6 +35,8 @@ SOC_SD = 0.005
 """Of a state of charge as vehicles tell it, that landings are judged by."""
 MIN_LOAD = 0.6
 """Power over that of hover is nowhere less in forward flight (`models.drones.airspeed_load`)."""
+NEAREST = 60
+"""So many stations about a place are looked at."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -210,11 +212,15 @@ class Reach:
         return np.asarray(np.einsum("m,m...->...", self.wind.probability, values))
 
     def pads_near(self, places: Sequence[Place], soc: float) -> NDArray[np.int64]:
-        """Return stations with pads that are near enough to any of some places to be flown to with so much charge, at best."""
+        """Return stations with pads that can at best be flown to from any of some places with so much charge: the nearest ones of each."""
         most_m = soc / (MIN_LOAD * self.soc_per_s) * self.drone.max_ground_speed_mps
         lat, lon = self.network.lat[self.pads], self.network.lon[self.pads]
-        near = [geodesy.coarse_distance_m(*place, lat, lon) <= 1.01 * most_m for place in places]
-        return np.asarray(self.pads[np.any(near, axis=0)])
+        near = np.zeros(len(self.pads), dtype=bool)
+        for place in places:
+            distance_m = geodesy.coarse_distance_m(*place, lat, lon)
+            nearest = np.argpartition(distance_m, NEAREST - 1)[:NEAREST] if len(distance_m) > NEAREST else slice(None)
+            near[nearest] |= distance_m[nearest] <= 1.01 * most_m
+        return np.asarray(self.pads[near])
 
     def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the straight way to each station crosses no zone, shape (n,)."""
