@@ -14,7 +14,7 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-from skyway.models.wind.interpolation import idw_weights
+from skyway.models.wind.interpolation import idw_weights, weights_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,12 +185,9 @@ class Network:
         if not len(known):
             return np.full(np.shape(np.atleast_1d(lat)), math.nan)
         lowest = self.ground_m[known].min()  # so that the ground between stations of one height has that very height
-        above = self.ground_m[known] - lowest
-        found = []
-        for place in zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True):
-            closeness = np.maximum(geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]), 1.0) ** -2
-            found.append(lowest + closeness @ above / closeness.sum())
-        return np.array(found)
+        places = zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True)
+        distance_m = [geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]) for place in places]
+        return np.asarray(lowest + weights_at(np.array(distance_m)) @ (self.ground_m[known] - lowest))
 
     @cached_property
     def pads(self) -> NDArray[np.int64]:

@@ -22,7 +22,12 @@ def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: A
     points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))
     places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
     distance, _ = geodesy.inverse(*points, *places)
-    nearest = distance.min(axis=1, keepdims=True)
-    ratio = np.maximum(nearest, 1e-3) / np.maximum(distance, 1e-3)
-    weights = np.where(nearest <= 1e-3, distance == nearest, ratio**2)
+    return weights_at(distance)
+
+
+def weights_at(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same from distances, metres, shape (points, sites)."""
+    nearest = distance_m.min(axis=1, keepdims=True)
+    ratio = np.maximum(nearest, 1e-3) / np.maximum(distance_m, 1e-3)
+    weights = np.where(nearest <= 1e-3, distance_m == nearest, ratio**2)
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
