@@ -31,10 +31,7 @@ _MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
 class TcpPads:
     """A pad service at ``tcp:HOST:PORT``, one JSON line a request; opened when first needed, and again after a failure.
 
-    Raises
-    ------
-    InputError
-        Another kind of address.
+    An `InputError` refuses another kind of address.
     """
 
     def __init__(self, address: str) -> None:

@@ -54,34 +54,13 @@ def plan_within(
 ) -> tuple[PlanResult, list[Departure]]:
     """Plan for the departure within a window that takes the least time, or that best keeps the deadline.
 
-    The drone waits at its origin until then, and is charged there.
+    The drone waits at its origin until then, and is charged there. The window begins at the time of the request and
+    lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is told how
+    many of how many departures have been tried. Returns the plan for the best departure, and all departures tried, in
+    order.
 
-    Parameters
-    ----------
-    scenario, request, planner
-        See `planner.plan.plan`; the request's time is the beginning of the window.
-    window_s : float
-        Its length, up to a day.
-    forecast : callable, optional
-        Forecast for a departure; the scenario's by default.
-    progress : callable, optional
-        Told how many of how many departures have been tried.
-    parameters : PlannerParameters, optional
-        See `planner.plan.plan`.
-
-    Returns
-    -------
-    result : PlanResult
-        For the best departure.
-    tried : list of Departure
-        All of them, in order.
-
-    Raises
-    ------
-    InputError
-        The window is not between 0 and a day, or the drone is in the air.
-    InfeasibleError
-        No departure has a route; the error of the first.
+    An `InputError` refuses another window and a drone in the air; where no departure has a route, the `InfeasibleError`
+    is the first's.
     """
     schedule = parameters.schedule
     if not schedule.min_window_s <= window_s <= 86_400.0:

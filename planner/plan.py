@@ -181,10 +181,7 @@ def _best(
 ) -> int:
     """Choose among answers for several drones the one whose outcome is best, and say in `rejected` why not the others.
 
-    Raises
-    ------
-    InfeasibleError
-        There is no answer.
+    Without an answer, one of the errors is raised.
     """
     rejected |= {drone: str(error) for drone, error in errors.items()}
     if not drones:

@@ -81,12 +81,8 @@ class Fault:
 def parse_fault(text: str) -> Fault:
     """Read ``KIND[=VALUE][@START][+DURATION][#SYSTEM]``, for example ``link-loss@60s+20s``.
 
-    START counts from the beginning of the simulation; written ``T+60s``, from the first take-off of the vehicle.
-
-    Raises
-    ------
-    InputError
-        Unknown kind, or not of that form.
+    START counts from the beginning of the simulation; written ``T+60s``, from the first take-off of the vehicle. An
+    `InputError` refuses an unknown kind, and another form.
     """
     found = _FORM.fullmatch(text.strip())
     remedy = (

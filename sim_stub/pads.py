@@ -136,12 +136,8 @@ class Pads:
     def take(self, fault: Fault) -> None:
         """Have other drones come and take every pad of a station, or of all, for a time.
 
-        They come at the fault's start, as many as there are pads, and stand in line behind those who are there.
-
-        Raises
-        ------
-        InputError
-            No station of that name with pads.
+        They come at the fault's start, as many as there are pads, and stand in line behind those who are there. An
+        `InputError` says that no station of that name has pads.
         """
         site = self._sites.get(fault.word)
         if fault.word and (site is None or not site.station.pads):

@@ -76,13 +76,7 @@ class Radio:
     # Ports
 
     def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
-        """Open a port; what the vehicle says on it goes to `send`.
-
-        Raises
-        ------
-        InputError
-            Too many ports.
-        """
+        """Open a port; what the vehicle says on it goes to `send`. An `InputError` refuses too many ports."""
         self.ports = [port for port in self.ports if not port.closed]
         if len(self.ports) >= _MAX_PORTS:
             raise InputError(Fault("too many connections to one vehicle", value=len(self.ports)))

@@ -64,13 +64,7 @@ class World:
         self.pads: Pads | None = None
 
     def add(self, config: VehicleConfig) -> Vehicle:
-        """Put a vehicle into the world.
-
-        Raises
-        ------
-        InputError
-            The system id is taken.
-        """
+        """Put a vehicle into the world; an `InputError` says that the system id is taken."""
         if config.system in self.vehicles:
             raise InputError(Wrong("two vehicles have the same system id", field="system", value=config.system))
         vehicle = Vehicle(config, self)
@@ -102,12 +96,8 @@ class World:
     def inject(self, fault: Fault | str) -> None:
         """Let a fault happen that nobody planned, for example ``"link-loss+60s#2"`` (see `sim_stub.faults`).
 
-        Its times count from now, or from the first take-off.
-
-        Raises
-        ------
-        InputError
-            No such fault, vehicle, or station with pads.
+        Its times count from now, or from the first take-off. An `InputError` says that there is no such fault, vehicle,
+        or station with pads.
         """
         asked = parse_fault(fault) if isinstance(fault, str) else fault
         begun_s = 0.0 if asked.after_take_off else self.sim_s

@@ -91,13 +91,7 @@ M100 = LogColumns(
 
 
 def read_columns(path: Path) -> LogColumns:
-    """Read a mapping.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file.
-    """
+    """Read a mapping; an `InputError` lists every fault in the file."""
     faults: list[Fault] = []
     top = Table(read_toml(path), str(path), "", faults)
     top.text("schema", SCHEMA, choices=(SCHEMA,))
@@ -138,12 +132,8 @@ def _several(table: Table, key: str, count: int) -> tuple[str, ...]:
 class CsvLog:
     """A table of telemetry of one vehicle: read once piece by piece to check it, and again for each use.
 
-    Which column is what is found out from the header where `columns` do not say it.
-
-    Raises
-    ------
-    InputError
-        No table, or a column is missing.
+    Which column is what is found out from the header where `columns` do not say it. An `InputError` says that there is
+    no table, or that a column is missing.
     """
 
     def __init__(self, path: Path, columns: LogColumns | None = None) -> None:

@@ -97,10 +97,7 @@ def suffixes() -> str:
 def format_of(path: Path) -> str:
     """Return the format of a log, a name in `FORMATS`, found from its first bytes.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, is empty, or is none of these.
+    An `InputError` says that the file cannot be read, is empty, or is none of these.
     """
     try:
         with path.open("rb") as stream:
@@ -119,13 +116,7 @@ def format_of(path: Path) -> str:
 
 
 def open_log(path: Path, columns: LogColumns | None = None) -> Log:
-    """Open and index a log of any format.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no log.
-    """
+    """Open and index a log of any format; an `InputError` says that the file cannot be read, or is no log."""
     found = FORMATS[format_of(path)]
     reader: Callable[..., Log] = load(found.reader)
     return reader(path, columns) if found.takes_columns else reader(path)

@@ -247,10 +247,7 @@ class Connection(Carrier):
     def refuse_conflict(self) -> None:
         """Refuse to send to a vehicle that cannot tell us from another station.
 
-        Raises
-        ------
-        StationConflictError
-            Another station speaks with our system id.
+        A `StationConflictError` says that another station speaks with our system id.
         """
         if self.conflict is not None:
             raise StationConflictError(self.conflict.system, self.conflict.component)

@@ -159,10 +159,7 @@ class Carrier(ABC):
     def perform(self, steps: Steps[T]) -> T:
         """Carry a procedure out, and return what came of it.
 
-        Raises
-        ------
-        StationConflictError
-            Another station speaks with our system id.
+        A `StationConflictError` says that another station speaks with our system id.
         """
         try:
             while True:

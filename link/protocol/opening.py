@@ -25,12 +25,8 @@ _KEY_BYTES = 32
 def read_key(file: Path | None = None) -> bytes | None:
     """Signing key from a file (32 bytes, or 64 hexadecimal digits), or else from the environment; None for no key.
 
-    The environment holds 64 hexadecimal digits (`KEY_VARIABLE`) or names a file (`KEY_FILE_VARIABLE`).
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, others may read it, or it holds no key. The message never shows the key.
+    The environment holds 64 hexadecimal digits (`KEY_VARIABLE`) or names a file (`KEY_FILE_VARIABLE`). An `InputError`
+    says that the file cannot be read, that others may read it, or that it holds no key. It never shows the key.
     """
     text = os.environ.get(KEY_VARIABLE, "").strip()
     if file is None and not text and os.environ.get(KEY_FILE_VARIABLE):
@@ -70,12 +66,8 @@ def open_connection(
 ) -> Connection:
     """Open a connection string, such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
 
-    It is recorded in the folder `record`; None records nothing, which only tests do.
-
-    Raises
-    ------
-    InputError, LinkLostError
-        It cannot be opened.
+    It is recorded in the folder `record`; None records nothing, which only tests do. An `InputError` or `LinkLostError`
+    says that it cannot be opened.
     """
     if not 1 <= system <= 255:
         raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))

@@ -28,13 +28,7 @@ _ELSEWHERE = re.compile(
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Read a parameter file.
-
-    Raises
-    ------
-    InputError
-        With every line that is none.
-    """
+    """Read a parameter file; an `InputError` lists every line that is no parameter."""
     found: dict[str, float] = {}
     faults = []
     for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):

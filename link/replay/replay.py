@@ -88,10 +88,7 @@ class Replay:
 def choose_system(summary: LogSummary, system: int | None) -> int | None:
     """Return the vehicle to look at: the one asked for, else the first that gave telemetry.
 
-    Raises
-    ------
-    InputError
-        It gave no telemetry in this log.
+    An `InputError` says that it gave no telemetry in this log.
     """
     if system is None:
         return summary.systems[0] if summary.systems else None
@@ -133,17 +130,9 @@ def replay(
 ) -> Replay:
     """Replay a log as if it were live.
 
-    Parameters
-    ----------
-    log : Log
-        From `link.logs.reader.open_log`.
-    options : ReplayOptions, optional
-    notice : callable, optional
-        Told what the monitors notice, second by second as they notice it, and what the vehicle said.
-    wait_until : callable, optional
-        Called before each second of the log is looked at, with the time of its last sample: keeps pace with a clock.
-    listener : callable, optional
-        Told every second of telemetry with the wind that was estimated then.
+    `notice` is told what the monitors notice, second by second as they notice it, and what the vehicle said.
+    `wait_until` is called before each second of the log is looked at, with the time of its last sample: it keeps pace
+    with a clock. The listener is told every second of telemetry with the wind that was estimated then.
     """
     asked = options or ReplayOptions()
     system = choose_system(log.summary, asked.system)

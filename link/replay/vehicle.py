@@ -26,12 +26,8 @@ SETTLED_S = 10.0
 def vehicle_of(summary: LogSummary, system: int | None, given: Kind | None = None, *, drag: bool = False) -> Vehicle:
     """Return what the vehicle of a log is.
 
-    `given` is what a person says, for logs that do not say it themselves; a `drag` of a multirotor given with it says as much.
-
-    Raises
-    ------
-    InputError
-        The log says otherwise, or there is no such kind.
+    `given` is what a person says, for logs that do not say it themselves; a `drag` of a multirotor given with it says
+    as much. An `InputError` says that the log says otherwise, or that there is no such kind.
     """
     found = summary.vehicle(system)
     if given is None:

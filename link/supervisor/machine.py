@@ -106,13 +106,7 @@ class Supervisor:
         )
 
     def run(self) -> Outcome:
-        """Take it to its end.
-
-        Raises
-        ------
-        InputError
-            The journal, or the recording, cannot be written any more.
-        """
+        """Take it to its end; an `InputError` says that the journal, or the recording, cannot be written any more."""
         ctx = self.context
         while ctx.state not in ENDS:
             try:

@@ -187,13 +187,7 @@ class Status:
     """The state before a lost link or a hold."""
 
     def enter(self, after: State, now_s: float) -> None:
-        """Enter the next state, if the table has the way there.
-
-        Raises
-        ------
-        OffTableError
-            It has not.
-        """
+        """Enter the next state; an `OffTableError` says that the table has no way there."""
         check(self.state, after)
         aside = (State.LOST_LINK, State.HOLDING)
         if self.state not in aside or after not in aside:

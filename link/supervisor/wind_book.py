@@ -37,20 +37,11 @@ MIN_HEIGHT_SHARE = 0.6
 
 
 class WindBook:
-    """The wind of one delivery.
+    """The wind of one delivery, from a forecast at any height.
 
-    Parameters
-    ----------
-    forecast : WindEnsemble
-        At any height.
-    rules : FlightRules
-        Where it is flown, and how wind grows with height.
-    drag : DragModel or None
-        Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
-    ground_m : callable, optional
-        (latitude, longitude) to the ground there above sea level; by default it is not known.
-    residual, least_members : ResidualModel, float
-        See `update_forecast`.
+    The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
+    wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
+    and longitude; by default it is not known. For the others see `update_forecast`.
     """
 
     def __init__(

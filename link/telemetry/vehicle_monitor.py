@@ -76,14 +76,9 @@ class Change:
 class VehicleMonitor:
     """One vehicle on a connection that several may share, as it shows itself.
 
-    It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not decide.
-
-    Raises
-    ------
-    VehicleTimeoutError
-        No such vehicle is heard.
-    InputError
-        Several are heard, or its autopilot is none that we know.
+    It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not
+    decide. A `VehicleTimeoutError` says that no such vehicle is heard, an `InputError` that several are, or that its
+    autopilot is none that we know.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:

@@ -80,12 +80,8 @@ class Diversion:
     def begin(self) -> None:
         """Tell it where to go.
 
-        Raises
-        ------
-        CommandRefusedError
-            It will not, with its reason.
-        VehicleTimeoutError
-            It did not answer, though asked several times: it may not have heard.
+        A `CommandRefusedError` says that it will not, with its reason; a `VehicleTimeoutError` that it did not answer,
+        though asked several times: it may not have heard.
         """
         self._order_again()
         self.state = DivertState.FLYING
@@ -118,10 +114,7 @@ class Diversion:
     def hear(self, sample: TelemetrySample) -> DivertState:
         """Go on by what the vehicle tells now; returns the state.
 
-        Raises
-        ------
-        LinkError
-            An order was refused, or not answered.
+        A `LinkError` says that an order was refused, or not answered.
         """
         if self.state.over or self.state is DivertState.ORDERED:
             return self.state

@@ -50,10 +50,8 @@ _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, 
 class MavsdkRunner(Carrier):
     """Speaks with one vehicle by MAVSDK, which sends the heartbeats of the connection meanwhile.
 
-    Raises
-    ------
-    LinkLostError, VehicleTimeoutError
-        MAVSDK takes no raw connection, or does not find the vehicle.
+    A `LinkLostError` says that MAVSDK takes no raw connection, a `VehicleTimeoutError` that it does not find the
+    vehicle.
     """
 
     def __init__(self, connection: Connection, peer: Peer) -> None:
@@ -272,12 +270,8 @@ class MavsdkVehicle(Vehicle):
     """One vehicle on a connection, spoken with by MAVSDK; arguments and errors as of `VehicleMonitor`.
 
     Missions, parameters and commands are transferred by MAVSDK; what to command when, and what to believe of an upload,
-    is the same as with the default driver. One such vehicle per connection, since MAVSDK speaks with our only id.
-
-    Raises
-    ------
-    InputError
-        A signing key (MAVSDK does not sign), a clock other than the wall's, or a second one on this connection.
+    is the same as with the default driver. One such vehicle per connection, since MAVSDK speaks with our only id. An
+    `InputError` refuses a second one, a signing key (MAVSDK does not sign), and a clock other than the wall's.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:

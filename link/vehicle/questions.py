@@ -65,12 +65,8 @@ class AskedVehicle(VehicleMonitor):
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for messages by their ids, or for those that telemetry is made of; returns the ids of those refused.
 
-        A rate of 0 is the autopilot's own.
-
-        Raises
-        ------
-        VehicleTimeoutError
-            No answer; what was not asked for yet is asked for again as long as it does not come.
+        A rate of 0 is the autopilot's own. A `VehicleTimeoutError` says that there was no answer; what was not asked
+        for yet is asked for again as long as it does not come.
         """
         wanted, refused = self.its_messages(rates_hz), []
         for number, rate in wanted.items():
@@ -88,12 +84,8 @@ class AskedVehicle(VehicleMonitor):
     def command(self, what: str, number: int, *parameters: float, place: Place | None = None) -> None:
         """Give a command.
 
-        Raises
-        ------
-        CommandRefusedError
-            With the vehicle's answer and what it said.
-        VehicleTimeoutError
-            No answer.
+        A `CommandRefusedError` has the vehicle's answer and what it said, a `VehicleTimeoutError` says that there was
+        none.
         """
         said = self.peer.said
         given = Command(self.peer.target, number, *parameters, place=place)
@@ -111,12 +103,8 @@ class AskedVehicle(VehicleMonitor):
     def parameter(self, name: str) -> ParameterValue:
         """Read a parameter.
 
-        Raises
-        ------
-        ParameterAbsentError
-            The vehicle answers, and has none of that name.
-        VehicleTimeoutError
-            It does not answer.
+        A `ParameterAbsentError` says that the vehicle answers, and has none of that name; a `VehicleTimeoutError` that
+        it does not answer.
         """
         read = self.read_parameters((name,))
         if name in read.found:
@@ -156,10 +144,7 @@ class AskedVehicle(VehicleMonitor):
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
         """Read the parameters that a mission relies on, under whichever of their names this firmware has.
 
-        Raises
-        ------
-        VehicleTimeoutError
-            The link is away: what did not come is not known to be absent.
+        A `VehicleTimeoutError` says that the link is away: what did not come is not known to be absent.
         """
         wanted = [p.called(*self.own_names[p.key]) if p.key in self.own_names else p for p in wanted]
         read = self.read_parameters(tuple(dict.fromkeys(name for parameter in wanted for name in parameter.names)))
@@ -170,12 +155,9 @@ class AskedVehicle(VehicleMonitor):
         return checks
 
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
-        """Read settings by their keys (`missions.autopilots.settings`), in our units; what this firmware has not is left out.
+        """Read settings by their keys (`missions.autopilots.settings`), in our units, as far as this firmware has them.
 
-        Raises
-        ------
-        VehicleTimeoutError
-            It did not tell one, and may have it.
+        A `VehicleTimeoutError` says that it did not tell one, and may have it.
         """
         settings = self.family.settings
         checks = self.check_required([settings[key].need("read", None, "") for key in keys])
@@ -187,14 +169,9 @@ class AskedVehicle(VehicleMonitor):
     def check_ground_station(self) -> None:
         """Make sure that the vehicle's failsafe counts our heartbeat: some count only that of one system.
 
-        In newer versions it may be a range of systems. A vehicle that has no such parameter is taken as it is.
-
-        Raises
-        ------
-        StationConflictError, CommandRefusedError
-            Another station has our id, or the vehicle minds another one's heartbeat.
-        VehicleTimeoutError
-            It does not tell whose it minds.
+        In newer versions it may be a range of systems. A vehicle that has no such parameter is taken as it is. Another
+        station with our id is a `StationConflictError`, a vehicle that minds another one's heartbeat a
+        `CommandRefusedError`, and one that does not tell whose it minds a `VehicleTimeoutError`.
         """
         self.connection.refuse_conflict()
         if not self.family.ground_station_settings:

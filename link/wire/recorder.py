@@ -25,12 +25,8 @@ _MAX_NAMES = 10_000
 class Recorder:
     """Writes ``YYYY-mm-dd-HHMMSS-NAME.tlog``: before each frame its time in microseconds, UTC, big-endian.
 
-    The folder is made if it is not there; the next file is begun at `max_bytes`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written: better no flight than one without a record.
+    The folder is made if it is not there; the next file is begun at `max_bytes`. Where it cannot be written, an
+    `InputError` ends all: better no flight than one without a record.
     """
 
     def __init__(self, folder: Path, clock: Clock, *, name: str = "link", max_bytes: int = MAX_BYTES) -> None:

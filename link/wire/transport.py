@@ -57,12 +57,8 @@ class Transport(Protocol):
 def open_transport(address: Address) -> Transport:
     """Open what a connection string says.
 
-    Raises
-    ------
-    InputError
-        The address is taken or unknown, or the device cannot be opened.
-    LinkLostError
-        Nobody answers there.
+    An `InputError` says that the address is taken or unknown, or that the device cannot be opened; a `LinkLostError`
+    that nobody answers there.
     """
     if address.kind == "serial":
         try:
@@ -182,10 +178,7 @@ class _Stream:
 class TcpClient(_Stream):
     """TCP to one address; tries again every second after the other side has gone.
 
-    Raises
-    ------
-    LinkLostError
-        Nobody listens there at the start.
+    A `LinkLostError` says that nobody listens there at the start.
     """
 
     def __init__(self, address: Address) -> None:

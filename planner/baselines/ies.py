@@ -31,27 +31,10 @@ if TYPE_CHECKING:
 
 
 class ExhaustiveSearch:
-    """One search.
+    """One search, in the wind of the first member of the ensemble and with the true queue at each station with pads.
 
-    Parameters
-    ----------
-    problem : Problem
-        Flights are in the wind of the first member of its ensemble, the truth.
-    queues : mapping of int to QueuePath
-        The true queue at each station with pads.
-    time_limit_s : float
-        The search stops after this time; `complete` is False then.
-    progress : callable, optional
-        Called about every second with (sequences looked at, best delivery time so far in seconds).
-
-    Attributes
-    ----------
-    labels_expanded : int
-        Sequences continued so far.
-    complete : bool
-        Whether the search came to its end.
-    best_s : float
-        Arrival of the best composition, POSIX seconds.
+    After `time_limit_s` it stops, and `complete` is False. `progress` is called about every second with the sequences
+    looked at and the best delivery time so far, s.
     """
 
     def __init__(
@@ -67,7 +50,9 @@ class ExhaustiveSearch:
         self.time_limit_s = time_limit_s
         self.progress = progress
         self.complete = True
+        """Whether the search came to its end."""
         self.labels_expanded = 0
+        """Sequences continued so far."""
         needed = needed_at_destination(problem, TrueSpeeds(problem.air), 0.0, math.inf)
         self._stop_labels = StopLabels(problem, queues, whole_subnetwork(problem, queues), needed)
         self._best: tuple[list[StopLabel], float] | None = None
@@ -80,13 +65,7 @@ class ExhaustiveSearch:
         return self._stop_labels.best_s
 
     def solve(self) -> Itinerary:
-        """Enumerate, best bound first at each stop.
-
-        Raises
-        ------
-        NoRouteError
-            There is none (or, with `complete` False, none was found in time).
-        """
+        """Enumerate, best bound first at each stop; a `NoRouteError` says that there is none, or none found in time."""
         self._last_progress = time.monotonic()
         self._deadline = self._last_progress + self.time_limit_s
         self._visit([self._stop_labels.origin()])

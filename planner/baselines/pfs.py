@@ -32,13 +32,8 @@ def charging_time_per_flight_s(problem: Problem) -> float:
 class ForwardSearch:
     """One search; `solve` returns what to fly.
 
-    Parameters
-    ----------
-    problem : Problem
-        What to solve.
-    charge_aware : bool
-        Judge the rest of the way by flight and charging time, not by flight time alone, and overfly stations at which
-        there is nothing to do.
+    A `charge_aware` one judges the rest of the way by flight and charging time, not by flight time alone, and overflies
+    stations at which there is nothing to do.
     """
 
     def __init__(self, problem: Problem, *, charge_aware: bool = False) -> None:
@@ -53,13 +48,7 @@ class ForwardSearch:
         return self.lookahead.labels_expanded
 
     def solve(self) -> Itinerary:
-        """Search depth first, best first.
-
-        Raises
-        ------
-        NoRouteError
-            Naming what binds.
-        """
+        """Search depth first, best first; a `NoRouteError` names what binds."""
         p = self.problem
         start = Start(p.origin, float(p.depart_s), float(p.soc), p.in_flight)
         frames = _frames(len(p.network))

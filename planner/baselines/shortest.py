@@ -30,10 +30,7 @@ class ShortestFlight:
     def solve(self) -> Itinerary:
         """Find the route, then charge to full at each stop and hold where the wind asks for it.
 
-        Raises
-        ------
-        NoRouteError
-            Naming what binds.
+        A `NoRouteError` names what binds.
         """
         path = self._route()
         if path is None:

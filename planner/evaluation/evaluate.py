@@ -232,27 +232,9 @@ def clairvoyant_times(
 ) -> tuple[NDArray[np.float64], float, int]:
     """Delivery times of a planner that has perfect information of some runs: hourly wind and queues, not gusts.
 
-    Parameters
-    ----------
-    realizations : Realizations
-        The realizations.
-    drone : str
-        Drone that it plans for.
-    planner : str
-        One of `planner.registry.CLAIRVOYANT_PLANNERS`.
-    runs : sequence of int
-        Which; clairvoyance is dear.
-    time_limit_s : float
-        Of each plan; a plan cut off is no bound and counts as unknown.
-
-    Returns
-    -------
-    delivery_s : ndarray, shape (runs of the realizations,)
-        NaN where unknown or without a route.
-    spent_s : float
-        Planning time, all together.
-    cut_off : int
-        Plans that the limit cut off.
+    The planner is one of `planner.registry.CLAIRVOYANT_PLANNERS`. Each plan is cut off after `time_limit_s`; it is no
+    bound then and counts as unknown. Returns the delivery times, s, shape (runs of the realizations,), NaN where
+    unknown or without a route; the planning time, s, all together; and how many plans were cut off.
     """
     found = np.full(len(realizations), np.nan)
     cut_off = 0

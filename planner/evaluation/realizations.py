@@ -230,10 +230,7 @@ def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
 def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
     """Forecast of a request without the given days and days whose series overlap theirs.
 
-    Raises
-    ------
-    InputError
-        The scenario has no record, or no day of the season is left.
+    An `InputError` says that the scenario has no record, or that no day of the season is left.
     """
     if scenario.history is None:
         remedy = "give [wind] history in scenario.toml"

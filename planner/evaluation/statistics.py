@@ -47,23 +47,12 @@ class Estimate:
 
 
 class DayBootstrap:
-    """Resamples whole days.
+    """Resamples whole days; `block` is the day of each run, shape (runs,).
 
-    Parameters
-    ----------
-    block : ndarray of int, shape (runs,)
-        Day of each run.
-    replicates : int
-        Resamples.
-    seed : int
-        Of the resampling.
-
-    Notes
-    -----
-    Percentile intervals, expanded for few days: with n days the percentiles are those of
-    t(n - 1) sqrt(n / (n - 1)) instead of the normal ones (Hesterberg 2015, "What teachers should know about the
-    bootstrap"). A rate of 0 in all days has the upper end 1 - 0.025 ** (1 / n): with a probability above it per day, n
-    days without one event would be rarer than 2.5 %; a rate of 1 likewise.
+    Percentile intervals, expanded for few days: with n days the percentiles are those of t(n - 1) sqrt(n / (n - 1))
+    instead of the normal ones (Hesterberg 2015, "What teachers should know about the bootstrap"). A rate of 0 in all
+    days has the upper end 1 - 0.025 ** (1 / n): with a probability above it per day, n days without one event would be
+    rarer than 2.5 %; a rate of 1 likewise.
     """
 
     def __init__(self, block: NDArray[np.int64], *, replicates: int = USUAL.replicates, seed: int = 0) -> None:

@@ -33,18 +33,10 @@ def needed_at_destination(
     """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads.
 
     The way on leads over one segment to a station with pads; it begins at once or, held by the wind, when it first can.
+    Touch-downs after `until_s` do not matter; for the margin see `planner.exact.stop_labels.StopLabels`.
 
-    Parameters
-    ----------
-    problem, speeds, margin_soc_per_s
-        See `planner.exact.stop_labels.StopLabels`.
-    until_s : float
-        Later touch-downs do not matter.
-
-    Returns
-    -------
-    ndarray, shape (points, 2)
-        Time and SoC, linear between points and constant after the last; two points at the same time are a jump.
+    Returns time and SoC, shape (points, 2), linear between points and constant after the last; two points at the same
+    time are a jump.
     """
     p = problem
     if not p.needs_escape:

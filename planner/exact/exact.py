@@ -68,17 +68,6 @@ class ExactSearch:
         it is proved the best.
     cut_off_s : float
         It ends after this time all the same, without an answer where there is none yet; `complete` is False then.
-
-    Attributes
-    ----------
-    labels_expanded : int
-        Labels continued so far.
-    complete : bool
-        Whether the search ended with a proof: that the answer is the best, or that there is none.
-    best_s : float
-        Arrival of the best composition found, POSIX seconds.
-    lower_bound_s : float
-        No composition arrives earlier, POSIX seconds.
     """
 
     def __init__(
@@ -96,9 +85,13 @@ class ExactSearch:
         self.problem, self.parameters = problem, problem.parameters.exact
         self.queues = queues
         self.labels_expanded = 0
+        """Labels continued so far."""
         self.complete = True
+        """Whether the search ended with a proof: that the answer is the best, or that there is none."""
         self.best_s = math.inf
+        """Arrival of the best composition found, POSIX seconds."""
         self.lower_bound_s = problem.depart_s
+        """No composition arrives earlier, POSIX seconds."""
         self._speeds: Speeds
         if speeds is None:
             self._speeds = TrueSpeeds(problem.air)
@@ -128,13 +121,7 @@ class ExactSearch:
         return max(self.best_s - self.lower_bound_s, 0.0) / least if least > 0.0 else math.inf
 
     def solve(self) -> Itinerary:
-        """Search.
-
-        Raises
-        ------
-        NoRouteError
-            There is none (or, with `complete` False, none was found in time).
-        """
+        """Search; a `NoRouteError` says that there is none or, with `complete` False, that none was found in time."""
         found = self.find()
         if found is None and not self.complete:
             message = f"no route was found in {self._cut_off_s:g} s: there may be one: raise --time-limit, or try planner robust"

@@ -56,35 +56,12 @@ class Label:
 
 
 class Round:
-    """The search for the best composition that arrives by a deadline.
+    """The search for the best composition that arrives by a deadline, the `best_s` of `stop_labels`.
 
-    Parameters
-    ----------
-    stays : Stays
-        Its `best_s` is the deadline.
-    guide, forward
-        Of the relaxation, for this deadline.
-    needed : ndarray
-        See `planner.exact.escape.needed_at_destination`.
-    stop_at : float
-        Of `time.perf_counter`: with an answer, the search ends then.
-    answered : bool
-        There is an answer already.
-    most : float
-        Labels after which it ends all the same.
-    least_s : float
-        Nothing arrives earlier: what arrives then is the best.
-    end_at : float
-        Of `time.perf_counter`: the search ends then, with or without an answer.
-
-    Attributes
-    ----------
-    best : (list of Stay, float) or None
-        Stays and last take-off of the best composition found, which arrives at ``stays.best_s``.
-    labels_expanded : int
-        Labels continued.
-    complete : bool
-        Whether the search came to its end.
+    `guide` and `forward` are the relaxation's for this deadline; `needed` is that of
+    `planner.exact.escape.needed_at_destination`. The search ends after `most` labels; at the time `end_at` of
+    `time.perf_counter`; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
+    that arrives at `least_s`, before which nothing arrives.
     """
 
     def __init__(
@@ -110,8 +87,11 @@ class Round:
         self.least_s = least_s
         self.end_at = end_at
         self.complete = True
+        """Whether the search came to its end."""
         self.labels_expanded = 0
+        """Labels continued."""
         self.best: tuple[list[StopLabel], float] | None = None
+        """Stays and last take-off of the best composition found, which arrives at ``stop_labels.best_s``."""
         self._settled = Settled()
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []

@@ -85,23 +85,9 @@ def come_by_s(problem: Problem, queues: Mapping[int, QueuePath], land_by_s: floa
 class StopLabels:
     """Makes and continues stop labels.
 
-    Parameters
-    ----------
-    problem : Problem
-        The delivery.
-    queues : mapping of int to QueuePath
-        The true queue at each station with pads.
-    subnetwork : Subnetwork
-        Where and in which wind flights are looked at.
-    needed : ndarray, shape (points, 2)
-        See `planner.exact.escape.needed_at_destination`.
-    margin_soc_per_s : float
-        A landing after T seconds in the air keeps the reserve and this much times T.
-
-    Attributes
-    ----------
-    best_s : float
-        Arrivals from this time on do not matter any more.
+    `queues` holds the true queue at each station with pads, `subnetwork` where and in which wind flights are looked at,
+    `needed` what `planner.exact.escape.needed_at_destination` returns. A landing after T seconds in the air keeps the
+    reserve and `margin_soc_per_s` times T.
     """
 
     def __init__(
@@ -118,6 +104,7 @@ class StopLabels:
         self.subnetwork = subnetwork
         self.table = subnetwork.table
         self.best_s = math.inf
+        """Arrivals from this time on do not matter any more."""
         self.costs = costs_of(problem, margin_soc_per_s)
         self._needed = needed
         self._flights: dict[tuple[int, int], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}

@@ -31,14 +31,8 @@ if TYPE_CHECKING:
 class Lookahead:
     """Answers about flights from a station at a time, over the forecast of a problem.
 
-    Parameters
-    ----------
-    problem : Problem
-        What is to be solved.
-    full : bool, optional
-        Each charge goes to 100 %; by default as the request says.
-    factor : float
-        What a second of the remaining flight counts in the look-ahead.
+    Each charge goes to 100 % where it is `full`, by default as the request says; a second of the remaining flight
+    counts `factor` seconds in the look-ahead.
     """
 
     def __init__(self, problem: Problem, *, full: bool | None = None, factor: float = 1.0) -> None:
@@ -141,13 +135,8 @@ class Lookahead:
     def earliest(self, segment: int, time_s: float, soc: float, pad_s: float | None) -> Flight:
         """Earliest flight over a segment in the wind of that time; its take-off is infinite where there is none.
 
-        Parameters
-        ----------
-        segment : int
-            Index of the segment.
-        time_s, soc, pad_s
-            Since when the drone stands at its beginning, with which charge, and when it comes onto a pad (None: it does
-            not charge).
+        The drone stands at its beginning since `time_s` with the charge `soc`, and comes onto a pad at `pad_s`; None:
+        it does not charge.
         """
         return Flight(*earliest(self.world, self._stand(segment, time_s, soc, pad_s), segment))
 

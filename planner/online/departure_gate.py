@@ -46,15 +46,7 @@ class Gated:
 
 
 class DepartureGate:
-    """Checks legs before they are begun.
-
-    Parameters
-    ----------
-    policy : OnlinePolicy
-        Its parameters, and what it can reach.
-    info : Information
-        On the ground.
-    """
+    """Checks legs before they are begun, from what is known on the ground."""
 
     def __init__(self, policy: OnlinePolicy, info: Information) -> None:
         self._policy, self._info = policy, info

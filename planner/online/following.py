@@ -54,25 +54,10 @@ class Step:
 class Following:
     """Follows steps from one state in futures drawn from what is known there.
 
-    Parameters
-    ----------
-    problem : Problem
-        From that state on, with the forecast of that moment. In flight, the origin is the node that the drone is over.
-    errors : Errors
-        Gusts that no forecast tells.
-    belief : EnergyBelief
-        About the next flight.
-    futures : int
-        How many are drawn.
-    measured : bool
-        The wind is measured at every change, so that it thinks again then.
-    watched : bool
-        A flight that would not keep the reserve is turned elsewhere while it can be: it is worth a try with what most probably is enough.
-
-    Attributes
-    ----------
-    arrives : bool
-        A way on was found in some future.
+    The problem begins in that state, with the forecast of that moment; in flight, its origin is the node that the drone
+    is over. Errors are gusts that no forecast tells, the belief is about the next flight. Where the wind is `measured`
+    at every change, it thinks again then. A flight that is `watched` and would not keep the reserve is turned elsewhere
+    while it can be: it is worth a try with what most probably is enough.
     """
 
     def __init__(
@@ -91,6 +76,7 @@ class Following:
         self._measured, self._watched = measured, watched
         self._doubt = online.doubt_sigmas * belief.sd_within / belief.mean_ratio if watched else 0.0
         self.arrives = False
+        """A way on was found in some future."""
         self.problem = problem if belief.mean_ratio == 1.0 else heavier(problem, belief.mean_ratio)
         self._later_margin = online.later_margin + online.later_sigmas * belief.sd_within / belief.mean_ratio
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}

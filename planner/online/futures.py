@@ -26,15 +26,7 @@ if TYPE_CHECKING:
 
 
 class SampledQueues(Mapping[int, QueuePath]):
-    """One sampled realization of the queues, drawn for a station when it is first asked for.
-
-    Parameters
-    ----------
-    problem : Problem
-        Whose queues.
-    sample : int
-        Number of the realization.
-    """
+    """One sampled realization of the queues of a problem; drawn for a station when it is first asked for."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
         self._problem, self._sample = problem, sample

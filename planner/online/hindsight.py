@@ -43,35 +43,13 @@ MIN_SOC = 0.01
 
 
 class Hindsight(Following):
-    """Compares next steps from one state.
+    """Compares next steps from one state, as `Following` takes it.
 
-    Parameters
-    ----------
-    problem : Problem
-        From that state on, with the forecast of that moment. In flight, the origin is the node that the drone is over.
-    errors : Errors
-        Gusts that no forecast tells.
-    belief : EnergyBelief, optional
-        About the next flight; what the errors say of a vehicle by default.
-    behind : int
-        Others that came to where the drone stands after it.
-    futures : int
-        How many are drawn.
-    kept : tuple of int
-        Segments of the next leg of a plan in force: it is left only for a clear gain, `margin`.
-    margin : callable, optional
-        Gain that is clear, s, by how long the delivery then still takes.
-    measured : bool
-        The wind is measured at every change: to wait for it tells more. Else it stays only where no step leads on.
-    watched : bool
-        See `Following`.
-    left : frozenset of str
-        Stations that it has stood at and left: it goes back to one only for a clear gain.
-
-    Attributes
-    ----------
-    roomy_way : bool
-        Some way leads to a station with room, as far as was looked.
+    The belief about the next flight is by default what the errors say of a vehicle. `behind` others came to where the
+    drone stands after it. A plan in force whose next leg has the segments `kept` is left only for a clear gain:
+    `margin`, s, by how long the delivery then still takes. Where the wind is `measured` at every change, to wait for it
+    tells more; else it stays only where no step leads on. To a station that it has stood at and `left` it goes back
+    only for a clear gain.
     """
 
     def __init__(
@@ -93,6 +71,7 @@ class Hindsight(Following):
             problem, errors, known, futures or problem.parameters.online.futures, measured=measured, watched=watched
         )
         self.roomy_way = True
+        """Some way leads to a station with room, as far as was looked."""
         self._kept, self._clear = kept, margin
         self._behind = behind
         self._left = frozenset(problem.network.index[name] for name in left)

@@ -38,15 +38,7 @@ if TYPE_CHECKING:
 
 
 class FlightDecision:
-    """One decision in the air.
-
-    Parameters
-    ----------
-    policy : OnlinePolicy
-        Scenario, request and parameters.
-    info : Information
-        In the air.
-    """
+    """One decision in the air."""
 
     def __init__(self, policy: OnlinePolicy, info: Information) -> None:
         self._policy, self._parameters, self._info, self._memory = policy, policy.parameters, info, info.flight

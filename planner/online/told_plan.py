@@ -43,12 +43,9 @@ class Candidate:
 
 
 def best_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> Candidate | None:
-    """Fly an itinerary with its own charges, raised where they are too low, and with just enough; the better of the two.
+    """Fly an itinerary with its own charges, raised where too low, and with just enough; the better of the two.
 
-    Returns
-    -------
-    Candidate or None
-        None where even full charges do not do.
+    None where even full charges do not do.
     """
     needed = needed_charges(problem, itinerary, epsilon)
     if needed is None:
@@ -100,14 +97,8 @@ def needed_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> li
 def told_plan(seen: Hindsight, step: Step, charge_to: float | None, epsilon: float) -> Composition | None:
     """Compose a plan that begins with a step; None where no wind of the forecast lets it be flown as a whole.
 
-    Parameters
-    ----------
-    seen : Hindsight
-        What the step was chosen by.
-    charge_to : float or None
-        Charge that the step leaves with; None: it does not charge.
-    epsilon : float
-        Charges of later legs may be too low in this share of the forecast.
+    The step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Charges of later legs may be too low
+    in the share `epsilon` of the forecast.
     """
     p = seen.problem
     first = Leg(step.segments, charge_to)

@@ -56,14 +56,8 @@ class Trial:
 class TurnBacks:
     """Flights from the origin of a problem that may turn back to it.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its costs are the vehicle's as far as they are known.
-    known : Known
-        What is known, and how sure a flight must be.
-    belief : EnergyBelief
-        About the energy of the flight.
+    The problem's costs are the vehicle's as far as they are known; the belief is about the energy of the flight.
+    `known` says how sure it must be.
     """
 
     def __init__(self, problem: Problem, known: Known, belief: EnergyBelief) -> None:

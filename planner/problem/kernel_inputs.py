@@ -27,11 +27,8 @@ if TYPE_CHECKING:
 def check_itinerary(network: Network, itinerary: Itinerary) -> None:
     """Refuse flights that do not follow each other over segments of a network.
 
-    Raises
-    ------
-    InputError
-        No flight, a flight without segments, a segment that is none, one that does not begin where the one before ends, or
-        a charge that is no fraction.
+    An `InputError` names no flight, a flight without segments, a segment that is none, one that does not begin where
+    the one before ends, or a charge that is no fraction.
     """
     if not itinerary:
         raise InputError(Fault("has no flight", field="itinerary", remedy="at least one"))
@@ -62,25 +59,10 @@ def check_itinerary(network: Network, itinerary: Itinerary) -> None:
 def check_runs(
     members: NDArray[np.int64], count: int, disturbance: Disturbance, paths: Sequence[QueuePath], places: int
 ) -> None:
-    """Refuse runs that name a member or a set of queues that is not there.
+    """Refuse runs of a member or a set of queues that is not there, and disturbances of other runs or not finite.
 
-    Parameters
-    ----------
-    members : ndarray of int, shape (runs,)
-        Member of each run.
-    count : int
-        Members that there are.
-    disturbance : Disturbance
-        Of the runs.
-    paths : sequence of QueuePath
-        In order (set, place); empty where expected waits are used.
-    places : int
-        Stops before each flight, and the end.
-
-    Raises
-    ------
-    InputError
-        As above; or the disturbance is of another number of runs, or not finite.
+    `members` holds one of the `count` members for each run. Paths are in order (set, place), empty where expected waits
+    are used; places are the stops before each flight, and the end.
     """
     runs = len(members)
     _check_index("member", members, count, "members")

@@ -49,10 +49,7 @@ class Objective:
     def parse(cls, text: str) -> Objective:
         """Read an objective: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``.
 
-        Raises
-        ------
-        InputError
-            Another word, or a deadline without an offset from UTC.
+        An `InputError` refuses another word, and a deadline without an offset from UTC.
         """
         kind, _, deadline = text.strip().partition(" ")
         if kind == "on-time" and deadline:

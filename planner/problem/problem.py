@@ -299,16 +299,7 @@ def check_apart(problem: Problem) -> None:
 class ExpectedWaits:
     """Expected wait and chance of a free pad at every station over the horizon.
 
-    Rows are filled when first asked for; kernels read the arrays.
-
-    Attributes
-    ----------
-    start_s, step_s : float
-        The grid of arrival times.
-    wait_s, p_free : ndarray, shape (nodes, times)
-        Linear between grid points. Only rows of nodes passed to `need` are filled.
-    known : ndarray of bool, shape (nodes,)
-        Which rows are filled to the end of the horizon.
+    Rows are filled when first asked for (`need`); kernels read the arrays.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -318,7 +309,9 @@ class ExpectedWaits:
         points = round(HORIZON_H * S_PER_H / self.step_s) + 1
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
+        """Both of shape (nodes, times), linear between grid points. Only rows of nodes passed to `need` are filled."""
         self.known = np.zeros(len(problem.network), dtype=bool)
+        """Which rows are filled to the end of the horizon, shape (nodes,)."""
         self._hours = np.zeros(len(problem.network), dtype=np.int64)
 
     def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:

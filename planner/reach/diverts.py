@@ -37,30 +37,15 @@ def divert_cover(
     destination: str, not_at: frozenset[str] = frozenset(), reserve_soc: float = 0.0, most: int | None = None,
     every_m: float | None = None,
 ) -> DivertCover:  # fmt: skip
-    """Find divert stations for every point of a leg.
+    """Find divert stations for every point of a leg to `destination`, whose way is that of `Reach.way`.
 
     The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
-    The reserve is kept by the destination from the start, or by another station from each point, in the winds in which it is
-    flown that far.
+    Stations of `not_at` are known to be unusable. There are at most `most`, for points `every_m` apart; by default both
+    are those of the online policy.
 
-    Parameters
-    ----------
-    way : sequence of (lat, lon)
-        From `Reach.way`.
-    time_s, soc : float
-        At the take-off.
-    floor_soc, epsilon : float
-        A divert lands below this charge with no more than this probability.
-    destination : str
-        Where the leg ends.
-    not_at : frozenset of str
-        Stations that do not count: those known to be unusable.
-    reserve_soc : float
-        The destination, or a divert from each point, lands below this with no more than `epsilon`.
-    most : int, optional
-        So many stations at most; by default as the online policy takes them.
-    every_m : float, optional
-        Distance between the points; by default that of the online policy.
+    `time_s` and `soc` are those of the take-off. A divert lands below `floor_soc` with no more than the probability
+    `epsilon`. `reserve_soc` is kept likewise by the destination from the start, or by another station from each point,
+    in the winds in which it is flown that far.
     """
     points = _points(way, every_m or reach.parameters.point_every_m)
     places = [place for place, _ in points]

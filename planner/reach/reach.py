@@ -51,30 +51,13 @@ class Flown(NamedTuple):
 
 
 class Reach:
-    """Flights of one drone from wherever it is.
+    """Flights of one drone, with a package, from wherever it is, by a forecast at any height.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Stations, no-fly zones, rules of flight.
-    forecast : WindEnsemble
-        At any height.
-    drone : Drone
-        Which flies.
-    payload_kg : float
-        What it carries.
-    belief : EnergyBelief
-        How its energy differs from the model's.
-    airspeed_mps : float, optional
-        Planned airspeed; the drone's cruise airspeed by default.
-    load : AirspeedLoad, optional
-        How its power changes with airspeed; by default it does not.
-    parameters : OnlineParameters
-        Of the online policy.
-    watched : bool
-        A real flight: it takes `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`.
-    cleared_m : float
-        Ground above sea level that a drone in the air clears by the cruise height: it comes no lower before it lands.
+    The belief is how its energy differs from the model's, `load` how its power changes with airspeed; by default it
+    does not. The planned airspeed is by default the drone's cruise airspeed. A real flight is `watched`: it takes
+    `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`. A
+    drone in the air clears ground up to `cleared_m` above sea level by the cruise height: it comes no lower before it
+    lands.
     """
 
     def __init__(

@@ -132,18 +132,13 @@ class ChargePolicy:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fly it in realizations: (schedule, energy_ratio), see `planner.robust.charge_kernels.fly_by_required_soc`.
 
-        Parameters
-        ----------
-        truth : Problem
-            The same request in the winds that are true.
-        disturbance, member
-            Of each run. Members and sets of queues that are not there, and arrays of other shapes, are an `InputError`.
-        paths : sequence of QueuePath
-            Sets of queues that `disturbance` names, one path for each of `planner.schedule.itinerary.place_nodes`, in order.
-        share : ndarray, shape (members of truth, members), optional
-            Forecast for each member of the truth; the policy's own for all by default.
-        tables : ndarray, optional
-            What was worked out before with the same truth, flights and forecast; see `fly_by_required_soc`.
+        `truth` is the same request in the winds that are true; `member` and the disturbance are those of each run.
+        Paths are the sets of queues that the disturbance names, one path for each of
+        `planner.schedule.itinerary.place_nodes`, in order. An `InputError` refuses members and sets that are not there,
+        and arrays of other shapes.
+
+        `share` is the forecast for each member of the truth, shape (members of truth, members); the policy's own for
+        all by default. `tables` were worked out before with the same truth, flights and forecast.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
@@ -188,19 +183,9 @@ class ChargePolicy:
     ) -> OutOfSample:
         """Fly it out of sample: each member as the truth, forecast by the others, through the sets of queues.
 
-        Parameters
-        ----------
-        errors : Errors
-            What the realizations have beyond the forecast.
-        runs : int
-            How many, about.
-        max_realizations : int, optional
-            At most so many members are the truth.
-        before : OutOfSample, optional
-            Of the same flights, whose tables are used again.
-        sample_set : int
-            ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in the same winds. The best of several routes
-            in some realizations is not as good in others.
+        There are about `runs` realizations, of at most `max_realizations` members as the truth. `before`, of the same
+        flights, lends its tables. `sample_set` is ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in
+        the same winds. The best of several routes in some realizations is not as good in others.
         """
         p = self.problem
         members, disturbance, paths = simulated_realizations(

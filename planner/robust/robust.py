@@ -69,11 +69,6 @@ class RobustSearch:
         With the forecast.
     errors : Errors
         What the truth has beyond the forecast.
-
-    Attributes
-    ----------
-    labels_expanded : int
-        Stays looked at by the exact searches and simulated deliveries.
     """
 
     def __init__(
@@ -86,16 +81,11 @@ class RobustSearch:
         self.problem = problem.thinned(self.parameters.members)
         self.errors = errors
         self.labels_expanded = 0
+        """Stays looked at by the exact searches and simulated deliveries."""
         self._large = len(problem.network) > self.parameters.large_network
 
     def solve(self) -> RobustAnswer:
-        """Search.
-
-        Raises
-        ------
-        NoRouteError
-            There is no route even without margin.
-        """
+        """Search; a `NoRouteError` says that there is no route even without margin."""
         candidates = self.finalists(self.candidates())
         try:
             return self._first_to_finish(candidates)
@@ -140,10 +130,7 @@ class RobustSearch:
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Calibrate the first of the candidates and tell what becomes of it.
 
-        Raises
-        ------
-        NoRouteError
-            Calibrated, it never arrives, or its typical schedule runs out of charge.
+        A `NoRouteError` says that, calibrated, it never arrives, or that its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
         out_of_sample = policy.simulate(
@@ -171,17 +158,8 @@ class RobustSearch:
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
         """Routes of all composed problems, each once, best first.
 
-        Parameters
-        ----------
-        without : int, optional
-            Node that no route may stop at.
-        quick : bool
-            The first world that has a route is enough.
-
-        Raises
-        ------
-        NoRouteError
-            There is no route even without margin, or none that the forecast lets fly to its end.
+        No route may stop at the node `without`. A `quick` search is content with the first world that has a route. A
+        `NoRouteError` says that there is none even without margin, or none that the forecast lets fly to its end.
         """
         p = self.problem
         likely_free_at = blocking_probabilities(p) <= self.parameters.full_share * p.epsilon

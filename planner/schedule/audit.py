@@ -54,13 +54,7 @@ class Realization:
 
 
 def audit(composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization) -> None:
-    """Fly a composition and compare.
-
-    Raises
-    ------
-    AuditError
-        A claim is not what is flown; names the planner, the leg, and both figures.
-    """
+    """Fly a composition and compare; an `AuditError` names the planner, the leg, and the figures claimed and flown."""
     one = _Audit(composition, problem, itinerary, realization)
     one.decisions()
     one.schedule()

@@ -140,13 +140,9 @@ def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
 def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray[np.float64]]:
     """Member for the typical schedule, and that schedule with expected waits, shape (legs, 7).
 
-    Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that
-    of all the others (least mean vector distance over the first hours).
-
-    Raises
-    ------
-    NoRouteError
-        No member lets it arrive.
+    Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that of
+    all the others (least mean vector distance over the first hours). A `NoRouteError` says that no member lets it
+    arrive.
     """
     runs = fly_expected(problem, itinerary)
     arrival = runs[:, -1, TOUCH_DOWN]

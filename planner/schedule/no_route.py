@@ -80,16 +80,9 @@ def _too_strong(problem: Problem) -> str:
 
 
 def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:
-    """Explain a route that no wind of the forecast lets fly to its end.
+    """Explain a route that no wind of the forecast lets fly to its end: it never begins the leg (see `grounded_leg`).
 
-    Parameters
-    ----------
-    problem, itinerary
-        What is asked, and the route.
-    leg : int
-        Number of the leg that is never begun, see `grounded_leg`.
-    required_soc : float
-        Charge at its take-off that the drone insists on, at the least: the energy binds where it cannot have that.
+    The drone insists on `required_soc` at its take-off, at the least: the energy binds where it cannot have that.
     """
     network, drone = problem.network, problem.drone
     segments = np.array(itinerary[leg].segments, dtype=np.int64)

@@ -26,39 +26,27 @@ FULL_COSTS = 1.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of an itinerary over the forecast.
-
-    Attributes
-    ----------
-    start_s : float
-        Departure asked for, POSIX seconds.
-    arrival_s, weight : ndarray, shape (runs that arrive,)
-        Arrival of each run, POSIX seconds, and its probability.
-    p_reserve : ndarray, shape (legs,)
-        Probability that the landing keeps the reserve, given that the flight is flown at all.
-    p_hold, p_hold_room : ndarray, shape (legs,)
-        Probabilities that the drone, ready to leave, holds before the flight for the wind, and for room at the next
-        station; given likewise.
-    p_success : float
-        Probability that every landing keeps the reserve.
-    p_arrive : float
-        Probability that the wind opens every flight within the horizon.
-    kept : ndarray of bool, shape (runs that arrive,)
-        Whether every landing of a run keeps the reserve.
-    crossed : Crossed or None
-        Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand.
-    """
+    """Outcome of an itinerary over the forecast."""
 
     start_s: float
+    """Departure asked for, POSIX seconds."""
     arrival_s: NDArray[np.float64]
     weight: NDArray[np.float64]
+    """Shape (runs that arrive,) each. Arrival of each run, POSIX seconds, and its probability."""
     p_reserve: NDArray[np.float64]
+    """Shape (legs,). Probability that the landing keeps the reserve, given that the flight is flown at all."""
     p_hold: NDArray[np.float64]
     p_hold_room: NDArray[np.float64]
+    """Shape (legs,) each. Probabilities that the drone, ready to leave, holds before the flight for the wind, and for
+    room at the next station; given likewise."""
     p_success: float
+    """Probability that every landing keeps the reserve."""
     p_arrive: float
+    """Probability that the wind opens every flight within the horizon."""
     kept: NDArray[np.bool_]
+    """Shape (runs that arrive,). Whether every landing of a run keeps the reserve."""
     crossed: Crossed | None = None
+    """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
 
     @property
     def mean_s(self) -> float:

@@ -53,19 +53,11 @@ def typical_schedule(
     fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]],
     parameters: ScheduleParameters,
 ) -> Typical:
-    """Choose the typical schedule.
+    """Choose the typical schedule of simulated deliveries, at least one of which arrives.
 
-    Parameters
-    ----------
-    runs : Runs
-        Simulated deliveries, at least one of which arrives. Those with a landing below the reserve are only told where there
-        are no others, and those that run empty only where even those are none.
-    reserve : float
-        SoC.
-    fly : callable
-        Flies given members and sets of queues without gusts: (members, queues) to schedules, shape (pairs, legs, 7).
-    parameters : ScheduleParameters
-        How many are flown once more, and what landings on the way count.
+    Those with a landing below the reserve (SoC) are only told where there are no others, and those that run empty only
+    where even those are none. `fly` flies members and sets of queues without gusts: (members, queues) to schedules,
+    shape (pairs, legs, 7).
     """
     landings = runs.schedule[:, :, TOUCH_DOWN]
     arrived = np.flatnonzero(np.isfinite(landings[:, -1]))

@@ -116,10 +116,7 @@ class Gusts:
 def parse_constant(text: str) -> ConstantWind | None:
     """Read ``8@270`` (8 m/s FROM 270 degrees); None where the text is something else.
 
-    Raises
-    ------
-    InputError
-        Of that form, but absurd.
+    An `InputError` refuses what is of that form, but absurd.
     """
     found = re.fullmatch(r"\s*(-?[\d.]+)\s*@\s*(-?[\d.]+)\s*", text)
     if found is None:

@@ -87,12 +87,8 @@ class Channel:
 class Lane:
     """What lies between a socket and a vehicle: a link that does something to packets, by its seed.
 
-    Frames of `datagrams` never continue in the next bytes.
-
-    Raises
-    ------
-    InputError
-        Too many speak with this vehicle already.
+    Frames of `datagrams` never continue in the next bytes. An `InputError` says that too many speak with this vehicle
+    already.
     """
 
     def __init__(self, vehicle: Vehicle, impairment: Impairment, seed: str, *, datagrams: bool) -> None:

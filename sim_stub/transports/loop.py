@@ -28,14 +28,9 @@ _MAX_CATCH_UP_S = 0.25
 class SocketLoop:
     """Runs a world in real time, `speedup` simulated seconds to the second.
 
-    That is 0.1 to 20 while anybody flies or has the motors on; while everybody stands it is `pad_speedup`, up to 2,000.
-    Protocol timers run at wall time, everything else at simulated time. When the machine cannot keep up, simulated
-    time falls behind rather than jump.
-
-    Raises
-    ------
-    InputError
-        A speed-up out of range.
+    That is 0.1 to 20 while anybody flies or has the motors on; while everybody stands it is `pad_speedup`, up to 2,000;
+    an `InputError` refuses others. Protocol timers run at wall time, everything else at simulated time. When the
+    machine cannot keep up, simulated time falls behind rather than jump.
     """
 
     def __init__(self, world: World, *, speedup: float = 1.0, pad_speedup: float | None = None) -> None:

@@ -104,13 +104,9 @@ class TcpPeer(ABC):
 class TcpListener:
     """A listening socket.
 
-    `greet` makes a peer of a connection and the number of peers so far; `InputError` turns it away. More peers than `most` are
-    turned away, unless one has been silent for `SILENT_S`.
-
-    Raises
-    ------
-    InputError
-        The address is taken, or there is no such host.
+    `greet` makes a peer of a connection and the number of peers so far; `InputError` turns it away. More peers than
+    `most` are turned away, unless one has been silent for `SILENT_S`. An address that is taken, or a host that is not
+    there, is an `InputError`.
     """
 
     def __init__(
@@ -214,13 +210,7 @@ def listen(
 def connect(
     address: Address, vehicle: Vehicle, impairment: Impairment, seed: str, selector: selectors.BaseSelector
 ) -> VehiclePeer:
-    """Connect a vehicle to a ground station.
-
-    Raises
-    ------
-    InputError
-        Nobody listens there.
-    """
+    """Connect a vehicle to a ground station; an `InputError` says that nobody listens there."""
     where = f"tcp:{address.host}:{address.port}"
     try:
         connection = socket.create_connection((address.host, address.port), timeout=_CONNECT_S)

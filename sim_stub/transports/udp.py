@@ -26,10 +26,7 @@ _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errn
 class UdpEndpoint:
     """UDP: `udpout` speaks first to one address, `udpin` answers all who spoke.
 
-    Raises
-    ------
-    InputError
-        The address is taken, or there is no such host.
+    An `InputError` says that the address is taken, or that there is no such host.
     """
 
     def __init__(

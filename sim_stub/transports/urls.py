@@ -12,13 +12,7 @@ _FORM = re.compile(r"([a-z]+):(?://)?(\[[0-9a-fA-F:]+\]|[^:\[\]]*):(\d{1,5})")
 
 
 def parse_address(text: str, *, option: str, kinds: tuple[str, ...] = KINDS) -> Address:
-    """Read a connection string.
-
-    Raises
-    ------
-    InputError
-        Not of that form, an unknown kind, or a port out of range.
-    """
+    """Read a connection string; an `InputError` refuses another form, an unknown kind, and a port out of range."""
     remedy = f"KIND:HOST:PORT with KIND one of {', '.join(kinds)}, for example {kinds[0]}:127.0.0.1:14540"
     found = _FORM.fullmatch(text.strip())
     if found is None or found[1] not in kinds:

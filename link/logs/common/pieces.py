@@ -45,12 +45,8 @@ def read_pieces(
 ) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
     """Read a file piece by piece from a place on; what a piece has not used up begins the next one.
 
-    Yields the place of each piece in the file, its bytes (valid until the next piece), and what was found in it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
+    Yields the place of each piece in the file, its bytes (valid until the next piece), and what was found in it. An
+    `InputError` says that the file cannot be read.
     """
     buffer = np.empty(PIECE_BYTES, dtype=np.uint8)
     try:

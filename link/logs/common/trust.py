@@ -31,12 +31,8 @@ def receiver_ok(
 ) -> NDArray[np.float64]:
     """Whether a receiver is trusted, 1 or 0; NaN figures are ignored.
 
-    Parameters
-    ----------
-    fix : number or array
-        Type of the fix; 3 and above has three dimensions.
-    satellites, hdop, speed_error_mps : number or array
-        Satellites in use, horizontal dilution of precision, accuracy of the velocity as the receiver says it.
+    A fix from 3 on has three dimensions. The others are satellites in use, horizontal dilution of precision, and the
+    accuracy of the velocity as the receiver says it.
     """
     bad = _column(fix) < MIN_FIX
     bad = bad | (_column(satellites) < MIN_SATELLITES) | (_column(hdop) > MAX_HDOP)
@@ -49,14 +45,9 @@ def estimate_ok(
 ) -> NDArray[np.float64]:
     """Whether the autopilot's filter trusts its horizontal velocity, 1 or 0.
 
-    Parameters
-    ----------
-    velocity_ratio, position_ratio : number or array
-        Innovations over their gates; from 1 the filter rejects the receiver.
-    flags : number or array
-        Solution status: without horizontal velocity, or with a position held constant, there is nothing to believe.
-    glitch_bit : int
-        Bit of the flags that stands for a receiver's glitch.
+    The ratios are innovations over their gates; from 1 on the filter rejects the receiver. The flags are its solution
+    status: without horizontal velocity, or with a position held constant, there is nothing to believe. `glitch_bit` is
+    the flag that stands for a receiver's glitch.
     """
     status = np.asarray(flags).astype(np.int64)
     bad = (_column(velocity_ratio) >= REJECTED) | (_column(position_ratio) >= REJECTED)

@@ -91,23 +91,10 @@ class ScanState:
 def read_frames(
     path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
 ) -> Iterator[Frames]:
-    """Read the messages of a log chunk by chunk.
+    """Read the messages of a log chunk by chunk, of at least 64 kB.
 
-    Parameters
-    ----------
-    path : Path
-        The log.
-    chunk_bytes : int
-        Bytes held at a time, at least 64 kB.
-    begin : int
-        Where to begin, at the stamp before a frame; 0 is the start of the log.
-    memory : ScanState, optional
-        What the parser remembers where it begins; filled with the counts of what was skipped.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
+    They begin at the stamp before a frame; 0 is the start of the log. `memory` is what the parser remembers where it
+    begins; it is filled with the counts of what was skipped. An `InputError` says that the file cannot be read.
     """
     memory = memory or ScanState()
     extras = crc_extras()

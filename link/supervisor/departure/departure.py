@@ -256,13 +256,8 @@ def arming(ctx: Context) -> After:
 def _start(ctx: Context) -> str:
     """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
 
-    What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is given
-    time to take off before it is told again.
-
-    Returns
-    -------
-    str
-        Why it did not take off; nothing where it did.
+    What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is
+    given time to take off before it is told again. Returns why it did not take off; nothing where it did.
     """
     problem, tries = "", 0
     end = ctx.clock.now_s() + ARM_PATIENCE_S

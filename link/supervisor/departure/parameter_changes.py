@@ -101,10 +101,7 @@ def _note(ctx: Context, entry: ParameterNote, reason: str) -> None:
 def apply(ctx: Context) -> None:
     """Set what was proposed, each with its old value on the disk before, and read back.
 
-    Raises
-    ------
-    LinkError
-        The vehicle refuses one, or does not answer.
+    A `LinkError` says that the vehicle refuses one, or does not answer.
     """
     proposed = ctx.parameters.take_proposed()
     for one in proposed:

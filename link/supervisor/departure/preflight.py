@@ -58,10 +58,7 @@ class Check:
 def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
     """Go through the list, entry by entry; nothing is changed on the vehicle.
 
-    Raises
-    ------
-    LinkError
-        The vehicle did not answer.
+    A `LinkError` says that the vehicle did not answer.
     """
     yield from _identity(ctx)
     yield from _position(ctx, service)

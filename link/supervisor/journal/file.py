@@ -72,10 +72,7 @@ class ReadJournal:
 def read_journal(path: Path) -> ReadJournal:
     """Read a journal; a torn last line is left out.
 
-    Raises
-    ------
-    InputError
-        Not there, not a journal, or damaged before its end.
+    An `InputError` says that it is not there, is no journal, or is damaged before its end.
     """
     data = read_bytes(path, max_bytes=MAX_BYTES)
     records: list[Record] = []
@@ -98,12 +95,8 @@ def read_journal(path: Path) -> ReadJournal:
 class Journal:
     """Writes the journal.
 
-    With `resume` it goes on with a file that is there, its torn end cut off; otherwise the file must not exist.
-
-    Raises
-    ------
-    InputError
-        It cannot be written: better no flight than one without a journal.
+    With `resume` it goes on with a file that is there, its torn end cut off; otherwise the file must not exist. Where
+    it cannot be written, an `InputError` ends all: better no flight than one without a journal.
     """
 
     path: Path

@@ -50,12 +50,8 @@ class LinkWatch:
 def ask(ctx: Context, question: Callable[[], T]) -> T:
     """Put a question to a vehicle that has time, and put it again until it is answered.
 
-    Where nothing is answered any more the link is lost (a `Turn`).
-
-    Raises
-    ------
-    VehicleTimeoutError
-        All else is answered, and this has not been for `ASK_FOR_S`.
+    Where nothing is answered any more the link is lost (a `Turn`). Where all else is answered, and this has not been
+    for `ASK_FOR_S`, it is a `VehicleTimeoutError`.
     """
     end = ctx.clock.now_s() + ASK_FOR_S
     while True:

@@ -24,13 +24,7 @@ LEARN_SOC = 0.04
 
 @dataclass(slots=True)
 class EnergyLearning:
-    """The belief of one delivery.
-
-    Attributes
-    ----------
-    belief : EnergyBelief
-        From all flights that have ended.
-    """
+    """The belief of one delivery, from all flights that have ended."""
 
     belief: EnergyBelief = field(default_factory=EnergyBelief)
 
