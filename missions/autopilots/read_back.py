@@ -52,29 +52,11 @@ class Difference:
 def diff(
     sent: Mission | Geofence | RallyPoints, read_back: Mission | Geofence | RallyPoints, autopilot: str
 ) -> tuple[Difference, ...]:
-    """Return what differs in meaning between what was sent to an autopilot and what it gave back.
+    """Return what differs in meaning between what was sent to an autopilot and what it gave back; empty for nothing.
 
-    Ignored is what the autopilot is known to rewrite (frames 3 and 6, NaN and 0 as yaw, altitudes in centimetres,
-    parameters it does not keep); never ignored is what changes the flight.
-
-    Parameters
-    ----------
-    sent, read_back : Mission, Geofence or RallyPoints
-        Of the same kind, in our numbering (see `Family.from_wire`).
-    autopilot : str
-        Name of its family.
-
-    Returns
-    -------
-    tuple of Difference
-        Empty where both mean the same.
-
-    Raises
-    ------
-    InputError
-        An autopilot that skyway does not know.
-    TypeError
-        The two are not of the same kind.
+    Both are of the same kind (else a TypeError) and in our numbering (see `Family.from_wire`). Ignored is what the
+    autopilot is known to rewrite (frames 3 and 6, NaN and 0 as yaw, altitudes in centimetres, parameters it does not
+    keep); never ignored is what changes the flight. An `InputError` refuses an autopilot that skyway does not know.
     """
     dialect = family_named(autopilot)
     if isinstance(sent, Mission) and isinstance(read_back, Mission):

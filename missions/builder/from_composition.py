@@ -78,14 +78,10 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
 def whole_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs for a plain ground station, disarmed on every pad.
 
-    Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm,
-    and a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg.
-    Heights are above the home of each leg, since home moves at each arming.
-
-    Raises
-    ------
-    InputError
-        A ground height that is needed is unknown.
+    Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm, and
+    a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg. Heights are
+    above the home of each leg, since home moves at each arming. An `InputError` says that a ground height that is
+    needed is unknown.
     """
     if not dialect.stays_in_mission_after_landing:
         return _mission_per_leg(composition, dialect, options)
@@ -106,12 +102,8 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
 def armed_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs in one mission that stays armed on the pads and leaves by the clock.
 
-    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout.
-
-    Raises
-    ------
-    InputError
-        A ground height that is needed is unknown.
+    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. An `InputError` says
+    that a ground height that is needed is unknown.
     """
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services

@@ -42,17 +42,7 @@ GRIPPER_RELEASE = 0.0
 
 
 class LegBuilder:
-    """Makes the parts of missions from one composition.
-
-    Parameters
-    ----------
-    composition : Composition
-        The plan; only read.
-    dialect : Family
-        For which autopilot.
-    options : MissionOptions
-        How.
-    """
+    """Makes the parts of missions from one composition."""
 
     def __init__(self, composition: Composition, dialect: Family, options: MissionOptions) -> None:
         self.composition = composition
@@ -175,22 +165,9 @@ class LegBuilder:
     ) -> MissionDocument:
         """Return the mission from the air to a station: level, and nowhere below where the vehicle is.
 
-        It begins with a waypoint where the vehicle is, never with a TAKEOFF, which PX4 would fly back to.
-
-        Parameters
-        ----------
-        station : str
-            Where to land.
-        here : (lat, lon, height above home)
-            Where the vehicle is.
-        home_ground_m : float
-            Ground height of the home of the leg under way.
-        speed_mps : float
-            Ground speed.
-        last : bool
-            The station is the destination of the delivery.
-        home : Home or None
-            Where the leg under way began.
+        It begins with a waypoint where the vehicle is (`here`: latitude, longitude, height above home), never with a
+        TAKEOFF, which PX4 would fly back to. Home is where the leg under way began, with its ground height; the station
+        is the `last` where the delivery ends there.
         """
         ground = self.ground_m(station) - home_ground_m
         lat, lon, height_m = here

@@ -74,12 +74,8 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
     """Write a mission file in the format that its name asks for; return every file written.
 
     A ``.waypoints`` file holds the mission alone: fence and rally points go to ``.fence.waypoints`` and
-    ``.rally.waypoints`` beside it, where Mission Planner loads them from.
-
-    Raises
-    ------
-    InputError
-        Another suffix, a file that exists (without `force`), or a folder that cannot be written.
+    ``.rally.waypoints`` beside it, where Mission Planner loads them from. An `InputError` refuses another suffix, a
+    file that exists (without `force`), and a folder that cannot be written.
     """
     texts = {file: make(document) for file, make in files_of(document, Path(path)).items()}
     taken = [file for file in texts if file.exists()]

@@ -65,13 +65,11 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
     """Put a fence together from its items.
 
     A polygon whose vertices carry another count than there are is taken as it stands and marked with the count it
-    claims (`CLAIMED_COUNT`): vehicles acknowledge such a fence and it is invalid afterwards, so the checks call it
-    an error.
+    claims (`CLAIMED_COUNT`): vehicles acknowledge such a fence and it is invalid afterwards, so the checks call it an
+    error.
 
-    Raises
-    ------
-    InputError
-        An item is no fence item, a polygon has fewer than three vertices, or a circle has no radius.
+    An `InputError` names an item that is no fence item, a polygon with fewer than three vertices, or a circle without a
+    radius.
     """
     polygons: list[FencePolygon] = []
     circles: list[FenceCircle] = []

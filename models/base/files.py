@@ -66,10 +66,7 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
 def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """Open a file for writing that appears whole when the block ends, and not at all when it fails.
 
-    Raises
-    ------
-    InputError
-        The file exists and `force` is false, or it cannot be written.
+    An `InputError` says that the file exists and `force` is false, or that it cannot be written.
     """
     try:
         if path.exists() and not force:

@@ -41,13 +41,7 @@ class Problem(NamedTuple):
 
 
 class FaultCollector:
-    """Faults of one file: the first twenty are reported, the rest counted.
-
-    Attributes
-    ----------
-    file : str
-        Named in every fault.
-    """
+    """Faults of one file, which each of them names: the first twenty are reported, the rest counted."""
 
     def __init__(self, file: str) -> None:
         self.file = file

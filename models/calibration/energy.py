@@ -41,25 +41,17 @@ DEFAULT_KAPPA = 1.5
 
 @dataclass(frozen=True, slots=True)
 class PowerRecord:
-    """What one flight took.
-
-    Attributes
-    ----------
-    name : str
-        Of the log.
-    mass_kg : float
-        Take-off mass, with package.
-    time_s, energy_j : dict of Phase to float
-        Time and energy in each phase, motors on.
-    idle_s : float
-        Time left out because the motors stood still.
-    """
+    """What one flight took."""
 
     name: str
+    """Of the log."""
     mass_kg: float
+    """Take-off mass, with package."""
     time_s: dict[Phase, float]
     energy_j: dict[Phase, float]
+    """Time and energy in each phase, motors on."""
     idle_s: float
+    """Time left out because the motors stood still."""
 
     @property
     def total_s(self) -> float:
@@ -78,18 +70,12 @@ class PowerRecord:
 
 @dataclass(frozen=True, slots=True)
 class EnergyFit:
-    """A model fitted to flights.
-
-    Attributes
-    ----------
-    model : EnergyModel
-        Fitted to all of them.
-    left_out_error : tuple of float
-        Relative error of the energy of each flight by a model fitted to the others; NaN for a single flight.
-    """
+    """A model fitted to flights."""
 
     model: EnergyModel
+    """Fitted to all of them."""
     left_out_error: tuple[float, ...]
+    """Relative error of the energy of each flight by a model fitted to the others; NaN for a single flight."""
 
     @property
     def belief(self) -> EnergyBelief:
@@ -108,21 +94,9 @@ class EnergyFit:
 
 
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
-    """Measure a flight.
+    """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    track : TelemetryTrack
-        With power and vertical speed.
-    mass_kg : float
-        Drone, batteries and package.
-
-    Raises
-    ------
-    InputError
-        Power is not known, or the motors never ran.
+    An `InputError`, which gives its name, says that power is not known, or that the motors never ran.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
@@ -151,18 +125,9 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
 
 
 def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:
-    """Fit a model to flights, and to each of them without it.
+    """Fit a model, ``endurance`` or ``momentum``, to flights, at least one, and to each of them without it.
 
-    Parameters
-    ----------
-    records : sequence of PowerRecord
-        At least one.
-    name : str
-        ``endurance`` or ``momentum``.
-    drone : Drone
-        Whose masses and battery the model is written for.
-    air_density_kg_m3 : float
-        During the flights.
+    It is written for the masses and the battery of the drone; the air density is that during the flights.
     """
     if not records:
         raise InputError("no flight to fit an energy model to")

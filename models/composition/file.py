@@ -83,10 +83,7 @@ def _plain(value: Any) -> Any:
 def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
     """Write the composition, whole or not at all.
 
-    Raises
-    ------
-    InputError
-        The file exists and `force` is not given, or its folder cannot be written.
+    An `InputError` says that the file exists and `force` is not given, or that its folder cannot be written.
     """
     write_atomically(Path(path), json.dumps(to_json(composition), indent=1, allow_nan=False) + "\n", force=force)
 
@@ -94,10 +91,8 @@ def save(composition: Composition, path: str | PathLike[str], *, force: bool = F
 def load(path: str | PathLike[str]) -> Composition:
     """Read a composition written by `save` or by ``skyway plan --json``.
 
-    Raises
-    ------
-    InputError
-        Unreadable, not JSON, of another schema, or with a field that is missing or out of range.
+    An `InputError` refuses what is unreadable, not JSON, of another schema, or has a field that is missing or out of
+    range.
     """
     return from_json(read_text(Path(path), max_bytes=MAX_BYTES), file=str(path))
 

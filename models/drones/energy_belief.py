@@ -51,24 +51,15 @@ LEAST_RATIO = 0.2
 
 @dataclass(frozen=True, slots=True)
 class EnergyBelief:
-    """The ratio of measured to modelled energy of a leg; the default is that of a drone nobody has measured.
-
-    Attributes
-    ----------
-    mean_ratio : float
-        Mean.
-    sd_between : float
-        Standard deviation of the part that persists over the legs of a delivery.
-    sd_within : float
-        Standard deviation of the part that is fresh on each leg.
-    degrees_of_freedom : float
-        Of Student's t distribution of both parts; the fewer, the heavier the tails.
-    """
+    """The ratio of measured to modelled energy of a leg; the default is that of a drone nobody has measured."""
 
     mean_ratio: float = PUBLISHED_MEAN
     sd_between: float = PUBLISHED_SD
+    """Standard deviation of the part that persists over the legs of a delivery."""
     sd_within: float = PUBLISHED_LEG_SD
+    """Standard deviation of the part that is fresh on each leg."""
     degrees_of_freedom: float = DEGREES_OF_FREEDOM
+    """Of Student's t distribution of both parts; the fewer, the heavier the tails."""
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []
@@ -83,11 +74,8 @@ class EnergyBelief:
     def calibrated(cls, left_out_error: Sequence[float] = ()) -> EnergyBelief:
         """Return that of a drone whose model was fitted to its own flights.
 
-        Parameters
-        ----------
-        left_out_error : sequence of float
-            Relative error of the energy of each flight by a model fitted to the others; NaN counts as nothing known. It is weighed with
-            `FLIGHT_SD` as with `PRIOR_FLIGHTS` flights.
+        The errors are those of the energy of each flight by a model fitted to the others, relative; NaN counts as
+        nothing known. They are weighed with `FLIGHT_SD` as with `PRIOR_FLIGHTS` flights.
         """
         error = np.array([one for one in left_out_error if math.isfinite(one)])
         variance = (PRIOR_FLIGHTS * FLIGHT_SD**2 + float((error**2).sum())) / (PRIOR_FLIGHTS + len(error))
@@ -140,12 +128,8 @@ class EnergyBelief:
     def learnt(self, used_soc: float, expected_soc: float, soc_sd: float = SOC_SD) -> EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 
-        Parameters
-        ----------
-        used_soc, expected_soc : float
-            Charge that it took, and that the model says for it; both fractions of nameplate.
-        soc_sd : float
-            Standard deviation of a state of charge that is told.
+        The charge that it took, and that the model says for it, are fractions of nameplate; `soc_sd` is the standard
+        deviation of a state of charge that is told.
         """
         return _updated(self, used_soc, expected_soc, self.sd_within, soc_sd)
 

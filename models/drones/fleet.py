@@ -19,13 +19,7 @@ MAX_DRONES = 1000
 
 
 def read_fleet(path: Path) -> tuple[Drone, ...]:
-    """Read a fleet.
-
-    Raises
-    ------
-    InputError
-        With every fault in the file.
-    """
+    """Read a fleet; an `InputError` lists every fault in the file."""
     faults: list[Fault] = []
     top = Table(read_toml(path), str(path), "", faults)
     top.text("schema", SCHEMA, choices=(SCHEMA,))

@@ -23,12 +23,9 @@ if TYPE_CHECKING:
 
 
 def cleared_grounds_m(grounds_m: Sequence[float]) -> tuple[float, ...]:
-    """Ground that a leg clears by the cruise height as it passes each of its stations: the highest of it and its neighbours.
+    """Ground that a leg clears by the cruise height as it passes each of its stations: the highest one next to it.
 
-    Parameters
-    ----------
-    grounds_m : sequence of float
-        Ground at each station of the leg, metres above sea level.
+    Its own counts too. All are in metres above sea level.
     """
     segments = [max(ends) for ends in pairwise(grounds_m)]
     return tuple(max(neighbours) for neighbours in pairwise((segments[0], *segments, segments[-1])))
@@ -37,21 +34,11 @@ def cleared_grounds_m(grounds_m: Sequence[float]) -> tuple[float, ...]:
 def wind_factors(
     rules: FlightRules, ground_m: tuple[ArrayLike, ArrayLike], cleared_m: tuple[ArrayLike, ArrayLike] | None = None
 ) -> NDArray[np.float64]:
-    """Wind on ways as high as they are flown, over that at the cruise height: by the profile, at their mean height above ground.
+    """Wind on ways as high as they are flown, over that at the cruise height.
 
-    Parameters
-    ----------
-    rules : FlightRules
-        Cruise height and profile.
-    ground_m : (at the begin, at the end)
-        Ground, metres above sea level, broadcast; where it is not known (NaN) the way is taken to be level.
-    cleared_m : (at the begin, at the end), optional
-        Ground that is cleared by the cruise height there; by default that of a leg of this way alone.
-
-    Returns
-    -------
-    ndarray
-        1 where both ends are of one height.
+    It is that of the profile at their mean height above ground. The ground at begin and end is in metres above sea
+    level, broadcast; where it is not known (NaN) the way is taken to be level. So is the ground that is cleared by the
+    cruise height there, by default that of a leg of this way alone. The factor is 1 where both ends are of one height.
     """
     first, last = (np.asarray(one, dtype=np.float64) for one in ground_m)
     top = np.maximum(first, last)

@@ -115,14 +115,9 @@ def _head(cls: Any) -> tuple[str, ...]:
 class LibraryKernel:
     """A kernel of the library, for every list of argument types that it was compiled for.
 
-    Parameters
-    ----------
-    function : callable
-        Its source, for its name and documentation.
-    stamp : str
-        Of its source, see `models.jit.cache.stamp_of`.
-    compile_it : callable
-        Compiles the source where the library has it not, or for other types of arguments; raises ImportError where numba is not installed.
+    The function is its source, for its name and documentation; `stamp` is that of its source
+    (`models.jit.cache.stamp_of`). `compile_it` compiles the source where the library has it not, or for other types of
+    arguments; it raises ImportError where numba is not installed.
     """
 
     def __init__(self, function: Callable[..., Any], stamp: str, compile_it: Callable[[], Callable[..., Any]]) -> None:

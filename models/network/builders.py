@@ -28,14 +28,12 @@ DECIMALS = 9
 def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None) -> Network:
     """Join stations by a rule; every segment is flown both ways, none is longer than ``rule.max_length_m``.
 
-    ``max-length`` joins all pairs, ``nearest`` each station to its ``rule.nearest`` nearest, ``gabriel`` two
-    stations when the circle on the line between them holds no third (Gabriel & Sokal 1969). Stations whose latitude
-    and longitude agree to `DECIMALS` stand at one place: they have the same neighbours, and no segment between them.
+    ``max-length`` joins all pairs, ``nearest`` each station to its ``rule.nearest`` nearest, ``gabriel`` two stations
+    when the circle on the line between them holds no third (Gabriel & Sokal 1969). Stations whose latitude and
+    longitude agree to `DECIMALS` stand at one place: they have the same neighbours, and no segment between them.
 
-    Raises
-    ------
-    InputError
-        Unknown rule, lengths or counts out of range, or so many pairs that the network would not be usable.
+    An `InputError` says that there is no such rule, that lengths or counts are out of range, or that so many pairs
+    would not make a usable network.
     """
     if rule.kind not in RULES:
         raise InputError("unknown rule", field="network.rule", value=rule.kind, remedy="one of " + ", ".join(RULES))

@@ -118,10 +118,8 @@ class Network:
     ) -> Network:
         """Build from directed index pairs, shape (segments, 2); pairs whose segment crosses a zone are left out.
 
-        Raises
-        ------
-        InputError
-            Unknown ends, segments from a station to itself, stations with the same id or with less than no pads.
+        An `InputError` refuses unknown ends, segments from a station to itself, stations with the same id or with less
+        than no pads.
         """
         stations = tuple(stations)
         pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
@@ -254,10 +252,7 @@ class Network:
     def articulation_stations(self) -> list[str]:
         """Stations, by id, without any one of which the network would be in more parts (its articulation points).
 
-        Raises
-        ------
-        ModuleNotFoundError
-            Package `networkx` is not installed (extra ``graph``).
+        A `ModuleNotFoundError` says that package `networkx` is not installed (extra ``graph``).
         """
         import networkx as nx
 
@@ -280,10 +275,7 @@ class Network:
     def find(self, text: str) -> int:
         """Node of a station by id, else by an unambiguous part of its id or name, capitals ignored.
 
-        Raises
-        ------
-        InputError
-            Nothing matches (with the nearest names), or several do.
+        An `InputError` says that nothing matches (with the nearest names), or that several do.
         """
         if text in self.index:
             return self.index[text]
@@ -317,13 +309,8 @@ class Network:
     def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
         """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.
 
-        Where segments were given rather than made by a rule, the target is joined to every station within the
-        length of the longest given segment.
-
-        Raises
-        ------
-        InputError
-            The position is out of range or inside a no-fly zone.
+        Where segments were given rather than made by a rule, the target is joined to every station within the length of
+        the longest given segment. An `InputError` says that it is out of range or inside a no-fly zone.
         """
         faults = geodesy.coordinate_faults(lat, lon)
         refuse(faults)

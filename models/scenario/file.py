@@ -46,12 +46,7 @@ T = TypeVar("T")
 
 
 def read_scenario(path: str | PathLike[str]) -> Scenario:
-    """Read the scenario in a folder (or named by its ``scenario.toml``).
-
-    Raises
-    ------
-    InputError
-        With every fault in every file.
+    """Read the scenario in a folder (or named by its ``scenario.toml``); an `InputError` lists all faults of its files.
     """
     remedy = "skyway scenario init DIR writes one to start from"
     path = Path(path)

@@ -36,48 +36,32 @@ FIRST_YEAR, LAST_YEAR = 1800, 2200
 class WindColumns:
     """How a wind record is written: the ``[wind]`` table of a scenario.
 
-    Attributes
-    ----------
-    time, speed, from_ : str
-        Names of the columns; the direction is where the wind blows FROM, degrees.
-    site : str or None
-        Column with the site's id; None where the file has one site.
-    speed_unit : str
-        A key of `models.base.units.SPEED_UNITS_MPS`.
-    time_zone : str or None
-        ``UTC`` or an IANA name, for times without an offset; None refuses those. An offset in the file rules.
-    missing : tuple of str
-        Texts that stand for no value, capitals ignored.
-    calm : str
-        ``direction-0``: direction 0 says calm and north is 360 (NOAA). ``speed-0``: calm is speed 0 alone and
-        direction 0 is north.
-    variable : tuple of str
-        Directions that say there is a speed but no direction, such as ``VRB`` or ``990``.
-    time_format : str or None
-        `datetime.strptime` format of the times; None is ISO 8601.
-    default_site : str or None
-        Site of a file without a site column; None is the only site there is.
-    max_speed_mps : float
-        Rows with more wind are dropped, with a warning.
-
-    Raises
-    ------
-    InputError
-        A unit, zone, convention, format or limit that does not exist; all of them at once.
+    An `InputError` lists all at once: a unit, zone, convention, format or limit that does not exist.
     """
 
     time: str = "time"
     site: str | None = "site"
+    """Column with the site's id; None where the file has one site."""
     speed: str = "speed_mps"
     from_: str = "from_deg"
+    """Where the wind blows FROM, degrees; the name of a column, as `time` and `speed` are."""
     speed_unit: str = "m/s"
+    """A key of `models.base.units.SPEED_UNITS_MPS`."""
     time_zone: str | None = None
+    """``UTC`` or an IANA name, for times without an offset; None refuses those. An offset in the file rules."""
     missing: tuple[str, ...] = ("", "NA")
+    """Texts that stand for no value, capitals ignored."""
     calm: str = "speed-0"
+    """``direction-0``: direction 0 says calm and north is 360 (NOAA). ``speed-0``: calm is speed 0 alone and direction 0
+    is north."""
     variable: tuple[str, ...] = ("VRB",)
+    """Directions that say there is a speed but no direction, such as ``VRB`` or ``990``."""
     time_format: str | None = None
+    """`datetime.strptime` format of the times; None is ISO 8601."""
     default_site: str | None = None
+    """Site of a file without a site column; None is the only site there is."""
     max_speed_mps: float = MAX_SPEED_MPS
+    """Rows with more wind are dropped, with a warning."""
 
     def __post_init__(self) -> None:
         faults = []

@@ -118,10 +118,7 @@ class WindEnsemble:
     def weighted(self, weights: ArrayLike) -> WindEnsemble:
         """Return the members with probabilities times `weights`, shape (members,), scaled to sum to 1.
 
-        Raises
-        ------
-        InputError
-            A weight is negative or not finite, or no member is left.
+        An `InputError` says that a weight is negative or not finite, or that no member is left.
         """
         product = self.probability * np.asarray(weights, dtype=np.float64)
         total = float(product.sum())

@@ -168,15 +168,7 @@ def check_hours(hours: int) -> int:
 
 
 class _Days:
-    """The days of a record, each as the series that begins at the hour of a departure.
-
-    Attributes
-    ----------
-    today, dates : datetime64[D]
-        Date of the departure on its own clock, and of each series, shape (days,).
-    complete : ndarray of bool, shape (days,)
-        Whether a series lies within the record and has no gap.
-    """
+    """The days of a record, each as the series that begins at the hour of a departure."""
 
     def __init__(self, history: WindHistory, depart: datetime, hours: int) -> None:
         self._history = history
@@ -185,13 +177,16 @@ class _Days:
         own = math.floor((instant.timestamp() - history.start_s) / history.slot_s)
         self._start_s = history.start_s + own * history.slot_s
         self.today = np.datetime64(depart.date(), "D")
+        """Date of the departure on its own clock."""
         per_day = round(86_400.0 / history.slot_s)
         number = np.arange(own % per_day, max(len(history), 1), per_day)
         self._first = number
         self.dates = self.today + ((number - own) // per_day).astype("m8[D]")
+        """Date of each series, shape (days,)."""
         gaps = np.concatenate(([0], np.cumsum(~history.complete)))
         last = np.minimum(number + self.slots, len(history))
         self.complete = (number + self.slots <= len(history)) & (gaps[last] == gaps[np.minimum(number, last)])
+        """Whether a series lies within the record and has no gap, shape (days,)."""
 
     def of_year(self) -> NDArray[np.int64]:
         """Day of the year of each series, 0 to 364."""

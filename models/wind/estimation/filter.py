@@ -111,22 +111,9 @@ class WindEstimate:
 class WindFilter:
     """A Kalman filter of the wind, fed one measurement at a time.
 
-    Parameters
-    ----------
-    start_s : float
-        POSIX seconds.
-    north_mps, east_mps : float
-        Forecast at the start, TOWARDS.
-    systematic_sigma : array_like, shape (systematic.COUNT,), optional
-        Standard deviation of each error that stays the same through the flight (`models.wind.estimation.systematic`); by default
-        the measurements have none.
-
-    Attributes
-    ----------
-    health : ConsistencyMonitor
-        Whether the innovations are as large as the filter believes they are.
-    last_nis : float
-        Normalised innovation squared of the last measurement, before the gate.
+    It begins at a time, POSIX seconds, with the forecast there, TOWARDS. `systematic_sigma`, shape (systematic.COUNT,),
+    is the standard deviation of each error that stays the same through the flight
+    (`models.wind.estimation.systematic`); by default the measurements have none.
     """
 
     def __init__(
@@ -142,7 +129,9 @@ class WindFilter:
         self.settings = settings or WindFilterSettings()
         self.time_s = start_s
         self.health = ConsistencyMonitor(HEALTH_WINDOW, HEALTH_CORRELATION)
+        """Whether the innovations are as large as the filter believes they are."""
         self.last_nis = math.nan
+        """Normalised innovation squared of the last measurement, before the gate."""
         self._forecast = (north_mps, east_mps)
         self._last_used_s: float | None = None
         self._scaled_by = (-1, -1)

@@ -88,22 +88,10 @@ def update_forecast(
 ) -> WindEnsemble:
     """Weight and shift the members of a forecast by what was measured.
 
-    Parameters
-    ----------
-    ensemble : WindEnsemble
-        At the height of the observations (`WindEnsemble.at_height`).
-    observations : sequence of WindObservation
-        Averages over slots, of any drones.
-    slot_s : float
-        The updated forecast has slots at most so long.
-    least_members : float
-        The weights are flattened until they are worth so many equal ones: a few members that fit what was measured now would else
-        stand for all that may come in the hours after.
-
-    Returns
-    -------
-    WindEnsemble
-        Same members and sites; without observations, the same ensemble.
+    The ensemble is at the height of the observations (`WindEnsemble.at_height`), which are averages over slots, of any
+    drones. The updated forecast has slots of at most `slot_s`, and the same members and sites; without observations it
+    is the same ensemble. The weights are flattened until they are worth `least_members` equal ones: a few members that
+    fit what was measured now would else stand for all that may come in the hours after.
     """
     if not observations:
         return ensemble

@@ -14,17 +14,12 @@ CALM_COUNT, CALM_MEAN = 20, 3.0
 
 
 class ConsistencyMonitor:
-    """Watches the normalised innovations squared, those too that the gate rejects: without them they would be biased low.
+    """Watches the normalised innovations squared, also of what the gate rejects: without these they would be too small.
 
-    A rejected one counts as the gate (`WindFilter`). So two seconds of a manoeuvre do not outweigh two minutes of good measurements,
-    and measurements that are rejected again and again still show that the filter is wrong.
-
-    Parameters
-    ----------
-    window : int
-        Measurements looked at together.
-    correlation : float
-        How many neighbouring measurements are as good as one; innovations of real logs are not independent.
+    A rejected one counts as the gate (`WindFilter`). So two seconds of a manoeuvre do not outweigh two minutes of good
+    measurements, and measurements that are rejected again and again still show that the filter is wrong. `window`
+    measurements are looked at together; `correlation` neighbouring ones are as good as one, for innovations of real
+    logs are not independent.
     """
 
     def __init__(self, window: int = 60, correlation: float = 1.0) -> None:

@@ -104,30 +104,10 @@ def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
 class LiveWind:
     """The wind of one vehicle, estimated as its telemetry comes.
 
-    Parameters
-    ----------
-    drag : DragModel or None
-        Of this drone (`models.drones.drag_file.read_drag`); `NOMINAL_DRAG` where it is not known, None where tilt tells nothing.
-    airspeed : AirspeedModel
-        Of a plane; by default as the sensor says.
-    forecast : callable, optional
-        (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
-        nothing is.
-
-    Attributes
-    ----------
-    filter : WindFilter or None
-        None before the first average.
-    estimate : WindEstimate or None
-        The filter's latest; None before the first.
-    expected : (float, float)
-        The newest forecast it was told, (north, east), m/s.
-    measured : Counter of str
-        Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``, ``limit``.
-    rejected : int
-        Measurements that the gate did not let pass.
-    autopilot_doubt : ndarray, shape (2, 2)
-        Added to the covariance of what the autopilot says of the wind.
+    The drag is that of this drone (`models.drones.drag_file.read_drag`), `NOMINAL_DRAG` where it is not known, None
+    where tilt tells nothing; the airspeed model is that of a plane. The forecast takes POSIX seconds, latitude,
+    longitude and the height above take-off, m, and returns the (north, east) that is expected, m/s; by default nothing
+    is.
     """
 
     def __init__(
@@ -142,10 +122,15 @@ class LiveWind:
         self.airspeed = airspeed
         self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
         self.filter: WindFilter | None = None
+        """None before the first average."""
         self.estimate: WindEstimate | None = None
+        """The filter's latest; None before the first."""
         self.expected = (math.nan, math.nan)
+        """The newest forecast it was told, (north, east), m/s."""
         self.measured: Counter[str] = Counter()
+        """Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``, ``limit``."""
         self.rejected = 0
+        """Measurements that the gate did not let pass."""
         self._forecast = forecast or (lambda *_: (0.0, 0.0))
         self._maker = BlockMaker()
         self._waiting: list[tuple[float, ...]] = []
@@ -157,6 +142,7 @@ class LiveWind:
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
         self.autopilot_doubt = np.zeros((2, 2))
+        """Added to the covariance of what the autopilot says of the wind."""
 
     def hear(self, sample: TelemetrySample) -> WindEstimate | None:
         """Take a sample; returns an estimate when it completes a period. Older samples are ignored."""
