@@ -46,8 +46,7 @@ T = TypeVar("T")
 
 
 def read_scenario(path: str | PathLike[str]) -> Scenario:
-    """Read the scenario in a folder (or named by its ``scenario.toml``); an `InputError` lists all faults of its files.
-    """
+    """Read the scenario in a folder (or named by its ``scenario.toml``); an `InputError` lists all their faults."""
     remedy = "skyway scenario init DIR writes one to start from"
     path = Path(path)
     try:
