@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skyway.planner.evaluation.realizations import Realizations
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.charge_policy import ChargePolicy
+    from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
 
@@ -99,28 +100,27 @@ def fly_itinerary(realizations: Realizations, drone: str, itinerary: Itinerary) 
 def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -> Flown:
     """Fly a route that charges by what is known at each stop in all realizations."""
     problem = realizations.problem(drone)
-    nodes = place_nodes(problem, policy.itinerary)
-    wanted, position = np.unique(realizations.queue, return_inverse=True)
-    paths: list[QueuePath] = []
-    for queue in wanted.tolist():
-        found = realizations.queues(problem, nodes, queue)
-        paths += [found[node] for node in nodes]
-    disturbance = realizations.disturbance(problem.drone)._replace(queue=position.astype(np.int64))
+    disturbance, paths = _met(realizations, problem, policy.itinerary, np.arange(len(realizations)))
     schedule, _ = policy.fly(problem, disturbance, realizations.day, paths)
     return tally(problem, policy.itinerary, realizations.block, schedule)
+
+
+def _met(
+    realizations: Realizations, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]
+) -> tuple[Disturbance, list[QueuePath]]:
+    """Return what an itinerary meets in some realizations, and the sets of queues that it names, in order (set, place)."""
+    nodes = place_nodes(problem, itinerary)
+    wanted, position = np.unique(realizations.queue[runs], return_inverse=True)
+    sets = [realizations.queues(problem, nodes, queue) for queue in wanted.tolist()]
+    disturbance = realizations.disturbance(problem.drone, runs)._replace(queue=position.astype(np.int64))
+    return disturbance, [found[node] for found in sets for node in nodes]
 
 
 def schedules(
     realizations: Realizations, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Schedule of an itinerary in some realizations, shape (runs, legs, 7); see `schedule_kernels`."""
-    nodes = place_nodes(problem, itinerary)
-    wanted, position = np.unique(realizations.queue[runs], return_inverse=True)
-    paths = []
-    for queue in wanted.tolist():
-        found = realizations.queues(problem, nodes, queue)
-        paths += [found[node] for node in nodes]
-    disturbance = realizations.disturbance(problem.drone, runs)._replace(queue=position.astype(np.int64))
+    disturbance, paths = _met(realizations, problem, itinerary, runs)
     return fly_as_it_stands(problem, itinerary, realizations.day[runs], disturbance, paths)
 
 
