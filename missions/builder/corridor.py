@@ -37,24 +37,11 @@ def corridor(
     width_m: float = DEFAULT_WIDTH_M,
     max_vertices: int = MAX_VERTICES,
 ) -> FencePolygon:
-    """Return the inclusion polygon around a route and its diverts.
+    """Return the inclusion polygon around a route, places flown in order, and its diverts.
 
-    Parameters
-    ----------
-    route : sequence of (lat, lon)
-        Places flown, in order.
-    diverts : sequence of (part of the route, station)
-        Which station stays in reach from which part of the route.
-    width_m : float
-        Of the corridor, half on either side; nowhere is it narrower.
-    max_vertices : int
-        Most vertices of the polygon.
-
-    Raises
-    ------
-    InputError
-        The width is not between 20 m and 100 km, or the route crosses the 180th meridian (neither autopilot has
-        fences across it).
+    Each divert is a part of the route and the station that stays in reach from there. The width is half on either side;
+    nowhere is it narrower. An `InputError` says that it is not between 20 m and 100 km, or that the route crosses the
+    180th meridian (neither autopilot has fences across it).
     """
     import shapely
 

@@ -30,16 +30,8 @@ class EnergyModel(Protocol):
 class EnduranceEnergy:
     """Power law in mass through two published endurances: P(m) = P_empty (m / m_empty)^kappa.
 
-    The same in every phase of flight. For the M200 V2, kappa is 1.71 and P_empty 552 W.
-
-    Parameters
-    ----------
-    battery_j : float
-        Nameplate energy.
-    empty_mass_kg, full_mass_kg : float
-        Mass without and with the greatest payload.
-    endurance_empty_s, endurance_full_s : float
-        Endurance at these masses.
+    The same in every phase of flight. For the M200 V2, kappa is 1.71 and P_empty 552 W. The battery's energy is the
+    nameplate's; masses and endurances are those without and with the greatest payload.
     """
 
     battery_j: float
@@ -81,15 +73,10 @@ M100_COEFFICIENTS: Mapping[Phase, tuple[float, float]] = {
 class MomentumEnergy:
     """Induced power of momentum theory with an offset: P = b1 m^1.5 / sqrt(rho) + b0 per phase.
 
-    Source: T. A. Rodrigues et al., "Drone flight data reveal energy and greenhouse gas emissions savings for very
-    small package delivery", Patterns 3, 100569 (2022).
+    The coefficients are (b1, b0) by phase: W with kg and kg/m3; the air density is that of the air flown in.
 
-    Parameters
-    ----------
-    coefficients : mapping of phase to (b1, b0)
-        W with kg and kg/m3.
-    air_density_kg_m3 : float
-        Density of the air flown in.
+    Source: T. A. Rodrigues et al., "Drone flight data reveal energy and greenhouse gas emissions savings for very small
+    package delivery", Patterns 3, 100569 (2022).
     """
 
     coefficients: Mapping[Phase, tuple[float, float]] = field(default_factory=lambda: dict(M100_COEFFICIENTS))
