@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.link.supervisor.departure.failsafes import left_words
 from skyway.link.supervisor.flight.crash import crash_end
 from skyway.link.supervisor.journal.entries import OperatorNote
+from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.resume import take_up
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
@@ -21,6 +22,8 @@ WORDS = "go (take control, continue the delivery), land (land where it is) or le
 def holding(ctx: Context) -> After:
     """Command nothing; watch, record, and go on only on the operator's word."""
     ctx.conversation.forget()
+    if ctx.link.resting:  # what it does now is seen in seconds, not when it rests
+        request_telemetry(ctx)
     if ctx.operator.present:
         ctx.operator.ask(f"nothing is commanded until you answer: {WORDS}")
     else:
@@ -42,7 +45,8 @@ def holding(ctx: Context) -> After:
             station = ctx.here_station()
             ctx.delivery.stand_at(station)
             if station is None:
-                return State.ENDED_ELSEWHERE, "somebody else landed the drone, away from any station: fetch it there"
+                where = "where it stands is not known" if ctx.place is None else "away from any station"
+                return State.ENDED_ELSEWHERE, f"somebody else landed the drone, {where}: fetch it there"
             return (
                 State.STOPPED,
                 f"somebody else landed the drone at {station}, and nobody is there to continue: start again with --resume",

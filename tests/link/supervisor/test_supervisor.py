@@ -73,8 +73,11 @@ def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
 def test_what_a_pad_has_charged_is_believed_from_the_take_off_on(tmp_path):
     stage = Stage(Story(autopilot="ardupilot", soc=0.22, traffic=False, **SHORT), tmp_path)
     assert stage.fly().delivered
-    counters, (leg,) = events(stage, "battery"), events(stage, "leg")
-    assert leg.data["told_soc"] == pytest.approx(counters[-1].data["soc"], abs=0.02)
+    legs = events(stage, "leg")
+    assert legs
+    for leg in legs:
+        charged = [one for one in events(stage, "battery") if one.n < leg.n][-1]
+        assert leg.data["told_soc"] == pytest.approx(charged.data["soc"], abs=0.02)
 
 
 def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
@@ -180,7 +183,13 @@ def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
     assert not stage.craft.autopilot.crashed
     back = [one.data for one in events(stage, "track") if one.state == "diverting" and one.data["height_m"] > 50.0]
     assert len(back) > 9
-    slower = [one["commanded_mps"] - one["ground_speed_mps"] for one in back[6:-3]]
+    settled = [
+        now
+        for before, now in zip(back[:-6], back[6:], strict=True)
+        if now["commanded_mps"] == before.get("commanded_mps")
+    ]
+    slower = [one["commanded_mps"] - one["ground_speed_mps"] for one in settled[:-3]]
+    assert len(slower) > 9
     assert all(abs(mps) < 2.5 for mps in slower), slower  # it flies as fast as it was told, not as on the way there
 
 
@@ -205,7 +214,9 @@ def test_ctrl_c_stays_at_the_next_landing_and_twice_leaves_it_saying_what_it_wil
     outcome = stage.fly(on_tick=press)
     assert outcome.state == "stopped-safe"
     assert outcome.station == "yankee-stadium"
-    assert any("Ctrl-C again leaves it now" in line and "finishes its mission" in line for line in stage.operator.lines)
+    assert any(
+        "Ctrl-C again ends the program now" in line and "finishes its mission" in line for line in stage.operator.lines
+    )
 
 
 def test_left_in_the_air_it_finishes_its_leg_by_its_own_parameters(tmp_path):
