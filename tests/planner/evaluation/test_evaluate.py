@@ -443,9 +443,9 @@ def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_
     arrival = draw(20_000)
     even = np.full(len(arrival), 1.0 / len(arrival))
     promise = Outcome(0.0, arrival, even, np.ones(1), np.zeros(1), np.zeros(1), 1.0, 1.0, arrival > 0.0)
-    honest = summarise("honest", flown_at(draw(20_000)).judged(promise, 0.0))
+    honest = summarise("honest", flown_at(draw(10_000)).judged(promise, 0.0))
     assert honest.calibration[0][0] == pytest.approx(0.4, abs=0.02)
     assert honest.calibration_error.value < 0.01
-    late = summarise("late", flown_at(draw(20_000) + 30.0).judged(promise, 0.0))
+    late = summarise("late", flown_at(draw(10_000) + 30.0).judged(promise, 0.0))
     assert late.calibration_error.value > 0.1
     assert late.calibration_error.low > 0.08

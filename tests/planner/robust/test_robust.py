@@ -217,7 +217,7 @@ def test_a_plan_is_found_that_beats_the_charge_aware_search_in_the_same_truths(
 def test_planning_anew_at_each_stop_delivers_and_keeps_the_reserve(newyork, held_out, realizations):
     request, _, forecast = held_out
     start = Problem(newyork, request, newyork.drone("m200"), forecast)
-    flown, done = fly_policy(realizations, "m200", RollingRobust(start), np.arange(4))
+    flown, done = fly_policy(realizations, "m200", RollingRobust(start), np.arange(2))
     assert flown.delivered.all()
     assert not flown.below_reserve.any()
     network = realizations.problem("m200").network

@@ -118,6 +118,7 @@ def test_the_course_that_is_shown_is_a_typical_one(planned, route, planner):
     assert shown == pytest.approx(median.value, rel=0.03)
 
 
+@pytest.mark.slow
 def test_seeds_differ_by_no_more_than_their_figures_say(planned):
     """Issue 16: 80.9 to 105.5 min between seeds, printed to the second."""
     plans = [planned(FAR, "robust", seed) for seed in range(16)]
