@@ -48,6 +48,14 @@ SOC_SD = 0.006
 LEAST_RATIO = 0.2
 """No sampled leg takes less: 8 standard deviations below the mean."""
 
+RANGES = {
+    "mean_ratio": (0.1, 10.0),
+    "sd_between": (0.0, 2.0),
+    "sd_within": (0.0, 2.0),
+    "degrees_of_freedom": (5.0, 1e6),
+}
+"""Least and greatest value of each field, in a program as in a fleet file."""
+
 
 @dataclass(frozen=True, slots=True)
 class EnergyBelief:
@@ -63,9 +71,7 @@ class EnergyBelief:
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []
-        for name, low, high in (
-            ("mean_ratio", 0.1, 10.0), ("sd_between", 0.0, 2.0), ("sd_within", 0.0, 2.0), ("degrees_of_freedom", 5.0, math.inf),
-        ):  # fmt: skip
+        for name, (low, high) in RANGES.items():
             faults += range_faults(name, getattr(self, name), low, high, f"from {low:g} to {high:g}")
         if faults:
             raise InputError(faults)

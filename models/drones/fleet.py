@@ -8,7 +8,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.drone import BUILT_IN, Drone
-from skyway.models.drones.energy_belief import EnergyBelief
+from skyway.models.drones.energy_belief import RANGES, EnergyBelief
 from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -87,14 +87,11 @@ def _energy_belief(table: Table) -> EnergyBelief:
     if "energy_belief" not in table:
         return usual
     values = table.table("energy_belief")
-    belief = EnergyBelief(
-        values.number("mean_ratio", usual.mean_ratio, low=0.1, high=10.0),
-        values.number("sd_between", usual.sd_between, low=0.0, high=2.0),
-        values.number("sd_within", usual.sd_within, low=0.0, high=2.0),
-        values.number("degrees_of_freedom", usual.degrees_of_freedom, low=5.0, high=1e6),
-    )
+    found = {
+        name: values.number(name, getattr(usual, name), low=low, high=high) for name, (low, high) in RANGES.items()
+    }
     values.finish()
-    return belief
+    return EnergyBelief(**found)
 
 
 def _energy(table: Table, mass_kg: float) -> EnergyModel | None:

@@ -115,7 +115,8 @@ class Realizations:
 
     def energy_ratio(self, drone: Drone, run: int, leg: int) -> float:
         """Return that of one leg."""
-        return float(self.energy(drone)[run, leg % LEGS])
+        energy = self.energy(drone)
+        return float(energy[run, leg % energy.shape[1]])
 
     def disturbance(self, drone: Drone, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
         """What kernels need to know of some runs with a drone."""

@@ -28,7 +28,6 @@ from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
-from skyway.planner.robust.information_kernels import energy_belief_after
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
@@ -253,19 +253,18 @@ class RobustSearch:
         The first one is as before the first leg, the others as after it.
         """
         begin, *others = self.parameters.margins
-        return self._with_energy(begin, 0), *(self._with_energy(margin, 1) for margin in others)
+        first = self.errors.energy_of(self.problem.drone)
+        then = first.learnt(first.mean_ratio, 1.0, soc_sd=0.0)
+        return self._with_energy(begin, first), *(self._with_energy(margin, then) for margin in others)
 
     @property
     def _short_margin(self) -> float:
-        return self._with_energy(self.parameters.short_leg_margin, 0)
+        return self._with_energy(self.parameters.short_leg_margin, self.errors.energy_of(self.problem.drone))
 
-    def _with_energy(self, margin: float, legs: int) -> float:
-        """Margin for the wind, and for what is not known of the drone after some legs that took what was expected."""
-        known = known_at(self.problem, self.errors, measured=True, epsilon=self.problem.epsilon)
-        mean, deviation = energy_belief_after(known, known.energy_mean, legs)
-        return float(
-            mean * (1.0 + math.hypot(margin, NormalDist().inv_cdf(1.0 - self.problem.epsilon) * deviation)) - 1.0
-        )
+    def _with_energy(self, margin: float, belief: EnergyBelief) -> float:
+        """Margin for the wind, and for what is not known of the energy of the drone's next leg."""
+        mean, sigmas = belief.mean_ratio, NormalDist().inv_cdf(1.0 - self.problem.epsilon)
+        return mean * (1.0 + math.hypot(margin, sigmas * belief.leg_sd / mean)) - 1.0
 
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
