@@ -10,6 +10,7 @@ from scipy.special import stdtr, stdtrit
 
 from skyway.models.base.errors import InputError
 from skyway.models.drones.energy_belief import (
+    AIRSPEED_LEG_SD,
     AIRSPEED_SD,
     DEGREES_OF_FREEDOM,
     EXACT,
@@ -68,7 +69,8 @@ def test_its_own_flights_make_a_drone_surer_and_bad_ones_less():
     assert EnergyBelief.calibrated([0.01] * 5).leg_sd < 0.4 * EnergyBelief().leg_sd
     assert EnergyBelief.calibrated([math.nan]).sd_between > EnergyBelief.calibrated([0.01] * 5).sd_between
     assert EnergyBelief.calibrated([0.1, -0.1, 0.08]).sd_between > 2.0 * FLIGHT_SD
-    assert EnergyBelief().counting_airspeed().sd_between == AIRSPEED_SD
+    counting = EnergyBelief().counting_airspeed()
+    assert (counting.sd_between, counting.sd_within) == (AIRSPEED_SD, AIRSPEED_LEG_SD)
     assert EnergyBelief.calibrated([0.01] * 5).counting_airspeed() == EnergyBelief.calibrated([0.01] * 5)
 
 
@@ -101,6 +103,7 @@ def test_the_defaults_are_what_the_flights_say(shared_data):
         "part_sd": PART_SD,
         "published_sd": PUBLISHED_SD,
         "published_leg_sd": PUBLISHED_LEG_SD,
+        "airspeed_leg_sd": AIRSPEED_LEG_SD,
         "airspeed_sd": AIRSPEED_SD,
     }
     for name, value in told.items():
