@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from skyway.planner.result import PlanResult as PlanResult
     from skyway.plots.plotting import plot as plot
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__, __getattr__ = exports(__name__)
 if TYPE_CHECKING:
