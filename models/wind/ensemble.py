@@ -132,6 +132,12 @@ class WindEnsemble:
             raise InputError("an ensemble needs a member", field="members", value=most)
         return self if len(self) <= most else self._chosen(evenly(len(self), most))
 
+    def most_probable(self, most: int) -> WindEnsemble:
+        """Return at most that many members, the most probable ones in their order, their probabilities scaled to 1."""
+        if len(self) <= most:
+            return self
+        return self._chosen(np.sort(np.argsort(-self.probability, kind="stable")[:most]))
+
     def _chosen(self, members: NDArray[np.int64]) -> WindEnsemble:
         probability = self.probability[members]
         total = probability.sum()

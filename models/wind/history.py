@@ -48,6 +48,8 @@ class WindSite:
     lat: float
     lon: float
     """Degrees, WGS-84."""
+    icao: str = ""
+    """Its identifier in METARs; without one, its id, or that with a letter before it (EWR: KEWR)."""
 
 
 @dataclass(frozen=True, slots=True)

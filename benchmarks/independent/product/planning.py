@@ -24,7 +24,14 @@ from benchmarks.independent.weather import reports
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.composition.composition import State
 from skyway.models.wind.columns import WindColumns
+from skyway.models.wind.estimation.field import ResidualModel, WindObservation
+from skyway.models.wind.forecast import analogue_ensemble
 from skyway.models.wind.history import read_history
+from skyway.models.wind.observed.conditioning import conditioned, counted
+from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
+from skyway.models.wind.triangle import speed_from
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.plan import plan
 from skyway.planner.problem.request import Request
@@ -32,7 +39,7 @@ from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.power import PowerModel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from benchmarks.independent.information import Order
     from benchmarks.independent.vehicle.energy import Power
@@ -177,10 +184,19 @@ def shift_s(name: str, order: Order, day: date) -> float:
     return 86_400.0 * (day - here).days
 
 
-def planned(name: str, order: Order, days: Sequence[date], kept_back: str = "") -> Planned | None:
-    """Ask for a robust plan, told the sites but one; None where there is no route."""
+def planned(
+    name: str,
+    order: Order,
+    days: Sequence[date],
+    kept_back: str = "",
+    reports: Mapping[str, tuple[float, float, float]] | None = None,
+) -> Planned | None:
+    """Ask for a robust plan, told the sites but one; None where there is no route.
+
+    `reports` are those of the hour of the order, as in `information.Seen`: then the forecast is conditioned on them.
+    """
     scenario, request = told_scenario(name, kept_back), _request(name, order)
-    forecast = held_out_forecast(scenario, request, days)
+    forecast = held_out_forecast(scenario, request, days) if reports is None else _now(scenario, request, days, reports)
     try:
         result = plan(scenario, request, planner="robust", forecast=forecast)
     except InfeasibleError:
@@ -194,6 +210,30 @@ def planned(name: str, order: Order, days: Sequence[date], kept_back: str = "") 
         outcome.p_success,
     )
     return Planned(scenario, request, forecast, result, promise)
+
+
+def _now(
+    scenario: Scenario, request: Request, days: Sequence[date], reports: Mapping[str, tuple[float, float, float]]
+) -> WindEnsemble:
+    """The forecast without some days of the record, conditioned on reports, by the code behind ``plan --observed``."""
+    winds = []
+    for site in scenario.wind_sites:
+        time_s, north, east = reports[site.id]
+        speed, degrees = map(float, speed_from(north, east))
+        seen = WindObservation(time_s, site.lat, site.lon, north, east, STATION_ERROR_MPS**2, scenario.measured_at_m)
+        winds.append(ObservedWind(site.id, "report", speed, degrees, seen))
+
+    def forecast(begin: datetime, hours: int) -> WindEnsemble:
+        local = begin.astimezone(ZoneInfo(scenario.timezone))
+        assert scenario.history is not None
+        return analogue_ensemble(scenario.history, local, hours, season_days=scenario.season_days, exclude=days)
+
+    chosen = counted(winds, scenario.wind_sites, request.state.time.timestamp())
+    found, _ = conditioned(
+        forecast, chosen.winds, request.state.time, HORIZON_H, exponent=scenario.rules.wind_profile_exponent,
+        residual=ResidualModel(tau_s=USUAL.online.residual_tau_s), members=USUAL.robust.members,
+    )  # fmt: skip
+    return found
 
 
 def _request(name: str, order: Order) -> Request:

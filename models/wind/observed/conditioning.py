@@ -1,0 +1,182 @@
+"""A forecast conditioned on the winds that were observed before the departure.
+
+It is `models.wind.estimation.forecast_update.update_forecast`, the one method of the house, with what was measured to suit the reports of
+airports (decision 83): of each station the newest report alone, its error `STATION_ERROR_MPS`, weights worth `LEAST_MEMBERS` members, and of
+these the most probable. How old a report is counts by itself: members are compared with it in the hour of the observation, and what
+is left of it has faded since.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.formatting import distance_text, duration
+from skyway.models.base.geodesy import inverse
+from skyway.models.base.units import from_posix, iso
+from skyway.models.wind.estimation.forecast_update import update_forecast
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from datetime import datetime
+
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.field import ResidualModel, WindObservation
+    from skyway.models.wind.history import WindSite
+    from skyway.models.wind.observed.reading import ObservedWind
+
+OLDEST_S = 6 * 3600.0
+"""Before the departure. By then half of what a fresh report tells is gone."""
+FUTURE_S = 60.0
+"""So much after the departure is the same instant: departures are told to the minute."""
+FAR_M = 80_000.0
+"""From the nearest wind site: two lengths over which residuals are alike."""
+LEAST_MEMBERS = 30.0
+SAME_S, SAME_MPS = 60.0, 0.3
+"""Two winds of a station at one time that differ by no more are one report, rounded in two ways."""
+DOUBT_SIGMAS = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """The observations that count for a departure."""
+
+    winds: tuple[ObservedWind, ...]
+    notes: tuple[str, ...]
+    """Which do not, and why."""
+
+
+def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_s: float) -> Counted:
+    """Choose the observations that count: no look ahead, neither old nor far, of each station the newest.
+
+    An `InputError` names two winds of a station at one time that contradict each other.
+    """
+    notes: list[str] = []
+    late = [one for one in observed if one.observation.time_s > depart_s + FUTURE_S]
+    kept = [one for one in observed if one not in late]
+    if late:
+        notes.append(f"{_many(late)} after the departure and left out")
+    old = [one for one in kept if one.observation.time_s < depart_s - OLDEST_S]
+    newest = {one.place for one in kept if one not in old}
+    silent = [one for one in old if one.place not in newest and not one.drone]
+    if silent:
+        last = max(silent, key=lambda one: one.observation.time_s)
+        age = duration(depart_s - last.observation.time_s)
+        names = ", ".join(dict.fromkeys(one.place for one in silent))
+        notes.append(f"the wind observed at {names} is left out: {age} before the departure, {duration(OLDEST_S)} at most count")
+    kept = [one for one in kept if one not in old]
+    far = [(one, away) for one in kept if (away := _away_m(one, sites)) > FAR_M]
+    for one, away in far:
+        notes.append(f"the wind observed at {one.place} is left out: {distance_text(away)} from every wind site")
+    kept = [one for one in kept if all(one is not other for other, _ in far)]
+    return Counted((*_newest([one for one in kept if not one.drone]), *(one for one in kept if one.drone)), tuple(notes))
+
+
+def _many(winds: Sequence[ObservedWind]) -> str:
+    if len(winds) == 1:
+        one = winds[0]
+        return f"the wind observed at {one.place} at {iso(from_posix(one.observation.time_s))} is"
+    return f"{len(winds)} observed winds are"
+
+
+def _away_m(one: ObservedWind, sites: Sequence[WindSite]) -> float:
+    lat, lon = np.array([site.lat for site in sites]), np.array([site.lon for site in sites])
+    return float(inverse(one.observation.lat_deg, one.observation.lon_deg, lat, lon)[0].min())
+
+
+def _newest(winds: Sequence[ObservedWind]) -> list[ObservedWind]:
+    """The newest wind of each station, its correction where there is one."""
+    chosen: dict[str, ObservedWind] = {}
+    faults = []
+    for one in sorted(winds, key=lambda one: (one.observation.time_s, one.corrected)):
+        other = chosen.get(one.place)
+        if other is not None and one.corrected == other.corrected and _contradict(one, other):
+            stamp = iso(from_posix(one.observation.time_s))
+            problem = f"two winds at {stamp} contradict each other: {other.told} ({other.source}) and {one.told} ({one.source})"
+            faults.append(Fault(problem, field=one.place, remedy="keep the right one"))
+        chosen[one.place] = one
+    refuse(faults)
+    return list(chosen.values())
+
+
+def _contradict(one: ObservedWind, other: ObservedWind) -> bool:
+    a, b = one.observation, other.observation
+    apart = np.hypot(a.north_mps - b.north_mps, a.east_mps - b.east_mps)
+    return abs(a.time_s - b.time_s) < SAME_S and (apart > SAME_MPS or abs(one.speed_mps - other.speed_mps) > SAME_MPS)
+
+
+def conditioned(
+    forecast: Callable[[datetime, int], WindEnsemble],
+    winds: Sequence[ObservedWind],
+    depart: datetime,
+    hours: int,
+    *,
+    exponent: float,
+    residual: ResidualModel,
+    members: int,
+) -> tuple[WindEnsemble, tuple[str, ...]]:
+    """Condition a forecast on observations that count.
+
+    Parameters
+    ----------
+    forecast : callable
+        Gives the forecast from an instant on, for so many hours.
+    winds : sequence of ObservedWind
+        See `counted`.
+    depart, hours
+        The departure, and for how long the wind is wanted from then on.
+    exponent : float
+        Of the wind's profile, for observations at other heights than the forecast's.
+    residual : ResidualModel
+        How a wind differs from the forecast, and how long.
+    members : int
+        So many are kept, the most probable ones.
+
+    Returns
+    -------
+    WindEnsemble
+        Its first slot is that of the departure. Without winds the forecast as it is.
+    tuple of str
+        Observations that do not fit the others, for people; they count nevertheless.
+    """
+    if not winds:
+        return forecast(depart, hours), ()
+    depart_s = depart.timestamp()
+    begin_s = min([depart_s, *(one.observation.time_s for one in winds)])
+    before = forecast(from_posix(begin_s), hours + int(np.ceil((depart_s - begin_s) / 3600.0)))
+    level = [one.observation.at_height(before.height_m, exponent) for one in winds]
+    after = update_forecast(before, level, residual, slot_s=before.slot_s, least_members=LEAST_MEMBERS)
+    notes = []
+    if 1 < len(winds) <= 50:
+        for number, one in enumerate(winds):
+            others = [*level[:number], *level[number + 1 :]]
+            told = update_forecast(before, others, residual, slot_s=before.slot_s, least_members=LEAST_MEMBERS)
+            if _sigmas(told, level[number]) > DOUBT_SIGMAS:
+                notes.append(f"the wind observed at {one.place}, {one.told}, does not fit the others: check it")
+    first = after.slot_at(depart_s)
+    last = min(first + int(np.ceil(hours * 3600.0 / after.slot_s)), after.slots)
+    cut = replace(
+        after, start_s=after.start_s + first * after.slot_s, north=after.north[:, first:last], east=after.east[:, first:last]
+    )
+    return cut.most_probable(members), tuple(notes)
+
+
+def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:
+    """How many standard deviations an observation is from what an ensemble says of its place and time."""
+    winds = ensemble.wind_at(seen.lat_deg, seen.lon_deg, ensemble.slot_at(seen.time_s))
+    worst = 0.0
+    for values, value in zip(winds, (seen.north_mps, seen.east_mps), strict=True):
+        mean = float(ensemble.probability @ values)
+        variance = float(ensemble.probability @ (values - mean) ** 2) + seen.variance
+        worst = max(worst, abs(value - mean) / float(np.sqrt(variance)))
+    return worst
+
+
+def nothing_counts(given: Sequence[ObservedWind], notes: Sequence[str], depart: datetime) -> InputError:
+    """Return the error for observations handed over of which none counts."""
+    said = "; ".join(notes) or "there are none"
+    remedy = f"hand over winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or leave the option out"
+    return InputError(f"none of {len(given)} observed winds counts: {said}", field="--observed", remedy=remedy)

@@ -1,0 +1,302 @@
+"""Observed winds as they are handed over: typed, in a table, as METARs, or as ``skyway forecast --json`` tells what drones measured."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.files import read_text
+from skyway.models.base.formatting import place_text, speed_text, wind_text
+from skyway.models.base.geodesy import coordinate_faults
+from skyway.models.base.table import FaultCollector, Problem, read_table
+from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.wind.columns import MAX_SPEED_MPS, check_year, parse_direction, parse_number
+from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.observed.metar import parse_metars
+from skyway.models.wind.triangle import speed_from, vector
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.base.table import Chunk
+    from skyway.models.wind.history import WindSite
+
+STATION_ERROR_MPS = 1.2
+"""How far a station's mean over 2 or 10 minutes is from the wind that a forecast means, a component: least CRPS (decision 83)."""
+MAX_BYTES = 4 * 1024 * 1024
+MAX_REPORTS = 20_000
+TYPED = re.compile(r"([^=@/\\]+)=([^=@]+)@([^=@]+)(?:@([^=@]+))?")
+VARIABLE = ("VRB", "variable")
+_HAS = ("time", "speed_mps", "from_deg")
+_MAY_HAVE = ("site", "lat", "lon", "height_m", "sigma_mps")
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedWind:
+    """A wind that was observed, and where that is known from."""
+
+    place: str
+    """The site of the record, or latitude and longitude."""
+    source: str
+    """The file, or what was typed."""
+    speed_mps: float
+    from_deg: float | None
+    """As reported; None is variable."""
+    observation: WindObservation
+    corrected: bool = False
+    """A correction of a report that was out before."""
+    drone: bool = False
+    """Measured by a drone on its way, averaged over a slot."""
+
+    @property
+    def told(self) -> str:
+        """The wind for people."""
+        return speed_text(self.speed_mps) if self.from_deg is None else wind_text(self.speed_mps, self.from_deg)
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """All that was handed over."""
+
+    winds: tuple[ObservedWind, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What a person should know of reports that say nothing."""
+
+    def __add__(self, other: Observations) -> Observations:
+        return Observations(self.winds + other.winds, self.notes + other.notes)
+
+
+def read_observed(
+    given: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float, *, field: str = "--observed"
+) -> Observations:
+    """Read winds as handed over: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
+
+    A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs,
+    or what ``skyway forecast --json`` printed. An `InputError` has all its faults.
+    """
+    typed = TYPED.fullmatch(given.strip())
+    if typed is not None and not Path(given).is_file():
+        return Observations((_typed(typed, given, sites, measured_at_m, depart_s, field),))
+    path = Path(given)
+    if not path.suffix and "@" in given:
+        remedy = "write SITE=SPEED@FROM, m/s@degrees FROM, such as EWR=8@270, or name a file"
+        raise InputError("not an observed wind", field=field, value=given, remedy=remedy)
+    text = read_text(path, max_bytes=MAX_BYTES)
+    first = next((line.strip() for line in text.splitlines() if line.strip()), "")
+    if not first:
+        raise InputError("is empty", str(path), remedy="a table with a header, or METARs, one a line")
+    if first.startswith("{"):
+        return Observations(_from_json(text, str(path)))
+    if "speed_mps" in first or ("," in first and "time" in first.lower()):
+        return Observations(_Table(path, sites, measured_at_m).read())
+    return _from_metars(text, str(path), sites, measured_at_m, depart_s)
+
+
+def site_named(name: str, sites: Sequence[WindSite]) -> WindSite | None:
+    """Find a site by its id, its identifier in METARs, or that without its first letter (KEWR: EWR)."""
+    wanted = name.strip().casefold()
+    for site in sites:
+        if wanted in (site.id.casefold(), site.icao.casefold() or None):
+            return site
+    return next((s for s in sites if len(wanted) == 4 and not s.icao and s.id.casefold() == wanted[1:]), None)
+
+
+def _unknown(name: str, sites: Sequence[WindSite]) -> tuple[str, str]:
+    """Problem and remedy of a station that is no site of the scenario."""
+    known = ", ".join(f"{site.id} ({site.icao})" if site.icao else site.id for site in sites) or "none"
+    return f"unknown station {one_line(name)[:40]}", f"the scenario's wind sites are {known}"
+
+
+def _at(
+    site: WindSite, source: str, time_s: float, speed: float, degrees: float | None, height_m: float, sigma: float
+) -> ObservedWind:
+    """Make the observation of a station; a variable wind is 0 on average, and as unsure as it is strong."""
+    north, east = (0.0, 0.0) if degrees is None else map(float, vector(speed, degrees))
+    variance = sigma**2 + (0.5 * speed**2 if degrees is None else 0.0)
+    found = WindObservation(time_s, site.lat, site.lon, north, east, variance, height_m)
+    return ObservedWind(site.id, source, speed, degrees, found)
+
+
+def _typed(
+    typed: re.Match[str], given: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float, field: str
+) -> ObservedWind:
+    name, speed_text_, from_text, time_text = typed.groups()
+    site = site_named(name, sites)
+    if site is None:
+        problem, remedy = _unknown(name, sites)
+        raise InputError(problem, field=field, value=given, remedy=remedy)
+    speed, direction = parse_number(speed_text_.strip()), parse_direction(from_text.strip())
+    variable = from_text.strip().casefold() in ("vrb", "variable")
+    if isinstance(speed, Problem) or not 0.0 <= speed <= MAX_SPEED_MPS:
+        raise InputError("not a wind speed", field=field, value=given, remedy=f"m/s, from 0 to {MAX_SPEED_MPS:g}")
+    if isinstance(direction, Problem):
+        if not variable:
+            raise InputError("not a direction", field=field, value=given, remedy="degrees FROM, 0 to 360, or VRB")
+        direction = math.nan
+    time_s = depart_s if time_text is None else parse_instant(time_text, field=field).timestamp()
+    degrees = None if variable else direction
+    return _at(site, field, time_s, speed, degrees, measured_at_m, STATION_ERROR_MPS)
+
+
+def _from_metars(
+    text: str, file: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float
+) -> Observations:
+    faults = FaultCollector(file)
+    found, notes = [], []
+    reports = parse_metars(text, depart_s, faults)
+    if len(reports) > MAX_REPORTS:
+        raise InputError(f"has more than {MAX_REPORTS:,} reports", file, remedy="cut it to the last hours")
+    for one in reports:
+        site = site_named(one.station, sites)
+        if site is None:
+            problem, remedy = _unknown(one.station, sites)
+            faults.add(problem, f"{remedy}; give one its identifier with icao, or leave the line out", line=one.line)
+        elif one.speed_mps is None:
+            notes.append(f"{file}:{one.line}: {one.station} reports no wind at {iso(from_posix(one.time_s))}")
+        elif one.speed_mps > MAX_SPEED_MPS:
+            faults.add("not a wind speed", f"up to {MAX_SPEED_MPS:g} m/s", line=one.line, value=one.speed_mps)
+        else:
+            calm = one.speed_mps == 0.0
+            degrees = 0.0 if calm else one.from_deg
+            seen = _at(site, file, one.time_s, one.speed_mps, degrees, measured_at_m, STATION_ERROR_MPS)
+            found.append(replace(seen, corrected=one.corrected))
+    faults.raise_if_any()
+    if not reports:
+        raise InputError("has no report", file, remedy="a METAR a line, such as KEWR 101851Z 22010KT")
+    return Observations(tuple(found), tuple(notes))
+
+
+class _Table:
+    """A table of observed winds; rows name a site, or a place."""
+
+    def __init__(self, path: Path, sites: Sequence[WindSite], measured_at_m: float) -> None:
+        self.path, self.sites, self.height_m = path, sites, measured_at_m
+        self.faults = FaultCollector(str(path))
+        self.count = 0
+
+    def read(self) -> tuple[ObservedWind, ...]:
+        """Read every row; an `InputError` has all faults."""
+        found = [
+            one for chunk in read_table(self.path, _HAS, self.faults, optional=_MAY_HAVE) for one in self._rows(chunk)
+        ]
+        self.faults.raise_if_any()
+        return tuple(found)
+
+    def _rows(self, chunk: Chunk) -> list[ObservedWind]:
+        self.count += len(chunk.lines)
+        if self.count > MAX_REPORTS:
+            raise InputError(f"has more than {MAX_REPORTS:,} rows", str(self.path), remedy="cut it to the last hours")
+        time_s = chunk.decode("time", _time, self.faults)
+        speed = chunk.decode("speed_mps", _speed, self.faults)
+        degrees = chunk.decode("from_deg", _direction, self.faults)
+        lat, lon, height, sigma = (self._optional(chunk, name) for name in ("lat", "lon", "height_m", "sigma_mps"))
+        names = chunk.columns.get("site", ("",) * len(chunk.lines))
+        found = []
+        for row, line in enumerate(chunk.lines):
+            site = self._place(names[row].strip(), lat[row], lon[row], line)
+            if site is None or math.isnan(time_s[row]) or math.isnan(speed[row]):
+                continue
+            named = bool(names[row].strip())
+            at_m = self.height_m if math.isnan(height[row]) else height[row]
+            error = STATION_ERROR_MPS if math.isnan(sigma[row]) else sigma[row]
+            known = None if math.isnan(degrees[row]) else float(degrees[row])
+            seen = _at(site, str(self.path), float(time_s[row]), float(speed[row]), known, float(at_m), float(error))
+            found.append(replace(seen, drone=not named))
+        return found
+
+    def _optional(self, chunk: Chunk, name: str) -> Sequence[float]:
+        """Read a column that may be missing, or empty in a row: NaN."""
+        if name not in chunk.columns:
+            return [math.nan] * len(chunk.lines)
+
+        def parse(text: str) -> float | Problem:
+            value = math.nan if not text else parse_number(text)
+            low, high = {"lat": (-90.0, 90.0), "lon": (-180.0, 180.0), "height_m": (0.1, 10_000.0)}.get(name, (0.01, 50.0))
+            if isinstance(value, float) and not math.isnan(value) and not low <= value <= high:
+                return Problem("out of range", f"{low:g} to {high:g}")
+            return value
+
+        values: list[float] = chunk.decode(name, parse, self.faults).tolist()
+        return values
+
+    def _place(self, name: str, lat: float, lon: float, line: int) -> WindSite | None:
+        from skyway.models.wind.history import WindSite
+
+        if name:
+            site = site_named(name, self.sites)
+            if site is None:
+                problem, remedy = _unknown(name, self.sites)
+                self.faults.add(problem, remedy, line=line, field="site")
+            return site
+        if math.isnan(lat) or math.isnan(lon):
+            self.faults.add("has no place", "a site, or lat and lon", line=line)
+            return None
+        return WindSite(place_text(lat, lon), lat, lon)
+
+
+def _time(text: str) -> float | Problem:
+    try:
+        instant = parse_instant(text)
+    except InputError as error:
+        return Problem(error.faults[0].problem, error.faults[0].remedy or "")
+    return check_year(instant) or instant.timestamp()
+
+
+def _speed(text: str) -> float | Problem:
+    value = parse_number(text)
+    if isinstance(value, float) and not 0.0 <= value <= MAX_SPEED_MPS:
+        return Problem("not a wind speed", f"metres per second, from 0 to {MAX_SPEED_MPS:g}")
+    return value
+
+
+def _direction(text: str) -> float | Problem:
+    return math.nan if text.casefold() in ("", "vrb", "variable") else parse_direction(text)
+
+
+class _Measured(msgspec.Struct):
+    """A wind that drones measured, as ``skyway forecast --json`` prints it."""
+
+    t: str
+    lat: float
+    lon: float
+    north_mps: float
+    east_mps: float
+    sigma_mps: float
+
+
+class _Update(msgspec.Struct):
+    schema: str
+    height_m: float
+    observations: list[_Measured]
+
+
+def _from_json(text: str, file: str) -> tuple[ObservedWind, ...]:
+    remedy = "write one with skyway forecast LOG … --json"
+    try:
+        read = msgspec.json.decode(text, type=_Update)
+    except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"is not what skyway forecast --json prints: {error}", file, remedy=remedy) from error
+    if read.schema != "skyway.forecast-update/1":
+        raise InputError("unknown schema", file, field="schema", value=read.schema, remedy=remedy)
+    found, faults = [], []
+    for number, one in enumerate(read.observations):
+        field = f"observations[{number}]"
+        time_s = parse_instant(one.t, field=f"{field}.t", file=file).timestamp()
+        speed, degrees = map(float, speed_from(one.north_mps, one.east_mps))
+        good = 0.0 <= speed <= MAX_SPEED_MPS and 0.0 < one.sigma_mps <= 50.0 and 0.0 < read.height_m <= 10_000.0
+        if coordinate_faults(one.lat, one.lon) or not good:
+            faults.append(Fault("is not a wind that was measured", file, field=field, remedy=remedy))
+            continue
+        seen = WindObservation(
+            time_s, one.lat, one.lon, one.north_mps, one.east_mps, one.sigma_mps**2, read.height_m
+        )
+        found.append(ObservedWind(place_text(one.lat, one.lon), file, speed, degrees, seen, drone=True))
+    if faults:
+        raise InputError(faults)
+    return tuple(found)
