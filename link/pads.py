@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
+import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -22,9 +23,12 @@ from skyway.models.queues.pad_service import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
 ANSWER_S = 3.0
+"""For one answer, from the connection to its last byte."""
+SNAPSHOT_S = 10.0
+"""For the answers of all stations."""
 _MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
 
 
@@ -73,11 +77,16 @@ class TcpPads:
         return answer
 
     def _exchange(self, line: bytes) -> PadAnswer:
+        end_s = time.monotonic() + ANSWER_S
         if self._socket is None:
             self._socket = socket.create_connection((self.address.host, self.address.port), ANSWER_S)
             self._received = b""
         self._socket.sendall(line)
         while b"\n" not in self._received:
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                raise TimeoutError(None, "timed out")
+            self._socket.settimeout(left_s)
             data = self._socket.recv(65536)
             if not data:
                 raise ConnectionResetError(None, "it closed the connection")
@@ -87,11 +96,45 @@ class TcpPads:
         answer, _, self._received = self._received.partition(b"\n")
         return decode_answer(answer)
 
+    @property
+    def closed(self) -> bool:
+        """Whether no connection is open: before the first request, and after a failure."""
+        return self._socket is None
+
     def close(self) -> None:
         """Close the connection."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+def snapshot(
+    address: str, stations: Sequence[str], *, within_s: float = SNAPSHOT_S
+) -> tuple[list[StationStatus], list[str]]:
+    """Ask a pad service once for each of some stations; returns what it answered, and what a person should know of the others.
+
+    A `PadServiceError` says that the service cannot be reached, or answers for none of them; an `InputError` refuses the address.
+    """
+    pads, end_s = TcpPads(address), time.monotonic() + within_s
+    found: list[StationStatus] = []
+    unknown: list[str] = []
+    failure: PadServiceError | None = None
+    for number, station in enumerate(stations):
+        if time.monotonic() > end_s or (failure is not None and pads.closed):
+            unknown += stations[number:]
+            break
+        try:
+            found.append(pads.status(station))
+        except PadServiceError as error:
+            failure = failure or error
+            unknown.append(station)
+    pads.close()
+    if not found and failure is not None:
+        raise failure
+    if not unknown:
+        return found, []
+    why = f": {failure}" if failure is not None else f" within {within_s:g} s"
+    return found, [f"the pad service at {pads.address} told of {len(found)} of {len(stations)} stations{why}"]
 
 
 @dataclass(slots=True)

@@ -50,7 +50,8 @@ def published(city: City, order: Order, shift_s: float) -> dict[str, tuple[float
         time_s = float(metars.time_s[number]) - shift_s
         if number < 0 or order.depart_s - time_s > 2 * 3600.0:
             return None
-        found[site.id] = (time_s, *map(float, metars.wind[number]))
+        north, east = metars.wind[number].tolist()
+        found[site.id] = (time_s, north, east)
     return found
 
 
@@ -142,7 +143,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--requests", type=int, default=64)
     parser.add_argument("--days", type=int, default=2, help="held-out days of each request")
-    parser.add_argument("--runs", type=int, default=5, help="deliveries a day in each world; 40 times as many out of sample")
+    parser.add_argument(
+        "--runs", type=int, default=5, help="deliveries a day in each world; 40 times as many out of sample"
+    )
     parser.add_argument("--worlds", default="ours,weather,all")
     parser.add_argument("--seed", type=int, default=83)
     parser.add_argument("--out", type=Path, required=True, help="JSON lines, one for each order, day and arm")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.field import WindObservation
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
 
@@ -30,6 +31,8 @@ class DeliveryJob:
     """What was asked, the drone named."""
     forecast: WindEnsemble
     """Wind as it is expected at the start."""
+    observed: tuple[WindObservation, ...] = ()
+    """Winds that stations and other drones observed before the start, each at its own height."""
     options: MissionOptions = field(default_factory=MissionOptions)
     """How missions are made, and who releases the package."""
     drag: DragModel | None = None

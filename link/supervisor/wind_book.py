@@ -41,7 +41,8 @@ class WindBook:
 
     The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
     wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
-    and longitude; by default it is not known. For the others see `update_forecast`.
+    and longitude; by default it is not known. `at_stations` are winds that others observed before the delivery. For the others see
+    `update_forecast`.
     """
 
     def __init__(
@@ -53,10 +54,12 @@ class WindBook:
         ground_m: Callable[[float, float], float] = lambda *_: math.nan,
         residual: ResidualModel | None = None,
         least_members: float = 1.0,
+        at_stations: Sequence[WindObservation] = (),
     ) -> None:
         self._rules, self.cruise_height_m, self.exponent = rules, rules.cruise_height_m, rules.wind_profile_exponent
         self.base = forecast.at_height(self.cruise_height_m, self.exponent)
         self._residual, self._least_members = residual, least_members
+        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in at_stations)
         self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
         self._expected = forecast_of(self.base, self.exponent)
@@ -139,7 +142,9 @@ class WindBook:
     @property
     def origin(self) -> str:
         """Where a wind that is told before a take-off comes from, for a person: it is never measured there and then."""
-        return "forecast corrected by measurements of earlier legs" if self.observations else "forecast"
+        if self.observations:
+            return "forecast corrected by measurements of earlier legs"
+        return "forecast corrected by the winds observed" if self._at_stations else "forecast"
 
     @property
     def source(self) -> str:
@@ -163,5 +168,9 @@ class WindBook:
     def _update(self, *, slot_s: float = SLOT_S) -> WindEnsemble:
         """Bring the forecast up to date."""
         return update_forecast(
-            self.base, self.observations, self._residual, slot_s=slot_s, least_members=self._least_members
+            self.base,
+            (*self._at_stations, *self.observations),
+            self._residual,
+            slot_s=slot_s,
+            least_members=self._least_members,
         )

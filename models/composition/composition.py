@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from skyway.models.base.statistics import Figure
+    from skyway.models.composition.conditions import Condition
     from skyway.models.network.network import Station
     from skyway.models.wind.summary import Wind
 
@@ -255,6 +256,8 @@ class Composition:
         How sure these are; None where nothing was sampled.
     parameters : mapping of str to str
         Parameters of planners that were not at their defaults, as they are typed after ``--set``.
+    conditions : tuple of Condition
+        Winds and pads observed at the time of planning that the promise rests on.
     """
 
     id: str
@@ -285,6 +288,7 @@ class Composition:
     success: Figure | None = None
     on_time: Figure | None = None
     parameters: Mapping[str, str] = field(default_factory=dict)
+    conditions: tuple[Condition, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""
@@ -374,7 +378,9 @@ class State:
     soc : float
         State of charge, 0 to 1.
     busy_pads : mapping of str to int
-        Busy pads seen at stations now; absent is unknown.
+        Drones seen on the pads of stations and in line now; absent is unknown.
+    pads_free_s : mapping of str to tuple of float
+        When busy pads of these stations become free, POSIX seconds, as far as that is known.
     visited : frozenset of str
         Stations the delivery has landed at before.
     """
@@ -384,4 +390,5 @@ class State:
     position: tuple[float, float] | None = None
     soc: float = 1.0
     busy_pads: Mapping[str, int] = field(default_factory=dict)
+    pads_free_s: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     visited: frozenset[str] = frozenset()

@@ -28,6 +28,7 @@ from skyway.models.composition.composition import (
     Place,
     Stop,
 )
+from skyway.models.composition.conditions import Condition
 from skyway.models.wind.summary import Wind
 
 if TYPE_CHECKING:
@@ -46,11 +47,12 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
     DroneService: schema.Leg,
     Stop: schema.Stop,
     ArrivalDistribution: schema.Arrival,
+    Condition: schema.Condition,
     Composition: schema.Composition,
 }
 """What each class is in the file."""
 _CLASSES = {struct: kind for kind, struct in _STRUCTS.items()}
-_INSTANTS = ("depart", "arrive", "mean", "p50", "p95")
+_INSTANTS = ("depart", "arrive", "mean", "p50", "p95", "time")
 T = TypeVar("T")
 
 
@@ -58,6 +60,8 @@ def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     document: dict[str, Any] = _plain(composition)
+    if not composition.conditions:
+        del document["conditions"]
     return document | {"schema": SCHEMA, "scenario": scenario}
 
 

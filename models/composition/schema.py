@@ -6,7 +6,7 @@ it is written for readers, and not read. See `models.composition.file`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -121,6 +121,19 @@ class Arrival(msgspec.Struct, rename={f"delivery_{name}": f"delivery_{name}_s" f
     runs: int | None = None
 
 
+class Condition(msgspec.Struct, kw_only=True):
+    """A wind or pads observed at the time of planning."""
+
+    kind: Literal["wind", "pads"]
+    place: str
+    time: str
+    age_s: float
+    source: str
+    speed_mps: _NotNegative | None = None
+    from_deg: _Bearing | None = None
+    busy: Annotated[int, msgspec.Meta(ge=0)] | None = None
+
+
 class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
     """The whole file."""
 
@@ -159,3 +172,5 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     planning_time_s: _NotNegative = 0.0
     notes: list[str] = []
     parameters: dict[str, str] = {}
+    conditions: list[Condition] = []
+    """Left out where there are none."""

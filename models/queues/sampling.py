@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     Floats: TypeAlias = NDArray[np.float64]
 
 
+NOTHING_KNOWN = np.empty(0)
+
+
 @dataclass(frozen=True, eq=False)
 class QueuePath:
     """Queue that our drone meets at one station, for any time of arrival.
@@ -135,6 +138,7 @@ def sample_sets(
     hours: float,
     seeds: Sequence[int | Sequence[int]],
     busy: Mapping[int, int],
+    free_s: Mapping[int, Sequence[float]] | None = None,
 ) -> list[dict[int, QueuePath]]:
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
@@ -156,6 +160,8 @@ def sample_sets(
         One a set, for example (seed, member).
     busy : mapping of int to int
         Drones present at `start_s`, by node, those beyond the pads in the line.
+    free_s : mapping of int to sequence of float, optional
+        When busy pads of a node become free, POSIX seconds, as far as that is known; the others by the rates.
 
     Returns
     -------
@@ -168,13 +174,14 @@ def sample_sets(
     for station in stations:
         arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
         count, spots, rates = int(pads[station]), int(holding_spots[station]), (arrivals, 1.0 / charging)
+        known = np.sort(np.array((free_s or {}).get(station, ()), dtype=np.float64))
         share = None if station in busy or not count else present_at(load, station, count, start_s)
         for found, seed in zip(result, seeds, strict=True):
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
             present = busy.get(station, 0)
             if share is not None:
                 present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
-            found[station] = sample_path(rng, count, spots, rates, times, present) if count else no_queue()
+            found[station] = sample_path(rng, count, spots, rates, times, present, known) if count else no_queue()
     return result
 
 
@@ -211,13 +218,14 @@ def sample_path(
     rates: tuple[NDArray[np.float64], NDArray[np.float64]],
     times: tuple[float, float, float],
     present: int,
+    known_s: NDArray[np.float64] = NOTHING_KNOWN,
 ) -> QueuePath:
-    """Sample the other drones at one station; `rates`, `times` and `present` are those of `_lived`."""
+    """Sample the other drones at one station; `rates`, `times`, `present` and `known_s` are those of `_lived`."""
     first_s, _, end_s = times
     expected = present + float(rates[0].max()) * (end_s - first_s)
     draws = rng.standard_exponential(pads + 2 * (16 + int(1.2 * expected)))
     while True:
-        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present)
+        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present, known_s)
         if enough:
             return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)
         draws = np.concatenate((draws, rng.standard_exponential(len(draws))))
@@ -255,6 +263,7 @@ def _lived(
     rates: tuple[Floats, Floats],
     times: tuple[float, float, float],
     present: int,
+    known_s: Floats,
 ) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
     """Serve the drones present at first and all that arrive until the end, first come, first served.
 
@@ -278,6 +287,8 @@ def _lived(
         When the first hour of the rates begins, and the horizon, POSIX seconds.
     present : int
         Others at the start, those beyond the pads in line.
+    known_s : ndarray, shape (known,)
+        When the first so many of the busy pads become free, POSIX seconds, ascending; one that is past is free at the start.
 
     Returns
     -------
@@ -292,9 +303,11 @@ def _lived(
     came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
     free = np.full(pads, -np.inf)
     now, waiting, used = start_s, max(present - pads, 0), 0
-    # Drones present at the start: on pads, for sampled times, and the rest in line.
+    # Drones present at the start: on pads, for known or sampled times, and the rest in line.
     for pad in range(min(present, pads)):
-        free[pad] = _after(start_s, draws[used], services, first_s)
+        free[pad] = (
+            max(known_s[pad], start_s) if pad < len(known_s) else _after(start_s, draws[used], services, first_s)
+        )
         used += 1
     # Departures after the start, at first of the drones on pads then.
     later = 0

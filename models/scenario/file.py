@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import SPEED_UNITS_MPS
 from skyway.models.drones.drone import M200_V2, Drone
@@ -85,6 +85,7 @@ class _Reader:
         if self.stations:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
+        observed = self._observed(self.top.table("observed"))
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)
@@ -97,6 +98,7 @@ class _Reader:
             load=load if load is not None else PadLoad.none(len(network), timezone),
             timezone=timezone,
             **wind,
+            **observed,
             path=str(self.file),
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),
@@ -206,10 +208,22 @@ class _Reader:
         sites = []
         for part in table.tables("sites"):
             lat, lon = part.number("lat", low=-90, high=90), part.number("lon", low=-180, high=180)
-            sites.append(WindSite(part.text("id"), lat, lon))
+            sites.append(WindSite(part.text("id"), lat, lon, part.text("icao", "")))
             part.finish()
         sound = len(self.faults) == before
         return tuple(sites) if sound else (), sound
+
+    def _observed(self, table: Table) -> dict[str, Any]:
+        """Read where the weather and the pads of now are found; the files change by the hour, and are no part of the scenario."""
+        wind = table.texts("wind", ())
+        for text in wind:
+            if not text.strip() or one_line(text) != text:
+                table.fault("wind", "must be names of files", text)
+        pads = table.text("pads", "")
+        table.finish()
+        if pads and not pads.startswith("tcp:"):
+            pads = str(self.folder / pads)
+        return {"observed_wind": tuple(str(self.folder / text) for text in wind), "observed_pads": pads or None}
 
     def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
         file = self._path(table, "file")

@@ -51,6 +51,10 @@ class Scenario:
         IANA name of local time.
     season_days : int
         Days of the record within this many days of the departure's date are analogues.
+    observed_wind : tuple of str
+        Files with the winds of now, used unasked by plans for now.
+    observed_pads : str or None
+        Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
     path, sha256 : str or None
         Where it was read from, and the digest of all its files.
     warnings : tuple of str
@@ -68,6 +72,8 @@ class Scenario:
     forecast_file: Path | None = None
     timezone: str = "UTC"
     season_days: int = 30
+    observed_wind: tuple[str, ...] = ()
+    observed_pads: str | None = None
     path: str | None = None
     sha256: str | None = None
     warnings: tuple[str, ...] = ()

@@ -189,6 +189,12 @@ class Problem:
         return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
 
     @cached_property
+    def pads_free_s(self) -> dict[int, tuple[float, ...]]:
+        """When busy pads become free, by node, POSIX seconds, as far as that is known."""
+        known = self.request.state.pads_free_s
+        return {self.network.index[key]: times for key, times in known.items() if key in self.network.index}
+
+    @cached_property
     def _spots(self) -> NDArray[np.int64]:
         return np.array([station.holding_spots for station in self.network.stations], dtype=np.int64)
 
@@ -216,7 +222,9 @@ class Problem:
             lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
             seeds = [(self.request.seed, samples[number]) for number in lacking]
             hours, pads = float(HORIZON_H), self.network.pads
-            found = sample_sets(self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy)
+            found = sample_sets(
+                self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy, self.pads_free_s
+            )
             for number, paths in zip(lacking, found, strict=True):
                 kept[number].update({node: paths.get(node) or no_queue() for node in missing})
         return [{node: paths[node] for node in wanted} for paths in kept]

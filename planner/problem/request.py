@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -123,6 +124,10 @@ def _check_state(state: State) -> list[Fault]:
         if not _is_count(count, MAX_BUSY):
             remedy = f"how many drones are there, a whole number from 0 to {MAX_BUSY}"
             faults.append(Fault("out of range", field=f"state.busy_pads[{station!r}]", value=count, remedy=remedy))
+    for station, times in state.pads_free_s.items():
+        if len(times) > state.busy_pads.get(station, 0) or not all(math.isfinite(time) for time in times):
+            remedy = "POSIX seconds, one for each busy pad at most"
+            faults.append(Fault("not times", field=f"state.pads_free_s[{station!r}]", value=times, remedy=remedy))
     return faults
 
 

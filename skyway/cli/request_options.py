@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from skyway.cli import completion, options
+from skyway.models.base.errors import InputError
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
     from skyway.models.composition.composition import Recharge as RechargeMode
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
+    from skyway.now import KnownPads, KnownWind
     from skyway.planner.problem.request import Request
 
 Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")]
+OBSERVED_HELP = (
+    "Wind observed before the departure: SITE=SPEED@FROM[@TIME] (m/s@degrees FROM, at the site's anemometer), or a file: METARs, a table, "
+    "a journal of fly; repeatable."
+)
 _PLACE = "station id, part of its name, or lat,lon."
 
 
@@ -83,6 +88,11 @@ class ConditionOptions:
         ),
     ] = None
 
+    observed: Annotated[
+        list[str] | None,
+        typer.Option(help=OBSERVED_HELP),
+    ] = None
+
     def loaded(self) -> Scenario:
         """Return the scenario."""
         return load_scenario(self.scenario)
@@ -92,9 +102,53 @@ class ConditionOptions:
         """Departure; without one, now."""
         return options.parse_depart(self.depart)
 
-    def winds(
-        self, scenario: Scenario, depart: datetime, truth: str | None
-    ) -> tuple[WindEnsemble, WindEnsemble | None]:
-        """Return the wind that is forecast, and the wind that will blow, where that is given."""
+    @property
+    def for_now(self) -> bool:
+        """Whether the departure is at this moment, give or take some minutes: then the scenario's own observations count, unasked."""
+        from skyway.now import NOW_S
+
+        return abs((self.instant - datetime.now(UTC)).total_seconds()) <= NOW_S
+
+    def winds(self, scenario: Scenario, depart: datetime, truth: str | None) -> tuple[KnownWind, WindEnsemble | None]:
+        """Return the wind that is forecast, given what was observed, and the wind that will blow, where that is given."""
+        from skyway.now import HOW, KnownWind, condition_forecast, observed_winds
+        from skyway.planner.problem.problem import HORIZON_H
+
         true, day = options.true_wind(scenario, depart, truth)
-        return options.wind_forecast(scenario, depart, self.wind, self.forecast, true, day), true
+        if self.wind is not None and self.observed:
+            remedy = "leave one of them out: a constant wind knows of no other"
+            raise InputError("--wind and --observed exclude each other", remedy=remedy)
+        by_record = self.wind is None and self.forecast is None
+        of_scenario = self.for_now and by_record and not self.observed
+        given = scenario.observed_wind if of_scenario else tuple(self.observed or ())
+
+        def forecast(begin: datetime, hours: int) -> WindEnsemble:
+            if by_record and scenario.forecast_file is None and (scenario.history is not None or true is None):
+                return scenario.forecast(begin, hours, truth=day)
+            return options.wind_forecast(scenario, depart, self.wind, self.forecast, true, day)
+
+        if not given:
+            alone = of_scenario and true is None and scenario.forecast_file is None
+            return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
+        found = observed_winds(scenario, given, depart, missing_ok=of_scenario)
+        return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadOptions:
+    """Which pads are busy."""
+
+    pads: Annotated[
+        str | None,
+        typer.Option(help="Pads busy now: a pad service tcp:HOST:PORT, asked once, or a file of its answers."),
+    ] = None
+
+    def known(self, scenario: Scenario, depart: datetime, *, for_now: bool) -> KnownPads | None:
+        """Return what is known of the pads; None where nothing was handed over."""
+        from skyway.now import pads_now
+
+        if self.pads is not None:
+            return pads_now(scenario, self.pads, depart)
+        if for_now and scenario.observed_pads is not None:
+            return pads_now(scenario, scenario.observed_pads, depart, asked=False)
+        return None

@@ -30,10 +30,10 @@ from skyway.models.wind.history import read_history
 from skyway.models.wind.observed.conditioning import conditioned, counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
 from skyway.models.wind.triangle import speed_from
-from skyway.planner.parameters.planner import USUAL
-from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
+from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
 from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.power import PowerModel

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import Landed, LegBegun, PlanTaken
 from skyway.link.supervisor.journal.parts import Observation, Standing
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.journal.file import Record
 
 
 def standing(ctx: Context) -> Standing:
@@ -35,3 +39,12 @@ def restore_standing(ctx: Context, told: Standing) -> None:
     ctx.conversation.allow(once=bool(told.asked_once))
     ctx.battery.restore(gauge=1.0 if told.gauge is None else told.gauge, lost_soc=told.lost_soc or 0.0)
     ctx.wind.restore(told.observations)
+
+
+def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
+    """Return the winds that were known when a journal last told them, at cruise height."""
+    for record in reversed(records):
+        told = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
+        if told is not None:
+            return told.standing.observations
+    return ()

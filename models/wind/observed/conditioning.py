@@ -66,13 +66,17 @@ def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_
         last = max(silent, key=lambda one: one.observation.time_s)
         age = duration(depart_s - last.observation.time_s)
         names = ", ".join(dict.fromkeys(one.place for one in silent))
-        notes.append(f"the wind observed at {names} is left out: {age} before the departure, {duration(OLDEST_S)} at most count")
+        notes.append(
+            f"the wind observed at {names} is left out: {age} before the departure, {duration(OLDEST_S)} at most count"
+        )
     kept = [one for one in kept if one not in old]
     far = [(one, away) for one in kept if (away := _away_m(one, sites)) > FAR_M]
     for one, away in far:
         notes.append(f"the wind observed at {one.place} is left out: {distance_text(away)} from every wind site")
     kept = [one for one in kept if all(one is not other for other, _ in far)]
-    return Counted((*_newest([one for one in kept if not one.drone]), *(one for one in kept if one.drone)), tuple(notes))
+    return Counted(
+        (*_newest([one for one in kept if not one.drone]), *(one for one in kept if one.drone)), tuple(notes)
+    )
 
 
 def _many(winds: Sequence[ObservedWind]) -> str:
@@ -159,7 +163,10 @@ def conditioned(
     first = after.slot_at(depart_s)
     last = min(first + int(np.ceil(hours * 3600.0 / after.slot_s)), after.slots)
     cut = replace(
-        after, start_s=after.start_s + first * after.slot_s, north=after.north[:, first:last], east=after.east[:, first:last]
+        after,
+        start_s=after.start_s + first * after.slot_s,
+        north=after.north[:, first:last],
+        east=after.east[:, first:last],
     )
     return cut.most_probable(members), tuple(notes)
 

@@ -67,7 +67,7 @@ def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[Metar
             continue
         for one, after in zip(begins, [*begins[1:], None], strict=True):
             body = line[one.end() : None if after is None else after.start()]
-            report = _report(one, body, "COR" in line[: one.start()].split(), number, near, faults)
+            report = _report(one, body, number, near, faults, corrected="COR" in line[: one.start()].split())
             found += [] if report is None else [report]
     return found
 
@@ -95,15 +95,15 @@ def _lines(text: str, near_s: float, faults: FaultCollector) -> Iterator[tuple[i
 
 
 def _report(
-    start: re.Match[str], body: str, corrected: bool, line: int, near_s: float, faults: FaultCollector
+    start: re.Match[str], body: str, line: int, near_s: float, faults: FaultCollector, *, corrected: bool
 ) -> MetarWind | None:
-    station, *stamp = start.groups()
-    time_s = nearest_s(*map(int, stamp), near_s)
+    station, day, hour, minute = start.groups()
+    time_s = nearest_s(int(day), int(hour), int(minute), near_s)
     if time_s is None:
         faults.add("no such day and time", "day, hour and minute UTC, such as 101851Z", line=line, value=start[0])
         return None
     wind = group = None
-    for group in body.split("RMK")[0].replace("=", " ").split():
+    for group in body.split("RMK", maxsplit=1)[0].replace("=", " ").split():
         corrected = corrected or group == "COR" or group.startswith("CC")
         if PERIOD.fullmatch(group):
             faults.add("is a TAF, a forecast", "METAR or SPECI reports only", line=line, value=start[0] + body)
@@ -142,5 +142,7 @@ def nearest_s(day: int, hour: int, minute: int, near_s: float) -> float | None:
     for months in (-2, -1, 0, 1, 2):
         year, month = divmod(near.year * 12 + near.month - 1 + months, 12)
         if day <= calendar.monthrange(year, month + 1)[1]:
-            found.append((datetime(year, month + 1, day, tzinfo=UTC) + timedelta(hours=hour, minutes=minute)).timestamp())
+            found.append(
+                (datetime(year, month + 1, day, tzinfo=UTC) + timedelta(hours=hour, minutes=minute)).timestamp()
+            )
     return min(found, key=lambda one: abs(one - near_s))

@@ -217,7 +217,9 @@ class _Table:
 
         def parse(text: str) -> float | Problem:
             value = math.nan if not text else parse_number(text)
-            low, high = {"lat": (-90.0, 90.0), "lon": (-180.0, 180.0), "height_m": (0.1, 10_000.0)}.get(name, (0.01, 50.0))
+            low, high = {"lat": (-90.0, 90.0), "lon": (-180.0, 180.0), "height_m": (0.1, 10_000.0)}.get(
+                name, (0.01, 50.0)
+            )
             if isinstance(value, float) and not math.isnan(value) and not low <= value <= high:
                 return Problem("out of range", f"{low:g} to {high:g}")
             return value
@@ -293,9 +295,7 @@ def _from_json(text: str, file: str) -> tuple[ObservedWind, ...]:
         if coordinate_faults(one.lat, one.lon) or not good:
             faults.append(Fault("is not a wind that was measured", file, field=field, remedy=remedy))
             continue
-        seen = WindObservation(
-            time_s, one.lat, one.lon, one.north_mps, one.east_mps, one.sigma_mps**2, read.height_m
-        )
+        seen = WindObservation(time_s, one.lat, one.lon, one.north_mps, one.east_mps, one.sigma_mps**2, read.height_m)
         found.append(ObservedWind(place_text(one.lat, one.lon), file, speed, degrees, seen, drone=True))
     if faults:
         raise InputError(faults)

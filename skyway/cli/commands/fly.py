@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing, contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 from zoneinfo import ZoneInfo
@@ -12,13 +13,13 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link
 from skyway.cli.option_groups import with_groups
+from skyway.cli.request_options import OBSERVED_HELP
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from datetime import datetime
 
     from skyway.cli.console import Console
     from skyway.cli.views.flight import FlightView
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from skyway.models.base.clock import Clock
     from skyway.models.composition.composition import Composition
     from skyway.models.queues.pad_service import PadService
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.estimation.field import WindObservation
 
 
 @with_groups
@@ -54,6 +57,7 @@ def fly(
     wind: Annotated[
         str | None, typer.Option(help="One constant wind at cruise height instead of a forecast: 8@270.")
     ] = None,
+    observed: Annotated[list[str] | None, typer.Option(help=OBSERVED_HELP)] = None,
     planner: Annotated[
         str, typer.Option("--planner", hidden=True, help="No longer used: one online policy decides.")
     ] = "",
@@ -90,6 +94,7 @@ def fly(
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
     from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.models.base.units import from_posix
     from skyway.models.composition.file import load
     from skyway.models.drones.drag_file import read_drag
 
@@ -110,11 +115,16 @@ def fly(
     drag_model = None if drag is None else read_drag(drag)
 
     def job(now: datetime) -> DeliveryJob:
+        seen = _observed(region, observed, now, wind)
+        begin = min([(begun or now).timestamp(), *(one.time_s for one in seen)]) if forecast is None else None
         return DeliveryJob(
             composition=composition,
             scenario=region,
             request=request,
-            forecast=options.wind_forecast(region, begun or now, wind, forecast, None, None),
+            forecast=options.wind_forecast(
+                region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
+            ),
+            observed=seen,
             options=how,
             drag=drag_model,
             replanning=not no_replan,
@@ -130,6 +140,23 @@ def fly(
     with console.reading_keys(), view.shown():
         outcome, path = _flown(link, job, service, console, view, resume or journal, report, resumes=resume is not None)
     _end(outcome, path, report, as_json=as_json)
+
+
+def _observed(
+    region: Scenario, given: list[str] | None, now: datetime, wind: str | None
+) -> tuple[WindObservation, ...]:
+    """Winds observed before the start; the scenario's own where nobody named any and the clock is that of now."""
+    from skyway.now import NOW_S, observed_now
+
+    if given and wind is not None:
+        remedy = "leave one of them out: a constant wind knows of no other"
+        raise InputError("--wind and --observed exclude each other", remedy=remedy)
+    live = abs((now - datetime.now(UTC)).total_seconds()) <= NOW_S
+    unasked = not given and live and wind is None
+    found, notes = observed_now(region, region.observed_wind if unasked else given or (), now, asked=not unasked)
+    for note in notes:
+        typer.echo(f"skyway: {note}", err=True)
+    return found
 
 
 def _flown(

@@ -10,7 +10,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.cli.option_groups import with_groups
-from skyway.cli.request_options import ConditionOptions, Depart, RequestOptions
+from skyway.cli.request_options import ConditionOptions, Depart, PadOptions, RequestOptions
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
+    from skyway.now import KnownPads, KnownWind
     from skyway.planner.departure import Departure
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
@@ -38,6 +39,7 @@ TimeLimit = Annotated[float, typer.Option("--time-limit", help="Time limit of `i
 def plan(
     asked: RequestOptions,
     conditions: ConditionOptions,
+    pads: PadOptions,
     planner: Annotated[str, typer.Option(help=PLANNER_HELP, autocompletion=completion.planners)] = "robust",
     objective: Annotated[
         str,
@@ -64,6 +66,7 @@ def plan(
     --------
       skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
       skyway plan --from edison --to Syosset --payload 2 --depart 2013-07-10T14:00-04:00 --wind 8@270 --json
+      skyway plan --from edison --to Syosset --payload 2 --observed metars.txt --observed LGA=9@310 --pads tcp:127.0.0.1:5790
       skyway plan --from bellevue --to jacobi --payload 0.8 --objective 'on-time 2030-07-10T16:00-04:00' --depart 2030-07-10T14:30-04:00
       skyway plan --from bellevue --to white-plains --payload 0.8 --depart-window 3h --alternatives 3 --explain
       skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
@@ -81,8 +84,12 @@ def plan(
     request = asked.request(world, conditions.instant, objective)
     tried: list[Departure] = []
     if depart_window is None:
-        result = _solve(*request, conditions, planner, time_limit, parameters, quiet=as_json)
+        (world, wanted), busy = _with_pads(request, conditions, pads)
+        result = _solve(world, wanted, conditions, planner, time_limit, parameters, quiet=as_json, busy=busy)
     else:
+        if pads.pads is not None:
+            problem = "cannot be combined with --depart-window: the pads of now say little of the departures tried"
+            raise InputError(problem, field="--pads", value=pads.pads, remedy="leave one of them out")
         result, tried = _solve_window(*request, conditions, depart_window, planner, parameters, quiet=as_json)
     options.hint_at_warnings(world, conditions.scenario)
     composition = result.composition
@@ -112,6 +119,7 @@ def plan(
 def compare(
     asked: RequestOptions,
     conditions: ConditionOptions,
+    pads: PadOptions,
     planners: Annotated[
         str, typer.Option(help="Names of planners, separated by commas.")
     ] = "robust,pfs,pfs-charge-aware,shortest,ies",
@@ -135,11 +143,11 @@ def compare(
     options.check_planners(names, "--planners")
     parameters = options.planner_parameters(settings)
     world = conditions.loaded()
-    request = asked.request(world, conditions.instant)
+    (world, wanted), busy = _with_pads(asked.request(world, conditions.instant), conditions, pads)
     answers: list[Comparison] = []
     for name in names:
         try:
-            result = _solve(*request, conditions, name, time_limit, parameters, quiet=as_json)
+            result = _solve(world, wanted, conditions, name, time_limit, parameters, quiet=as_json, busy=busy)
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
@@ -206,6 +214,19 @@ def evaluate(
     typer.echo(found.to_json() if as_json else found.summary())
 
 
+def _with_pads(
+    asked: tuple[Scenario, Request], conditions: ConditionOptions, pads: PadOptions
+) -> tuple[tuple[Scenario, Request], KnownPads | None]:
+    """Return what is asked, with what is known of the pads now."""
+    from dataclasses import replace
+
+    scenario, request = asked
+    busy = pads.known(scenario, request.state.time, for_now=conditions.for_now)
+    if busy is not None:
+        request = replace(request, state=busy.seen_from(request.state))
+    return (scenario, request), busy
+
+
 def _solve(
     scenario: Scenario,
     request: Request,
@@ -215,8 +236,10 @@ def _solve(
     parameters: PlannerParameters,
     *,
     quiet: bool,
+    busy: KnownPads | None,
 ) -> PlanResult:
     """Plan with the wind that was asked for."""
+    from skyway.now import with_conditions
     from skyway.planner.plan import plan as plan_delivery
 
     if not time_limit_s > 0:
@@ -232,11 +255,14 @@ def _solve(
     with options.as_typed():
         known, true = conditions.winds(scenario, request.state.time, truth)
         result = plan_delivery(
-            scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s,
+            scenario, request, planner=planner, forecast=known.forecast, truth=true, time_limit_s=time_limit_s,
             progress=_shown(progress, quiet=quiet), parameters=parameters,
         )  # fmt: skip
     _clear_progress(quiet=quiet or not clairvoyant)
-    return result
+    seen, notes = ((), ()) if busy is None else (busy.conditions, busy.notes)
+    if clairvoyant:  # it is told the wind
+        return with_conditions(result, seen, notes)
+    return with_conditions(result, (*known.conditions, *seen), (*known.notes, *notes))
 
 
 def _solve_window(
@@ -250,6 +276,7 @@ def _solve_window(
     quiet: bool,
 ) -> tuple[PlanResult, list[Departure]]:
     """Plan for the best departure of a window."""
+    from skyway.now import with_conditions
     from skyway.planner.departure import plan_within
 
     if planner in CLAIRVOYANT_PLANNERS or conditions.truth is not None:
@@ -258,8 +285,11 @@ def _solve_window(
         raise InputError(problem, field="--depart-window", remedy=remedy)
     length_s = options.parse_duration(window, "--depart-window")
 
+    winds: dict[datetime, KnownWind] = {}
+
     def known(depart: datetime) -> WindEnsemble:
-        return conditions.winds(scenario, depart, None)[0]
+        winds[depart] = conditions.winds(scenario, depart, None)[0]
+        return winds[depart].forecast
 
     def progress(done: int, count: int) -> None:
         typer.echo(f"\r  {done} of {count} departures ", nl=False, err=True)
@@ -270,7 +300,9 @@ def _solve_window(
             progress=_shown(progress, quiet=quiet), parameters=parameters,
         )  # fmt: skip
     _clear_progress(quiet=quiet)
-    return found
+    result, tried = found
+    wind = winds[result.problem.request.state.time]
+    return with_conditions(result, wind.conditions, wind.notes), tried
 
 
 def _shown(progress: Callable[..., None], *, quiet: bool) -> Callable[..., None] | None:

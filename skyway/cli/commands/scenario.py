@@ -132,15 +132,18 @@ def wind(
     Examples
     --------
       skyway wind --depart 2013-07-10T14:00-04:00
+      skyway wind --depart 2013-07-10T14:00-04:00 --observed EWR=8@270 --observed JFK=6@230
       skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
     """
     options.refuse_overwriting(plot, force=force)
     options.check_picture(plot)
     world = conditions.loaded()
     with options.as_typed():
-        ensemble, true = conditions.winds(world, conditions.instant, conditions.truth)
+        known, true = conditions.winds(world, conditions.instant, conditions.truth)
+        ensemble = known.forecast
     options.hint_at_warnings(world, conditions.scenario)
     from skyway.cli.views.wind import print_wind
+    from skyway.now import told_conditions
     from skyway.plots.wind_summary import wind_report
 
     report = wind_report(ensemble, world, hours, true)
@@ -153,6 +156,8 @@ def wind(
         typer.echo(json_text(report, indent=1))
         return
     print_wind(report, world)
+    for note in (*told_conditions(known.conditions), *known.notes):
+        say(f"Note: {note}")
 
 
 scenario = typer.Typer(help="Create and check scenarios.", no_args_is_help=True, rich_markup_mode=None)

@@ -377,7 +377,7 @@ def test_200_megabytes_are_refused(scenario_with, part):
         (instead('speed = "speed"', 'missing = "NA"'), "wind.missing: must be a list of texts (got 'NA')"),
         (instead("lat = 40.64", "lat = 140.64"), "wind.sites[0].lat: out of range (got '140.64')"),
         (instead("lat = 40.64", ""), "wind.sites[0].lat: is missing"),
-        (instead("lat = 40.64", "lat = 40.64\nheight = 10"), "wind.sites[0].height: is not a field here; known: id, lat, lon"),
+        (instead("lat = 40.64", "lat = 40.64\nheight = 10"), "wind.sites[0].height: is not a field here; known: icao, id, lat, lon"),
         (instead('[[wind.sites]]\nid = "JFK"\nlat = 40.64\nlon = -73.76', ""), "wind.sites: is missing; give the places of measurement"),
         (instead('file = "load.csv"', 'file = "load.csv"\noccupancy = "load.csv"'), "load.occupancy: file and occupancy are both given"),
         (with_line("mean_charging_min = 0", "[load]"), "load.mean_charging_min: out of range (got '0')"),

@@ -1,0 +1,100 @@
+"""Pads seen at an instant: lines of JSON, each as the pad service answers for a station."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.files import read_text
+from skyway.models.base.table import FaultCollector
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+    from pathlib import Path
+
+MAX_BYTES = 16 * 1024 * 1024
+MAX_BUSY = 1000
+_Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_BUSY)]
+
+
+class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
+    """The pads of a station at an instant; fields as in `models.queues.pad_service.StationStatus`, most of them optional."""
+
+    station: str
+    busy: _Count
+    """Pads on which a drone stands."""
+    pads: _Count | None = None
+    """How many there are; None: as the scenario says."""
+    waiting: _Count = 0
+    """Drones in line."""
+    remaining_s: tuple[Annotated[float, msgspec.Meta(ge=0.0, le=7 * 86_400.0)], ...] = ()
+    """Seconds until busy pads become free, where that is known."""
+    posix_s: float | None = None
+    """When it was seen; None: at the departure."""
+
+    @property
+    def present(self) -> int:
+        """Drones on the pads and in line."""
+        return self.busy + self.waiting
+
+
+class _Answer(msgspec.Struct):
+    """A line that holds the whole answer of a pad service."""
+
+    station: SeenPads
+
+
+_LINE = msgspec.json.Decoder(SeenPads)
+_WHOLE = msgspec.json.Decoder(_Answer)
+
+
+def read_seen_pads(path: Path, stations: Collection[str]) -> tuple[SeenPads, ...]:
+    """Read a file of pads seen, one station a line; the last line of a station counts.
+
+    An `InputError` has all its faults: lines that are not JSON, counts out of range, stations that are not in the network.
+    """
+    faults = FaultCollector(str(path))
+    found: dict[str, SeenPads] = {}
+    for number, line in enumerate(read_text(path, max_bytes=MAX_BYTES).splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            seen = _decoded(line)
+        except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
+            faults.add(f"does not tell of pads: {error}", '{"station": "clinic", "busy": 2}', line=number)
+            continue
+        if problem := _problem(seen, stations):
+            faults.add(*problem, line=number, field="station", value=seen.station)
+        found[seen.station] = seen
+    faults.raise_if_any()
+    if not found:
+        raise InputError(
+            "tells of no pads", str(path), remedy='a line for each station: {"station": "clinic", "busy": 2}'
+        )
+    return tuple(found.values())
+
+
+def _decoded(line: str) -> SeenPads:
+    try:
+        return _LINE.decode(line)
+    except msgspec.ValidationError:
+        try:
+            return _WHOLE.decode(line).station
+        except msgspec.ValidationError:
+            return _LINE.decode(line)
+
+
+def _problem(seen: SeenPads, stations: Collection[str]) -> tuple[str, str] | None:
+    """What is wrong with it, and what would be right."""
+    if seen.station not in stations:
+        return "no such station", "name stations by their id"
+    if seen.pads is not None and seen.busy > seen.pads:
+        return f"{seen.busy} of {seen.pads} pads are busy", "count drones in line under waiting"
+    if len(seen.remaining_s) > seen.busy:
+        return f"{len(seen.remaining_s)} times for {seen.busy} busy pads", "one for each busy pad at most"
+    if seen.posix_s is not None and not (math.isfinite(seen.posix_s) and 0.0 <= seen.posix_s < 7.3e9):
+        return "is not a time", "posix_s in seconds since 1970"
+    return None

@@ -1,0 +1,257 @@
+"""The weather and the pads of now: what was observed is read, and a plan is conditioned on it.
+
+>>> import skyway
+>>> from skyway.now import condition_forecast, observed_winds
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import InputError, LinkError
+from skyway.models.base.formatting import duration
+from skyway.models.base.units import from_posix
+from skyway.models.composition.conditions import Condition
+from skyway.models.wind.estimation.field import ResidualModel, WindObservation
+from skyway.models.wind.observed.conditioning import conditioned, counted, nothing_counts
+from skyway.models.wind.observed.reading import Observations, ObservedWind, read_observed
+from skyway.models.wind.triangle import speed_from
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.problem import HORIZON_H
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from datetime import datetime
+
+    from skyway.models.composition.composition import State
+    from skyway.models.queues.seen_pads import SeenPads
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.result import PlanResult
+
+NOW_S = 600.0
+"""A departure within so much from this moment is now."""
+PADS_OLDEST_S = 1800.0
+"""Who is on the pads is taken as at the departure: by then a third of those who charge for an hour have left."""
+NAMED = 5
+"""Places that a note names."""
+HOW = (
+    "planned without the weather of now, from the record alone: hand it over with --observed SITE=SPEED@FROM or a file of METARs, and "
+    "busy pads with --pads; or name the files under [observed] in scenario.toml"
+)
+
+
+@dataclass(frozen=True)
+class KnownWind:
+    """A forecast, and what it is conditioned on."""
+
+    forecast: WindEnsemble
+    conditions: tuple[Condition, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def observed_winds(
+    scenario: Scenario, given: Sequence[str], depart: datetime, *, missing_ok: bool = False
+) -> Observations:
+    """Read observed winds as handed over: typed, files, and journals of ``skyway fly`` (``.jsonl``).
+
+    An `InputError` has what is wrong. With `missing_ok` a file that is not there is a note.
+    """
+    if given and not scenario.wind_sites:
+        remedy = "name them in [[wind.sites]]"
+        raise InputError("the scenario has no wind sites", scenario.path, field="--observed", remedy=remedy)
+    found = Observations()
+    for one in given:
+        if missing_ok and not Path(one).exists():
+            found += Observations((), (f"no wind of now: {one} is not there",))
+        elif Path(one).suffix == ".jsonl":
+            found += Observations(_of_journal(Path(one), scenario))
+        else:
+            found += read_observed(one, scenario.wind_sites, scenario.measured_at_m, depart.timestamp())
+    return found
+
+
+def _of_journal(path: Path, scenario: Scenario) -> tuple[ObservedWind, ...]:
+    """The winds that a drone had measured when a journal was last written."""
+    from skyway.link.supervisor import read_journal
+    from skyway.link.supervisor.journal.standing import measured_winds
+
+    height_m = scenario.rules.cruise_height_m
+    found = []
+    for one in measured_winds(read_journal(path).records):
+        numbers = one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps, one.variance
+        if any(number is None for number in numbers):
+            continue
+        seen = WindObservation(*numbers, height_m)  # type: ignore[arg-type]
+        speed, degrees = map(float, speed_from(seen.north_mps, seen.east_mps))
+        place = f"{seen.lat_deg:.3f},{seen.lon_deg:.3f}"
+        found.append(ObservedWind(place, str(path), speed, degrees, seen, drone=True))
+    return tuple(found)
+
+
+def condition_forecast(
+    scenario: Scenario,
+    forecast: Callable[[datetime, int], WindEnsemble],
+    observed: Observations,
+    depart: datetime,
+    *,
+    must_count: bool = True,
+    parameters: PlannerParameters = USUAL,
+) -> KnownWind:
+    """Condition a forecast on what was observed before a departure.
+
+    `forecast` gives it from an instant on, for so many hours. Where nothing that was handed over counts, an `InputError` says why, or,
+    without `must_count`, the notes do.
+    """
+    chosen = counted(observed.winds, scenario.wind_sites, depart.timestamp())
+    notes = observed.notes + chosen.notes
+    if not chosen.winds:
+        if must_count and (observed.winds or observed.notes):
+            raise nothing_counts(observed.winds, notes, depart)
+        return KnownWind(forecast(depart, HORIZON_H), (), notes)
+    found, doubts = conditioned(
+        forecast, chosen.winds, depart, HORIZON_H, exponent=scenario.rules.wind_profile_exponent,
+        residual=ResidualModel(tau_s=parameters.online.residual_tau_s), members=parameters.robust.members,
+    )  # fmt: skip
+    return KnownWind(found, tuple(_wind_condition(one, depart) for one in chosen.winds), (*notes, *doubts))
+
+
+def observed_now(
+    scenario: Scenario, given: Sequence[str], now: datetime, *, asked: bool
+) -> tuple[tuple[WindObservation, ...], tuple[str, ...]]:
+    """Return the observed winds that count now, for a flight that conditions its forecast itself, and notes; see `condition_forecast`."""
+    found = observed_winds(scenario, given, now, missing_ok=not asked)
+    chosen = counted(found.winds, scenario.wind_sites, now.timestamp())
+    notes = found.notes + chosen.notes
+    if asked and given and not chosen.winds:
+        raise nothing_counts(found.winds, notes, now)
+    return tuple(one.observation for one in chosen.winds), notes
+
+
+def _wind_condition(one: ObservedWind, depart: datetime) -> Condition:
+    time = from_posix(one.observation.time_s)
+    age_s = max((depart - time).total_seconds(), 0.0)
+    return Condition("wind", one.place, time, age_s, one.source, one.speed_mps, one.from_deg)
+
+
+@dataclass(frozen=True)
+class KnownPads:
+    """Pads seen before a departure, and what a person should know of them."""
+
+    busy: dict[str, int]
+    free_s: dict[str, tuple[float, ...]]
+    conditions: tuple[Condition, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def seen_from(self, state: State) -> State:
+        """Return a state that knows of them."""
+        return replace(
+            state, busy_pads={**state.busy_pads, **self.busy}, pads_free_s={**state.pads_free_s, **self.free_s}
+        )
+
+
+def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = True) -> KnownPads:
+    """Read which pads are busy: from a pad service at ``tcp:HOST:PORT``, asked once, or from a file of its answers.
+
+    What was seen longer than half an hour before the departure, or after it, is left out. An `InputError` or `LinkError` says what is
+    wrong; where nobody asked for them (`asked`), a service that fails and a file that is not there are notes.
+    """
+    seen, notes = _seen_pads(scenario, given, asked=asked)
+    depart_s = depart.timestamp()
+    ages = {one.station: depart_s - (depart_s if one.posix_s is None else one.posix_s) for one in seen}
+    counts = [one for one in seen if -NOW_S <= ages[one.station] <= PADS_OLDEST_S]
+    left_out = [one for one in seen if one not in counts]
+    if left_out:
+        age = max((ages[one.station] for one in left_out), key=abs)
+        when = f"{duration(abs(age))} {'before' if age > 0.0 else 'after'} the departure"
+        notes.append(
+            f"pads of {len(left_out)} stations are left out: seen {when}, {duration(PADS_OLDEST_S)} before it at most count"
+        )
+    if asked and not counts:
+        remedy = "hand over pads seen shortly before the departure, or leave the option out"
+        raise InputError(f"no pads count: {'; '.join(notes)}", field="--pads", value=given, remedy=remedy)
+    return KnownPads(
+        {one.station: one.present for one in counts},
+        {
+            one.station: tuple(depart_s - ages[one.station] + wait for wait in one.remaining_s)
+            for one in counts
+            if one.remaining_s
+        },
+        tuple(
+            Condition(
+                "pads",
+                one.station,
+                from_posix(depart_s - ages[one.station]),
+                max(ages[one.station], 0.0),
+                given,
+                busy=one.present,
+            )
+            for one in counts
+        ),
+        tuple(notes),
+    )
+
+
+def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[SeenPads], list[str]]:
+    from skyway.link.pads import snapshot
+    from skyway.models.queues.seen_pads import SeenPads, read_seen_pads
+
+    network = scenario.network
+    if not given.startswith("tcp:"):
+        if not asked and not Path(given).exists():
+            return [], [f"no pads of now: {given} is not there"]
+        return list(read_seen_pads(Path(given), network.index)), []
+    try:
+        found, notes = snapshot(given, [one.id for one in network.stations if one.pads])
+    except LinkError as error:
+        if asked:
+            raise
+        return [], [f"no pads of now: {error}"]
+    pads = [
+        SeenPads(station=one.station, busy=one.busy, pads=one.pads, waiting=one.waiting, remaining_s=one.remaining_s, posix_s=one.posix_s)
+        for one in found if one.station in network.index
+    ]  # fmt: skip
+    return pads, notes
+
+
+def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: Sequence[str]) -> PlanResult:
+    """Return a plan that tells what it is conditioned on."""
+    plan = result.composition
+    told = told_conditions(conditions)
+    plan = replace(plan, conditions=(*plan.conditions, *conditions), notes=(*plan.notes, *told, *notes))
+    return replace(result, composition=plan)
+
+
+def told_conditions(conditions: Sequence[Condition]) -> list[str]:
+    """Tell people what a plan, or a forecast, is conditioned on."""
+    return [
+        *_told_winds([one for one in conditions if one.kind == "wind"]),
+        *_told_pads([one for one in conditions if one.kind == "pads"]),
+    ]
+
+
+def _told_winds(winds: Sequence[Condition]) -> list[str]:
+    from skyway.models.base.formatting import speed_text, wind_text
+
+    if not winds:
+        return []
+    words = [
+        f"{one.place} {speed_text(one.speed_mps) if one.from_deg is None else wind_text(one.speed_mps or 0.0, one.from_deg)}, "
+        + (f"{duration(one.age_s)} before the departure" if one.age_s >= 60.0 else "at the departure")
+        for one in winds[:NAMED]
+    ]
+    more = f"; and {len(winds) - NAMED} more" if len(winds) > NAMED else ""
+    return [f"conditioned on the wind observed: {'; '.join(words)}{more}"]
+
+
+def _told_pads(pads: Sequence[Condition]) -> list[str]:
+    if not pads:
+        return []
+    most = sorted(pads, key=lambda one: -(one.busy or 0))[:NAMED]
+    words = ", ".join(f"{one.busy} drones at {one.place}" for one in most)
+    oldest = duration(max(one.age_s for one in pads))
+    more = f", and {len(pads) - NAMED} other stations" if len(pads) > NAMED else ""
+    return [f"conditioned on the pads seen up to {oldest} before the departure: {words}{more}"]
