@@ -229,3 +229,34 @@ def test_expected_waits_that_change_slowly_are_kept_as_they_are():
         (START + np.array([-50.0, 310.0, 1300.0, 2150.0])).tolist()
     )
     assert float(path.pad_time(START + 1210.0)) == pytest.approx(START + 1800.0), "behind the one before it"
+
+
+def test_pads_whose_end_is_known_become_free_then():
+    # All three pads busy, two drones in line: the first takes the pad that is free at 9:10, the second that of 9:30.
+    rates = np.zeros(20), np.full(20, 1.0 / HOUR)
+    times = 0.0, 9 * HOUR, 19 * HOUR
+    known = 9 * HOUR + np.array([600.0, 1800.0, 7200.0])
+    waits = []
+    for seed in range(2000):
+        path = sample_path(np.random.default_rng(seed), 3, 2, rates, times, 5, known)
+        free = float(path.pad_time(9 * HOUR))
+        assert free >= known[0]
+        waits.append(free)
+    # Behind the two: the first pad that is free after 9:30, of 9:10 + E, 9:30 + E, 11:00 with E exponential of 1 h.
+    ends = np.array(known)[:2, None] + np.random.default_rng(0).exponential(HOUR, (2, 200_000))
+    expected = np.minimum(np.minimum(ends[0], ends[1]), known[2])
+    assert np.mean(waits) == pytest.approx(expected.mean(), abs=4 * expected.std() / math.sqrt(2000))
+    one = sample_path(np.random.default_rng(1), 3, 2, rates, times, 3, known)
+    assert float(one.pad_time(9 * HOUR)) == known[0]
+    assert (one.present, one.left_s.tolist()) == (3, known.tolist())
+
+
+def test_of_pads_whose_end_is_not_known_nothing_changes():
+    rates = np.full(20, 2.7 / HOUR), np.full(20, 1.0 / HOUR)
+    times = 0.0, 8 * HOUR, 18 * HOUR
+    plain, told = (
+        sample_path(np.random.default_rng(5), 3, 2, rates, times, 3, *more) for more in ((), (np.array([8.5 * HOUR]),))
+    )
+    assert plain.left_s[0] != told.left_s[0]
+    past = sample_path(np.random.default_rng(5), 3, 2, rates, times, 3, np.array([7 * HOUR]))
+    assert float(past.pad_time(8 * HOUR)) == 8 * HOUR  # its time is over: free at once

@@ -2,7 +2,6 @@
 
 import json
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -14,7 +13,6 @@ from skyway.models.wind.observed.metar import nearest_s, parse_metars
 
 KNOT, KMH = 1852.0 / 3600.0, 1.0 / 3.6
 NEAR = datetime(2023, 10, 17, 6, 30, tzinfo=UTC).timestamp()
-DATA = Path(__file__).resolve().parents[5] / "shared" / "data" / "forecast"
 
 
 def winds(text, near_s=NEAR):
@@ -61,8 +59,8 @@ def test_reports_decoded_by_hand(text, speed, degrees, gust):
     assert (one.from_deg, one.gust_mps) == (degrees, None if gust is None else pytest.approx(gust))
 
 
-def test_a_published_report_is_what_another_decoder_made_of_it():
-    known = json.loads((DATA / "kjfk_metar.json").read_text())["data"]
+def test_a_published_report_is_what_another_decoder_made_of_it(shared_data):
+    known = json.loads((shared_data / "forecast" / "kjfk_metar.json").read_text())["data"]
     first, second = winds(known["raw"])  # two reports in one text
     assert first.station == known["station"]
     assert first.time_s == datetime.fromisoformat(known["time"]["dt"]).timestamp()
@@ -71,8 +69,8 @@ def test_a_published_report_is_what_another_decoder_made_of_it():
     assert (second.time_s, second.from_deg) == (first.time_s - 3600.0, 350.0)
 
 
-def test_a_published_taf_is_no_observation():
-    taf = json.loads((DATA / "kjfk_taf.json").read_text())["data"]["raw"]
+def test_a_published_taf_is_no_observation(shared_data):
+    taf = json.loads((shared_data / "forecast" / "kjfk_taf.json").read_text())["data"]["raw"]
     assert "is a TAF, a forecast" in refused(taf)
 
 
