@@ -17,7 +17,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.jit.compiled import compiled, compiled_lean
-from skyway.models.queues.waiting_times import TAIL_H, present_at
+from skyway.models.queues.waiting_times import STEP_S, TAIL_H, WaitForecast, present_at
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 
 NOTHING_KNOWN = np.empty(0)
+WAIT_PATHS, WAIT_SEED = 100, 0x57
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +184,29 @@ def sample_sets(
                 present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
             found[station] = sample_path(rng, count, spots, rates, times, present, known) if count else no_queue()
     return result
+
+
+def sampled_waits(
+    load: PadLoad,
+    pads: NDArray[np.int64],
+    stations: Sequence[int],
+    start_s: float,
+    hours: float,
+    busy: Mapping[int, int],
+    free_s: Mapping[int, Sequence[float]],
+) -> dict[int, WaitForecast]:
+    """Forecast the waits at stations where the end of some stays is known, as means over sampled paths.
+
+    The exact forecast (`models.queues.waiting_times.forecast_waits`) knows of stays without memory only. Arguments as of `sample_sets`.
+    """
+    grid = start_s + STEP_S * np.arange(math.ceil(hours * S_PER_H / STEP_S) + 1)
+    seeds = [(WAIT_SEED, number) for number in range(WAIT_PATHS)]
+    sets = sample_sets(load, pads, np.zeros_like(pads), stations, start_s, hours, seeds, busy, free_s)
+    found = {}
+    for station in stations:
+        waits = np.array([paths[station].pad_time(grid) for paths in sets]) - grid
+        found[station] = WaitForecast(waits.mean(axis=0), (waits <= 0.0).mean(axis=0))
+    return found
 
 
 def pack(

@@ -16,7 +16,7 @@ from skyway.models.base.units import MPS_PER_KMH, S_PER_H
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
-from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
+from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, sampled_waits
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.models.wind.interpolation import idw_weights
 from skyway.planner.parameters.planner import USUAL
@@ -312,6 +312,7 @@ class ExpectedWaits:
 
     def __init__(self, problem: Problem) -> None:
         self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
+        self._free_s = {node: times for node, times in problem.pads_free_s.items() if self._pads[node]}
         self.start_s = problem.depart_s
         self.step_s = STEP_S
         points = round(HORIZON_H * S_PER_H / self.step_s) + 1
@@ -333,7 +334,11 @@ class ExpectedWaits:
         wanted = wanted[self._hours[wanted] < hours]
         if not len(wanted):
             return points
-        found = forecast_waits(self._load, self._pads, wanted.tolist(), self.start_s, hours, self._busy)
+        told = [node for node in wanted.tolist() if node in self._free_s]
+        others = [node for node in wanted.tolist() if node not in self._free_s]
+        found = forecast_waits(self._load, self._pads, others, self.start_s, hours, self._busy)
+        if told:
+            found |= sampled_waits(self._load, self._pads, told, self.start_s, hours, self._busy, self._free_s)
         for node, forecast in found.items():
             count = min(self.wait_s.shape[1], len(forecast.wait_s))
             self.wait_s[node, :count] = forecast.wait_s[:count]

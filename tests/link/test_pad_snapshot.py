@@ -37,7 +37,14 @@ def status(request):
     if request.station == "gone":
         return encode(PadAnswer(ok=False, error="no station 'gone' here"))
     one = StationStatus(
-        station=request.station, posix_s=1.0, pads=5, busy=2, remaining_s=(60.0,), waiting=0, holding_spots=2, holding_free=2
+        station=request.station,
+        posix_s=1.0,
+        pads=5,
+        busy=2,
+        remaining_s=(60.0,),
+        waiting=0,
+        holding_spots=2,
+        holding_free=2,
     )
     return encode(PadAnswer(ok=True, station=one))
 

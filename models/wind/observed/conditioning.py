@@ -74,9 +74,9 @@ def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_
     for one, away in far:
         notes.append(f"the wind observed at {one.place} is left out: {distance_text(away)} from every wind site")
     kept = [one for one in kept if all(one is not other for other, _ in far)]
-    return Counted(
-        (*_newest([one for one in kept if not one.drone]), *(one for one in kept if one.drone)), tuple(notes)
-    )
+    order = {site.id: number for number, site in enumerate(sites)}
+    stations = sorted(_newest([one for one in kept if not one.drone]), key=lambda one: order.get(one.place, len(order)))
+    return Counted((*stations, *(one for one in kept if one.drone)), tuple(notes))
 
 
 def _many(winds: Sequence[ObservedWind]) -> str:

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 
 from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
+from skyway.models.queues.sampling import (
+    QueuePath,
+    expected_paths,
+    no_queue,
+    pack,
+    sample_path,
+    sample_sets,
+    sampled_waits,
+)
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 
 NEW_YORK = "America/New_York"
@@ -260,3 +268,15 @@ def test_of_pads_whose_end_is_not_known_nothing_changes():
     assert plain.left_s[0] != told.left_s[0]
     past = sample_path(np.random.default_rng(5), 3, 2, rates, times, 3, np.array([7 * HOUR]))
     assert float(past.pad_time(8 * HOUR)) == 8 * HOUR  # its time is over: free at once
+
+
+def test_waits_over_sampled_paths_are_those_of_the_chain_where_no_end_is_known():
+    load, pads = steady_load(0.8), np.array([5])
+    exact = forecast_waits(load, pads, [0], START, 6, {0: 9})[0]
+    found = sampled_waits(load, pads, [0], START, 6, {0: 9}, {})[0]
+    assert len(found.wait_s) == len(exact.wait_s)
+    assert found.wait_s == pytest.approx(exact.wait_s, abs=4.0 * HOUR / math.sqrt(100))
+    assert found.wait_s[0] == pytest.approx(exact.wait_s[0], rel=0.2)
+    soon = sampled_waits(load, pads, [0], START, 6, {0: 5}, {0: (START + 60.0,)})[0]
+    assert soon.wait_s[0] == 60.0 or soon.wait_s[0] < 60.0  # another may leave before
+    assert (np.diff(START + STEP_S * np.arange(len(soon.wait_s)) + soon.wait_s) >= -1e-6).all()

@@ -21,13 +21,22 @@ def read(tmp_path, *lines):
 
 
 def test_a_line_says_how_many_drones_are_there(tmp_path):
-    clinic, depot = read(tmp_path, "# seen 17:55", {"station": "clinic", "busy": 2}, "", {"station": "depot", "busy": 4, "waiting": 3})
+    clinic, depot = read(
+        tmp_path, "# seen 17:55", {"station": "clinic", "busy": 2}, "", {"station": "depot", "busy": 4, "waiting": 3}
+    )
     assert (clinic.present, depot.present, clinic.remaining_s, clinic.posix_s) == (2, 7, (), None)
 
 
 def test_what_a_pad_service_answers_is_read_as_it_came(tmp_path):
     status = StationStatus(
-        station="clinic", posix_s=1e9, pads=5, busy=5, remaining_s=(60.0, 900.0), waiting=1, holding_spots=2, holding_free=1
+        station="clinic",
+        posix_s=1e9,
+        pads=5,
+        busy=5,
+        remaining_s=(60.0, 900.0),
+        waiting=1,
+        holding_spots=2,
+        holding_free=1,
     )
     for line in (encode(PadAnswer(ok=True, station=status)), msgspec.json.encode(status)):
         (one,) = read(tmp_path, line.decode().strip())

@@ -86,7 +86,9 @@ def test_without_winds_it_is_the_forecast_itself():
 @given(
     st.floats(-15, 15), st.floats(-15, 15), st.floats(0.0, OLDEST_S), st.floats(0.0, OLDEST_S), st.integers(0, 5),
 )  # fmt: skip
-def test_a_sharper_look_is_followed_more_and_an_older_one_less_and_order_does_not_count(north, east, age, other_age, seed):
+def test_a_sharper_look_is_followed_more_and_an_older_one_less_and_order_does_not_count(
+    north, east, age, other_age, seed
+):
     base = ensemble(40, 8, seed=seed)
     one, other = wind(north=north, east=east, before_s=age), wind("B", north=east, east=north, before_s=other_age)
     forth, back = given_now(base, [one, other])[0], given_now(base, [other, one])[0]
@@ -105,7 +107,10 @@ def test_a_sharper_look_is_followed_more_and_an_older_one_less_and_order_does_no
 
 def test_height_is_carried_by_the_profile():
     base = ensemble(40, 8)
-    high = replace(wind(east=8.0 * 6.0**0.2), observation=replace(wind().observation, east_mps=8.0 * 6.0**0.2, height_m=60.0, variance=1.44 * 6.0**0.4))
+    high = replace(
+        wind(east=8.0 * 6.0**0.2),
+        observation=replace(wind().observation, east_mps=8.0 * 6.0**0.2, height_m=60.0, variance=1.44 * 6.0**0.4),
+    )
     low, carried = given_now(base, [wind()])[0], given_now(base, [high])[0]
     np.testing.assert_allclose(carried.east, low.east, atol=1e-9)
 
@@ -147,7 +152,9 @@ def test_winds_far_from_every_site_are_left_out():
 
 
 def test_contradicting_winds_of_a_station_are_refused_and_a_correction_is_followed():
-    with pytest.raises(InputError, match="A: two winds at 2013-07-10T17:51:00Z contradict each other: 8.0 m/s .* and 3.0 m/s"):
+    with pytest.raises(
+        InputError, match=r"A: two winds at 2013-07-10T17:51:00Z contradict each other: 8.0 m/s .* and 3.0 m/s"
+    ):
         told(wind(), wind(east=3.0))
     assert told(wind(), wind(east=8.2))[0] == [-540.0]  # rounded in two ways
     assert counted([wind(east=3.0, corrected=True), wind()], SITES, DEPART_S).winds[0].speed_mps == 3.0

@@ -83,7 +83,9 @@ def test_reports_over_lines_with_dates_and_comments_are_read():
 
 
 def test_corrections_are_marked():
-    assert [one.corrected for one in winds("KEWR 170551Z 09010KT\nMETAR COR KEWR 170551Z 09012KT\nKEWR 170551Z COR 09012KT")] == [False, True, True]
+    assert [
+        one.corrected for one in winds("KEWR 170551Z 09010KT\nMETAR COR KEWR 170551Z 09012KT\nKEWR 170551Z COR 09012KT")
+    ] == [False, True, True]
 
 
 @pytest.mark.parametrize(
@@ -114,7 +116,9 @@ def test_what_is_no_report_is_a_clear_error(text, problem):
 )
 def test_what_was_written_is_read_in_whatever_month(station, degrees, speed, gust, unit, stamp, apart_d):
     stamp = stamp.replace(second=0, microsecond=0, tzinfo=UTC)
-    text = f"{station} {stamp:%d%H%M}Z {10 * degrees:03d}{speed:02d}{'' if gust is None else f'G{gust:02d}'}{unit[0]} 9999"
+    text = (
+        f"{station} {stamp:%d%H%M}Z {10 * degrees:03d}{speed:02d}{'' if gust is None else f'G{gust:02d}'}{unit[0]} 9999"
+    )
     if station in ("COR", "TAF") or "RMK" in station:
         return
     (one,) = winds(text, stamp.timestamp() + 86_400.0 * apart_d)

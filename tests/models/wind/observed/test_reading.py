@@ -29,7 +29,10 @@ def test_a_typed_wind_is_of_the_departure_at_the_anemometer():
     (one,) = read("EWR=8@270").winds
     seen = one.observation
     assert (seen.time_s, seen.lat_deg, seen.lon_deg, seen.height_m) == (DEPART, 40.68, -74.17, 10.0)
-    assert (seen.north_mps, seen.east_mps) == (pytest.approx(0.0, abs=1e-12), pytest.approx(8.0))  # from the west: towards east
+    assert (seen.north_mps, seen.east_mps) == (
+        pytest.approx(0.0, abs=1e-12),
+        pytest.approx(8.0),
+    )  # from the west: towards east
     assert seen.variance == pytest.approx(STATION_ERROR_MPS**2)
 
 
@@ -41,7 +44,9 @@ def test_a_typed_wind_may_say_its_time():
 def test_a_variable_wind_is_as_unsure_as_it_is_strong():
     (one,) = read("EWR=3@VRB").winds
     assert (one.observation.north_mps, one.observation.east_mps, one.from_deg) == (0.0, 0.0, None)
-    assert one.observation.variance == pytest.approx(STATION_ERROR_MPS**2 + 4.5)  # of each component of 3 m/s from anywhere
+    assert one.observation.variance == pytest.approx(
+        STATION_ERROR_MPS**2 + 4.5
+    )  # of each component of 3 m/s from anywhere
 
 
 @pytest.mark.parametrize(
@@ -63,7 +68,12 @@ def test_what_is_typed_wrong_is_a_clear_error(typed, problem):
 
 
 def test_stations_are_found_by_id_identifier_and_without_the_letter_of_the_country():
-    assert [site.id for name in ("EWR", "ewr", "KEWR", "KNYC") if (site := site_named(name, SITES))] == ["EWR", "EWR", "EWR", "roof"]
+    assert [site.id for name in ("EWR", "ewr", "KEWR", "KNYC") if (site := site_named(name, SITES))] == [
+        "EWR",
+        "EWR",
+        "EWR",
+        "roof",
+    ]
     assert site_named("EGLL", SITES) is None
     assert site_named("", SITES) is None
 
@@ -125,7 +135,11 @@ def test_what_forecast_prints_of_drones_is_read(tmp_path):
     }  # fmt: skip
     file.write_text(json.dumps(document))
     (one,) = read(file).winds
-    assert (one.speed_mps, one.from_deg, one.drone) == (pytest.approx(5.0), pytest.approx(math.degrees(math.atan2(4, 3)) + 180.0), True)
+    assert (one.speed_mps, one.from_deg, one.drone) == (
+        pytest.approx(5.0),
+        pytest.approx(math.degrees(math.atan2(4, 3)) + 180.0),
+        True,
+    )
     for key, value in (("schema", "other/1"), ("height_m", "high"), ("observations", [{"t": 3}])):
         file.write_text(json.dumps(document | {key: value}))
         assert str(file) in refused(file)

@@ -1,0 +1,251 @@
+"""The weather and the pads of now: what ``plan``, ``compare``, ``wind`` and ``fly`` take, tell and refuse."""
+
+import json
+import shutil
+import socket
+import threading
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+
+import pytest
+from cli_requests import HOP, ONE_WIND
+
+from skyway.missions.examples import NEW_YORK
+from skyway.models.base.units import from_posix, iso
+from skyway.models.composition.file import load
+from skyway.models.queues.pad_service import PadAnswer, StationStatus, decode_request, encode
+from skyway.now import HOW
+
+QUICK = ("--drone", "m200", "--planner", "pfs")
+METARS = """KEWR 101751Z 27016G24KT 10SM CLR 31/20 A2990
+KJFK 101751Z 23012KT 10SM CLR 29/21 A2991
+KLGA 101751Z VRB05KT 10SM CLR 30/20 A2990
+KLGA 101651Z 31020KT 10SM CLR 30/20 A2990
+"""
+
+
+@pytest.fixture
+def metars(tmp_path):
+    file = tmp_path / "metars.txt"
+    file.write_text(METARS)
+    return file
+
+
+@pytest.fixture
+def planned(skyway):
+    def run(*arguments):
+        answer = skyway("plan", *arguments, "--json")
+        assert answer.code == 0, answer.err
+        return json.loads(answer.out)
+
+    return run
+
+
+def winds_of(document):
+    return [one["wind"] for one in document["legs"]]
+
+
+def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path, skyway):
+    alone = planned(*HOP, *QUICK)
+    found = planned(*HOP, *QUICK, "--observed", metars, "-o", tmp_path / "plan.json")
+    assert "conditions" not in alone
+    assert [(one["kind"], one["place"], one["age_s"], one["source"]) for one in found["conditions"]] == [
+        ("wind", site, 540.0, str(metars)) for site in ("EWR", "JFK", "LGA")
+    ]
+    assert found["conditions"][0]["speed_mps"] == pytest.approx(16 * 1852 / 3600)
+    assert (found["conditions"][0]["from_deg"], found["conditions"][2]["from_deg"]) == (270.0, None)
+    said = (
+        "conditioned on the wind observed: EWR 8.2 m/s from 270°, 9 min before the departure; JFK 6.2 m/s from 230°, "
+    )
+    assert found["notes"][-1].startswith(said)
+    assert load(tmp_path / "plan.json").conditions[1].place == "JFK"
+    text = skyway("plan", *HOP, *QUICK, "--observed", "KEWR=8@270").out
+    assert "Note: conditioned on the wind observed: EWR 8.0 m/s from 270°, at the departure" in text
+
+
+def test_what_a_plan_is_told_moves_its_wind(planned):
+    (leg,) = winds_of(
+        planned(*HOP, *QUICK, *[word for site in ("EWR", "JFK", "LGA") for word in ("--observed", f"{site}=9@320")])
+    )[:1]
+    assert leg["from_deg"] == pytest.approx(320.0, abs=20.0)
+    assert leg["speed_mps"] == pytest.approx(9.0 * 6.0**0.2, abs=2.0)  # carried from 10 m to 60 m
+    (alone,) = winds_of(planned(*HOP, *QUICK))[:1]
+    assert leg["p90_mps"] - leg["p10_mps"] < 0.7 * (alone["p90_mps"] - alone["p10_mps"])
+
+
+def test_compare_and_wind_take_it_too(skyway, metars):
+    answer = skyway("compare", "--planners", "pfs,shortest", *HOP, "--drone", "m200", "--observed", metars, "--json")
+    assert answer.code == 0
+    shown = [skyway("wind", "--depart", "2013-07-10T14:00-04:00", *more).out for more in ((), ("--observed", metars))]
+    assert shown[0] != shown[1]
+    assert "Note: conditioned on the wind observed: EWR" in shown[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            ("--observed", "KTEB=8@270"),
+            "--observed: unknown station KTEB (got 'KTEB=8@270'); the scenario's wind sites are EWR, JFK, LGA",
+        ),
+        (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and left out"),
+        (
+            ("--observed", "EWR=8@270@2013-07-09T15:00-04:00"),
+            "none of 1 observed winds counts: the wind observed at EWR is left out: 23 h",
+        ),
+        (
+            ("--observed", "EWR=8@270", "--observed", "EWR=8@090"),
+            "EWR: two winds at 2013-07-10T18:00:00Z contradict each other",
+        ),
+        (("--observed", "EWR=8@270", "--wind", "8@270"), "--wind and --observed exclude each other"),
+        (("--observed", "none.txt"), "none.txt: no such file"),
+        (("--pads", "none.jsonl"), "none.jsonl: no such file"),
+        (("--pads", "tcp:nowhere"), "--pads"),
+        (("--pads", "x.jsonl", "--depart-window", "2h"), "--pads: cannot be combined with --depart-window"),
+    ],
+)
+def test_what_cannot_count_is_one_clear_line(refused, options, said):
+    assert said in refused("plan", *HOP, *QUICK, *options)
+
+
+def test_the_departures_of_a_window_each_know_what_was_observed_before_them(planned, metars):
+    found = planned(*HOP, *QUICK, "--depart-window", "1h", "--observed", metars)
+    best = datetime.fromisoformat(found["depart"])
+    assert found["conditions"][0]["age_s"] == (best - datetime(2013, 7, 10, 17, 51, tzinfo=UTC)).total_seconds()
+
+
+# Pads
+
+
+@pytest.mark.slow
+def test_busy_pads_lengthen_the_wait_and_known_ends_shorten_it(planned, tmp_path):
+    file, trip = (
+        tmp_path / "pads.jsonl",
+        ("--from", "siuh-north", "--to", "white-plains", "--payload", "0.8", *HOP[-2:], *ONE_WIND),
+    )
+    depart_s = datetime.fromisoformat("2013-07-10T14:00-04:00").timestamp()
+    stations = [line.split(",")[0] for line in (NEW_YORK / "stations.csv").read_text().splitlines()[1:]]
+
+    def mean_with(**told):
+        file.write_text(
+            "\n".join(
+                json.dumps({"station": one, "busy": 5, "waiting": 4, "posix_s": depart_s - 60.0} | told)
+                for one in stations
+            )
+        )
+        return planned(*trip, "--pads", file)
+
+    usual = planned(*trip)
+    full, leaving = mean_with(), mean_with(remaining_s=[1.0] * 5, waiting=0)
+    means = [one["arrival"]["delivery_mean_s"]["value"] for one in (leaving, usual, full)]
+    assert means == sorted(means)
+    assert means[2] - means[1] > 600.0
+    assert full["conditions"][0] | {"place": ""} == {
+        "kind": "pads", "place": "", "time": iso(from_posix(depart_s - 60.0)), "age_s": 60.0, "source": str(file), "speed_mps": None,
+        "from_deg": None, "busy": 9,
+    }  # fmt: skip
+    assert full["notes"][-1].startswith("conditioned on the pads seen up to 1 min before the departure: 9 drones at ")
+
+
+def test_pads_are_asked_of_a_service_once(planned):
+    depart_s = datetime.fromisoformat("2013-07-10T14:00-04:00").timestamp()
+    asked = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve():
+            peer, _ = listener.accept()
+            with peer, peer.makefile("rb") as lines:
+                for line in lines:
+                    asked.append(decode_request(line).station)
+                    one = StationStatus(
+                        station=asked[-1],
+                        posix_s=depart_s,
+                        pads=5,
+                        busy=1,
+                        remaining_s=(),
+                        waiting=0,
+                        holding_spots=2,
+                        holding_free=2,
+                    )
+                    peer.sendall(encode(PadAnswer(ok=True, station=one)))
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        found = planned(*HOP, *QUICK, "--pads", f"tcp:127.0.0.1:{listener.getsockname()[1]}")
+        thread.join(5.0)
+    assert sorted(asked) == sorted(one["place"] for one in found["conditions"])
+    assert len(set(asked)) == len(asked) == 46
+
+
+def test_pads_seen_long_ago_do_not_count(refused, tmp_path):
+    file = tmp_path / "pads.jsonl"
+    file.write_text('{"station": "bellevue", "busy": 5, "posix_s": 1373400000}')
+    assert "seen 22 h before the departure, 30 min before it at most count" in refused(
+        "plan", *HOP, *QUICK, "--pads", file
+    )
+
+
+# Unasked
+
+
+@pytest.fixture
+def region(tmp_path):
+    """New York with files of now: those of a cron job, which may be missing."""
+    folder = tmp_path / "region"
+    shutil.copytree(NEW_YORK, folder)
+    toml = folder / "scenario.toml"
+    toml.write_text(toml.read_text() + '\n[observed]\nwind = ["metars.txt"]\npads = "pads.jsonl"\n')
+    return folder
+
+
+FOR_NOW = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.8", *QUICK)
+
+
+def test_a_plan_for_now_says_that_it_knows_the_record_alone(planned):
+    assert planned(*FOR_NOW)["notes"][-1:] == [HOW]
+    assert HOW not in planned(*HOP, *QUICK)["notes"]
+    assert HOW not in planned(*FOR_NOW, "--wind", "8@270")["notes"]
+
+
+def test_a_plan_for_now_uses_the_files_of_its_scenario_unasked(planned, region):
+    now = datetime.now(UTC)
+    seen = now - timedelta(minutes=20)
+    (region / "metars.txt").write_text(f"KEWR {seen:%d%H%M}Z 27016KT\n")
+    (region / "pads.jsonl").write_text('{"station": "bellevue", "busy": 3}')
+    found = planned(region, *FOR_NOW)
+    assert [(one["kind"], one["place"]) for one in found["conditions"]] == [("wind", "EWR"), ("pads", "bellevue")]
+    assert HOW not in found["notes"]
+    assert "conditions" not in planned(region, *HOP, *QUICK)  # a departure in 2013 is not now
+    told = planned(region, *FOR_NOW, "--observed", "JFK=4@090")
+    assert [one["place"] for one in told["conditions"]] == ["JFK", "bellevue"]  # what is typed comes first
+
+
+def test_files_of_now_that_are_missing_or_old_are_notes(planned, region):
+    notes = " ".join(planned(region, *FOR_NOW)["notes"])
+    assert f"no wind of now: {region / 'metars.txt'} is not there" in notes
+    assert f"no pads of now: {region / 'pads.jsonl'} is not there" in notes
+    old = datetime.now(UTC) - timedelta(hours=9)
+    (region / "metars.txt").write_text(f"KEWR {old:%d%H%M}Z 27016KT\n")
+    assert "the wind observed at EWR is left out: 9 h" in " ".join(planned(region, *FOR_NOW)["notes"])
+    (region / "metars.txt").write_text("<html>503</html>")
+
+
+def test_a_broken_file_of_now_is_an_error(refused, region):
+    (region / "metars.txt").write_text("<html>503</html>")
+    assert "is not a METAR" in refused("plan", region, *FOR_NOW)
+
+
+def test_a_flight_knows_what_was_observed(metars):
+    from skyway.cli.commands.fly import _observed
+    from skyway.link.supervisor.wind_book import WindBook
+    from skyway.scenarios import load_scenario
+
+    world, now = load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
+    seen = _observed(world, [str(metars)], now, None)
+    base = world.forecast(now - timedelta(hours=1), 12)
+    alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=seen)
+    place = SimpleNamespace(lat=40.6825, lon=-74.1694)  # Newark, 8.2 m/s from the west at 10 m
+    before, after = (one.forecast_at(now.timestamp(), place.lat, place.lon, updated=True) for one in (alone, told))
+    assert after.p90_mps - after.p10_mps < before.p90_mps - before.p10_mps
+    assert after.from_deg == pytest.approx(270.0, abs=15.0)
+    assert (alone.origin, told.origin) == ("forecast", "forecast corrected by the winds observed")
