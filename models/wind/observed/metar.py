@@ -29,6 +29,8 @@ NEARLY = re.compile(r"\d(KTS?|MPS|KMH|MPH)$")
 BEFORE_WIND = re.compile(r"AUTO|COR|CC[A-Z]|RTD|NIL|AMD")
 DATE = re.compile(r"\d{4}/\d{2}/\d{2} \d{2}:\d{2}")
 """First line of a file of the NWS server: the date of the report below."""
+MAX_REPORT = 5_000
+"""Characters of one report: a longer one is none."""
 PERIOD = re.compile(r"\d{4}/\d{4}")
 """The period of a TAF."""
 
@@ -78,6 +80,9 @@ def _lines(text: str, near_s: float, faults: FaultCollector) -> Iterator[tuple[i
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.strip().upper()
         if pending and raw[:1].isspace() and not START.search(line):
+            if len(pending) > MAX_REPORT:
+                faults.add("the report is too long", f"{MAX_REPORT:,} characters at most", line=first)
+                return
             pending += " " + line
             continue
         if pending:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -81,7 +82,7 @@ def read_observed(
     or what ``skyway forecast --json`` printed. An `InputError` has all its faults.
     """
     typed = TYPED.fullmatch(given.strip())
-    if typed is not None and not Path(given).is_file():
+    if typed is not None and not os.path.isfile(given):  # noqa: PTH113  it takes any text
         return Observations((_typed(typed, given, sites, measured_at_m, depart_s, field),))
     path = Path(given)
     if not path.suffix and "@" in given:

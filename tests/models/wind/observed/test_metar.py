@@ -132,6 +132,10 @@ def test_any_text_is_read_or_refused(text):
     parse_metars(text, NEAR, FaultCollector("metar.txt"))
 
 
+def test_a_report_that_does_not_end_is_refused():
+    assert "metar.txt:1: the report is too long" in refused("KEWR 170551Z 09010KT\n" + "  RMK\n" * 200_000)
+
+
 def test_24_hours_is_the_end_of_the_day():
     assert nearest_s(31, 24, 0, NEAR + 86_400.0 * 14) == datetime(2023, 11, 1, tzinfo=UTC).timestamp()
     assert nearest_s(31, 24, 1, NEAR) is None

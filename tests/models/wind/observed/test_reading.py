@@ -61,6 +61,9 @@ def test_a_variable_wind_is_as_unsure_as_it_is_strong():
         ("EWR=nan@270", "not a wind speed"),
         ("8@270", "not an observed wind"),
         ("nowhere.txt", "nowhere.txt: no such file"),
+        ("EWR=8@" + "2" * 5000, "not a direction"),
+        ("E" * 5000, "cannot be read"),
+        ("a\0b.txt", "cannot be read"),
     ],
 )
 def test_what_is_typed_wrong_is_a_clear_error(typed, problem):
