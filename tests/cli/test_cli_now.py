@@ -4,17 +4,22 @@ import json
 import shutil
 import socket
 import threading
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
 import pytest
 from cli_requests import HOP, ONE_WIND
 
+from skyway.cli.request_options import ConditionOptions, PadOptions
+from skyway.link.supervisor.wind_book import WindBook
 from skyway.missions.examples import NEW_YORK
+from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix, iso
 from skyway.models.composition.file import load
 from skyway.models.queues.pad_service import PadAnswer, StationStatus, decode_request, encode
-from skyway.now import HOW
+from skyway.now import HOW, observed_now
+from skyway.scenarios import load_scenario
 
 QUICK = ("--drone", "m200", "--planner", "pfs")
 METARS = """KEWR 101751Z 27016G24KT 10SM CLR 31/20 A2990
@@ -45,10 +50,8 @@ def winds_of(document):
     return [one["wind"] for one in document["legs"]]
 
 
-def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path, skyway):
-    alone = planned(*HOP, *QUICK)
+def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path):
     found = planned(*HOP, *QUICK, "--observed", metars, "-o", tmp_path / "plan.json")
-    assert "conditions" not in alone
     assert [(one["kind"], one["place"], one["age_s"], one["source"]) for one in found["conditions"]] == [
         ("wind", site, 540.0, str(metars)) for site in ("EWR", "JFK", "LGA")
     ]
@@ -59,8 +62,6 @@ def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path, 
     )
     assert found["notes"][-1].startswith(said)
     assert load(tmp_path / "plan.json").conditions[1].place == "JFK"
-    text = skyway("plan", *HOP, *QUICK, "--observed", "KEWR=8@270").out
-    assert "Note: conditioned on the wind observed: EWR 8.0 m/s from 270°, at the departure" in text
 
 
 def test_what_a_plan_is_told_moves_its_wind(planned):
@@ -69,7 +70,10 @@ def test_what_a_plan_is_told_moves_its_wind(planned):
     )[:1]
     assert leg["from_deg"] == pytest.approx(320.0, abs=20.0)
     assert leg["speed_mps"] == pytest.approx(9.0 * 6.0**0.2, abs=2.0)  # carried from 10 m to 60 m
-    (alone,) = winds_of(planned(*HOP, *QUICK))[:1]
+    without = planned(*HOP, *QUICK)
+    assert "conditions" not in without
+    assert HOW not in without["notes"]
+    (alone,) = winds_of(without)[:1]
     assert leg["p90_mps"] - leg["p10_mps"] < 0.8 * (alone["p90_mps"] - alone["p10_mps"])
 
 
@@ -201,47 +205,62 @@ def region(tmp_path):
 FOR_NOW = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.8", *QUICK)
 
 
-def test_a_plan_for_now_says_that_it_knows_the_record_alone(planned):
-    assert planned(*FOR_NOW)["notes"][-1:] == [HOW]
-    assert HOW not in planned(*HOP, *QUICK)["notes"]
-    assert HOW not in planned(*FOR_NOW, "--wind", "8@270")["notes"]
-
-
 def test_a_plan_for_now_uses_the_files_of_its_scenario_unasked(planned, region):
-    now = datetime.now(UTC)
-    seen = now - timedelta(minutes=20)
+    seen = datetime.now(UTC) - timedelta(minutes=20)
     (region / "metars.txt").write_text(f"KEWR {seen:%d%H%M}Z 27016KT\n")
     (region / "pads.jsonl").write_text('{"station": "bellevue", "busy": 3}')
     found = planned(region, *FOR_NOW)
     assert [(one["kind"], one["place"]) for one in found["conditions"]] == [("wind", "EWR"), ("pads", "bellevue")]
     assert HOW not in found["notes"]
-    assert "conditions" not in planned(region, *HOP, *QUICK)  # a departure in 2013 is not now
-    told = planned(region, *FOR_NOW, "--observed", "JFK=4@090")
-    assert [one["place"] for one in told["conditions"]] == ["JFK", "bellevue"]  # what is typed comes first
 
 
-def test_files_of_now_that_are_missing_or_old_are_notes(planned, region):
-    notes = " ".join(planned(region, *FOR_NOW)["notes"])
-    assert f"no wind of now: {region / 'metars.txt'} is not there" in notes
-    assert f"no pads of now: {region / 'pads.jsonl'} is not there" in notes
-    old = datetime.now(UTC) - timedelta(hours=9)
-    (region / "metars.txt").write_text(f"KEWR {old:%d%H%M}Z 27016KT\n")
-    assert "the wind observed at EWR is left out: 9 h" in " ".join(planned(region, *FOR_NOW)["notes"])
-    (region / "metars.txt").write_text("<html>503</html>")
+def told_now(world, **options):
+    """Places that the wind for now is conditioned on, and notes."""
+    conditions = ConditionOptions(**options)
+    known, _ = conditions.winds(world, conditions.instant, None)
+    return [one.place for one in known.conditions], " ".join(known.notes)
 
 
-def test_a_broken_file_of_now_is_an_error(refused, region):
-    (region / "metars.txt").write_text("<html>503</html>")
-    assert "is not a METAR" in refused("plan", region, *FOR_NOW)
+def test_what_is_handed_over_comes_before_the_files_of_the_scenario(tmp_path):
+    file = tmp_path / "metars.txt"
+    file.write_text(f"KEWR {datetime.now(UTC) - timedelta(minutes=20):%d%H%M}Z 27016KT\n")
+    world = replace(load_scenario(None), observed_wind=(str(file),))
+    assert told_now(world) == (["EWR"], "")
+    assert told_now(world, observed=["JFK=4@090"]) == (["JFK"], "")
+    assert told_now(world, depart="2013-07-10T14:00-04:00") == ([], "")  # is not now
+    assert told_now(world, wind="8@270") == ([], "")
+    file.write_text(f"KEWR {datetime.now(UTC) - timedelta(hours=9):%d%H%M}Z 27016KT\n")
+    places, notes = told_now(world)
+    assert places == []
+    assert "the wind observed at EWR is left out: 9 h before the departure" in notes
+
+
+def test_without_any_a_plan_for_now_says_that_it_knows_the_record_alone():
+    assert told_now(load_scenario(None)) == ([], HOW)
+
+
+def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
+    world = replace(load_scenario(None), observed_wind=("none.txt",), observed_pads=str(tmp_path / "none.jsonl"))
+    assert told_now(world) == ([], "no wind of now: none.txt is not there")
+    now = datetime.now(UTC)
+    pads = PadOptions().known(world, now, for_now=True)
+    assert (pads.busy, pads.notes) == ({}, (f"no pads of now: {tmp_path / 'none.jsonl'} is not there",))
+    assert PadOptions().known(world, now, for_now=False) is None
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    pads = PadOptions().known(replace(world, observed_pads=f"tcp:127.0.0.1:{port}"), now, for_now=True)
+    assert pads.notes[0].startswith(f"no pads of now: the pad service at tcp:127.0.0.1:{port} fails")
+
+
+def test_a_broken_file_of_now_is_an_error(tmp_path):
+    (tmp_path / "metars.txt").write_text("<html>503</html>")
+    with pytest.raises(InputError, match="is not a METAR"):
+        told_now(replace(load_scenario(None), observed_wind=(str(tmp_path / "metars.txt"),)))
 
 
 def test_a_flight_knows_what_was_observed(metars):
-    from skyway.cli.commands.fly import _observed
-    from skyway.link.supervisor.wind_book import WindBook
-    from skyway.scenarios import load_scenario
-
     world, now = load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
-    seen = _observed(world, [str(metars)], now, None)
+    seen, _ = observed_now(world, [str(metars)], now, asked=True)
     base = world.forecast(now - timedelta(hours=1), 12)
     alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=seen)
     place = SimpleNamespace(lat=40.6825, lon=-74.1694)  # Newark, 8.2 m/s from the west at 10 m
