@@ -220,6 +220,8 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
 
 def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: Sequence[str]) -> PlanResult:
     """Return a plan that tells what it is conditioned on."""
+    if not conditions and not notes:
+        return result
     plan = result.composition
     told = told_conditions(conditions)
     plan = replace(plan, conditions=(*plan.conditions, *conditions), notes=(*plan.notes, *told, *notes))

@@ -27,6 +27,34 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def planned_once():
+    """Plan each request once: what is judged here is how it is shown, at several widths."""
+    from skyway.planner import departure, plan, report
+
+    plans, reports = {}, {}
+    make_plan, make_report = plan.plan, report.plan_report
+
+    def plan_of(scenario, request, **asked):
+        key = repr(request), asked["planner"]
+        if key not in plans:
+            plans[key] = make_plan(scenario, request, **asked)
+        return plans[key]
+
+    def report_of(result, tried, *asked, explain):
+        key = result.composition.id, asked, explain
+        if key not in reports:
+            reports[key] = make_report(result, tried, *asked, explain=explain)
+        return reports[key]
+
+    patch = pytest.MonkeyPatch()
+    patch.setattr(plan, "plan", plan_of)
+    patch.setattr(departure, "plan", plan_of)
+    patch.setattr(report, "plan_report", report_of)
+    yield
+    patch.undo()
+
+
 def words(text):
     return sorted(text.replace("─", "").split())
 
