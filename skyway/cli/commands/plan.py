@@ -132,10 +132,12 @@ def compare(
     Examples
     --------
       skyway compare --from bellevue --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200
+      skyway compare --from bellevue --to white-plains --payload 0.8 --observed metars.txt --observed LGA=9@310
       skyway compare --planners pfs,shortest,ies --from bellevue --to jacobi --payload 0.8 --wind 8@270 --json
     """
     from skyway.cli.views.comparison import document_of, print_comparison
     from skyway.models.base.errors import InfeasibleError
+    from skyway.now import told_conditions
     from skyway.planner.report import comparison_report
     from skyway.planner.result import Comparison
 
@@ -157,6 +159,10 @@ def compare(
         typer.echo(json_text(document_of(report), indent=1))
     else:
         print_comparison(report)
+        known, _ = conditions.winds(world, wanted.state.time, conditions.truth)
+        seen = () if busy is None else busy.conditions
+        for note in (*told_conditions((*known.conditions, *seen)), *known.notes, *(() if busy is None else busy.notes)):
+            typer.echo(f"Note: {note}")
     if all(answer.result is None for answer in answers):
         raise typer.Exit(1)
 
