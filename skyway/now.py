@@ -37,6 +37,8 @@ NOW_S = 600.0
 """A departure within so much from this moment is now."""
 PADS_OLDEST_S = 1800.0
 """Who is on the pads is taken as at the departure: by then a third of those who charge for an hour have left."""
+OUT_OF_ORDER_S = 24 * 3600.0
+"""A pad that the scenario has and its service has not is taken to be out of order for so long."""
 NAMED = 5
 """Places that a note names."""
 HOW = (
@@ -174,26 +176,34 @@ def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = 
     if asked and not counts:
         remedy = "hand over pads seen shortly before the departure, or leave the option out"
         raise InputError(f"no pads count: {'; '.join(notes)}", field="--pads", value=given, remedy=remedy)
-    return KnownPads(
-        {one.station: one.present for one in counts},
-        {
-            one.station: tuple(depart_s - ages[one.station] + wait for wait in one.remaining_s)
-            for one in counts
-            if one.remaining_s
-        },
-        tuple(
-            Condition(
-                "pads",
-                one.station,
-                from_posix(depart_s - ages[one.station]),
-                max(ages[one.station], 0.0),
-                given,
-                busy=one.present,
-            )
-            for one in counts
-        ),
-        tuple(notes),
+    busy, free_s = {}, {}
+    fewer: list[str] = []
+    for one in counts:
+        has = scenario.network.stations[scenario.network.index[one.station]].pads
+        gone = 0 if one.pads is None else max(has - one.pads, 0)
+        seen_s = depart_s - ages[one.station]
+        ends = [seen_s + wait for wait in one.remaining_s] + gone * [depart_s + OUT_OF_ORDER_S]
+        busy[one.station] = one.present + gone
+        if ends:
+            free_s[one.station] = tuple(ends)
+        if gone:
+            fewer.append(f"{one.station} {one.pads} of {has}")
+    if fewer:
+        more = f", and {len(fewer) - NAMED} more" if len(fewer) > NAMED else ""
+        hours = duration(OUT_OF_ORDER_S)
+        notes.append(f"fewer pads than the scenario has, for {hours} at least: {', '.join(fewer[:NAMED])}{more}")
+    conditions = tuple(
+        Condition(
+            "pads",
+            one.station,
+            from_posix(depart_s - ages[one.station]),
+            max(ages[one.station], 0.0),
+            given,
+            busy=one.present,
+        )
+        for one in counts
     )
+    return KnownPads(busy, free_s, conditions, tuple(notes))
 
 
 def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[SeenPads], list[str]]:

@@ -149,6 +149,9 @@ def main() -> int:
     parser.add_argument("--worlds", default="ours,weather,all")
     parser.add_argument("--seed", type=int, default=83)
     parser.add_argument("--out", type=Path, required=True, help="JSON lines, one for each order, day and arm")
+    parser.add_argument(
+        "--also", type=Path, nargs="*", default=[], help="files of runs with other seeds, counted with it"
+    )
     options = parser.parse_args()
     known = worlds(tuple(site.id for site in planning.city(CITY).sites))
     named = [known[name] for name in options.worlds.split(",")]
@@ -162,6 +165,9 @@ def main() -> int:
         found.append(document)
         with options.out.open("a", encoding="utf-8") as file:
             file.write(json.dumps(document) + "\n")
+    for number, path in enumerate(options.also, start=1):
+        others = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        found += [one | {"order": one["order"] + 100_000 * number} for one in others]
     print("\n".join(table(found, [OWN, *(world.name for world in named)])))
     print(f"{time.perf_counter() - started:.0f} s", file=sys.stderr)
     return 0

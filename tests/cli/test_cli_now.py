@@ -78,8 +78,8 @@ def test_what_a_plan_is_told_moves_its_wind(planned):
 
 
 def test_compare_and_wind_take_it_too(skyway, metars):
-    answer = skyway("compare", "--planners", "pfs,shortest", *HOP, "--drone", "m200", "--observed", metars, "--json")
-    assert answer.code == 0
+    answer = skyway("compare", "--planners", "pfs,shortest", *HOP, "--drone", "m200", "--observed", metars)
+    assert "Note: conditioned on the wind observed: EWR" in answer.out
     shown = [skyway("wind", "--depart", "2013-07-10T14:00-04:00", *more).out for more in ((), ("--observed", metars))]
     assert shown[0] != shown[1]
     assert "Note: conditioned on the wind observed: EWR" in shown[1]
@@ -179,6 +179,19 @@ def test_pads_are_asked_of_a_service_once(planned):
         thread.join(5.0)
     assert sorted(asked) == sorted(one["place"] for one in found["conditions"])
     assert len(set(asked)) == len(asked) == 46
+
+
+def test_a_pad_that_the_service_has_not_is_out_of_order(tmp_path):
+    file, now = tmp_path / "pads.jsonl", datetime(2013, 7, 10, 18, tzinfo=UTC)
+    file.write_text(
+        '{"station": "bellevue", "busy": 2, "pads": 3, "remaining_s": [60]}\n{"station": "jacobi", "busy": 0, "pads": 9}'
+    )
+    found = PadOptions(pads=str(file)).known(load_scenario(None), now, for_now=False)
+    assert found.busy == {"bellevue": 4, "jacobi": 0}  # of five pads two are gone
+    day_s = 24 * 3600.0
+    assert found.free_s == {"bellevue": (now.timestamp() + 60.0, now.timestamp() + day_s, now.timestamp() + day_s)}
+    assert found.notes == ("fewer pads than the scenario has, for 24 h at least: bellevue 3 of 5",)
+    assert [one.busy for one in found.conditions] == [2, 0]
 
 
 def test_pads_seen_long_ago_do_not_count(refused, tmp_path):
