@@ -70,10 +70,12 @@ def observed_winds(
     for one in given:
         if missing_ok and not os.path.exists(one):  # noqa: PTH110  it takes any text
             found += Observations((), (f"no wind of now: {one} is not there",))
-        elif Path(one).suffix == ".jsonl":
-            found += Observations(_of_journal(Path(one), scenario))
+            continue
+        if Path(one).suffix == ".jsonl":
+            told = Observations(_of_journal(Path(one), scenario))
         else:
-            found += read_observed(one, scenario.wind_sites, scenario.measured_at_m, depart.timestamp())
+            told = read_observed(one, scenario.wind_sites, scenario.measured_at_m, depart.timestamp())
+        found += told if told.winds or told.notes else Observations((), (f"{one} tells of no wind",))
     return found
 
 

@@ -12,6 +12,8 @@ import pytest
 from cli_requests import HOP, ONE_WIND
 
 from skyway.cli.request_options import ConditionOptions, PadOptions
+from skyway.link.supervisor.journal.entries import Landed
+from skyway.link.supervisor.journal.file import SCHEMA
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base.errors import InputError
@@ -110,6 +112,42 @@ def test_compare_and_wind_take_it_too(skyway, metars):
 )
 def test_what_cannot_count_is_one_clear_line(refused, options, said):
     assert said in refused("plan", *HOP, *QUICK, *options)
+
+
+def journal_with(file, observations):
+    """A journal as a flight leaves it on landing, with what it has measured."""
+    standing = {
+        "station": "bellevue", "visited": ["bellevue"], "belief": {}, "diverts": [], "charge_to": None, "asked_once": True, "gauge": 1.0,
+        "lost_soc": 0.0, "observations": observations,
+    }  # fmt: skip
+    start = {
+        "n": 1,
+        "time": "2013-07-10T17:10:00Z",
+        "state": "connecting",
+        "event": "start",
+        "data": {"schema": SCHEMA},
+    }
+    landed = {
+        "n": 2,
+        "time": "2013-07-10T17:40:00Z",
+        "state": "landed",
+        "event": Landed.event(),
+        "data": standing,
+    }
+    file.write_text("".join(json.dumps(one) + "\n" for one in (start, landed)))
+
+
+def test_what_a_drone_measured_is_taken_from_its_journal(tmp_path, refused):
+    file, world, now = tmp_path / "flight.jsonl", load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
+    measured = {"lat_deg": 40.8, "lon_deg": -73.9, "north_mps": 0.0, "east_mps": 9.0, "variance": 1.0, "height_m": 60.0}
+    journal_with(file, [measured | {"time_s": now.timestamp() - age_s} for age_s in (1200.0, 1800.0, 30 * 3600.0)])
+    seen, _ = observed_now(world, [str(file)], now, asked=True)
+    assert [(now.timestamp() - one.time_s, one.height_m, one.east_mps) for one in seen] == [
+        (1200.0, 60.0, 9.0),
+        (1800.0, 60.0, 9.0),
+    ]
+    journal_with(file, [])
+    assert "flight.jsonl tells of no wind" in refused("plan", *HOP, *QUICK, "--observed", file)
 
 
 def test_the_departures_of_a_window_each_know_what_was_observed_before_them(planned, metars):

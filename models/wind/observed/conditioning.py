@@ -186,4 +186,5 @@ def nothing_counts(given: Sequence[ObservedWind], notes: Sequence[str], depart: 
     """Return the error for observations handed over of which none counts."""
     said = "; ".join(notes) or "there are none"
     remedy = f"hand over winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or leave the option out"
-    return InputError(f"none of {len(given)} observed winds counts: {said}", field="--observed", remedy=remedy)
+    problem = f"none of {len(given)} observed winds counts: {said}" if given else f"no wind was observed: {said}"
+    return InputError(problem, field="--observed", remedy=remedy)
