@@ -108,12 +108,14 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
     lines = [
         f"{len({one[ARMS[0]]['order'] for one in both})} orders, {len(both)} departures on {len({one[ARMS[0]]['day'] for one in both})} days",
         "",
-        "| flown | planned with | delivery, min | difference | error of the promised mean, min | on time of 95 % promised | below the reserve |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| flown | planned with | delivery, min | difference | error of the promised mean, min | of 95 % promised | below the reserve | not delivered |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name in named:
         arms = {arm: [one[arm] for one in both] for arm in ARMS}
         means = {arm: np.array([_mean(one[name]["s"]) for one in mine]) for arm, mine in arms.items()}
+        known = np.isfinite(means[ARMS[0]]) & np.isfinite(means[ARMS[1]])
+        means = {arm: np.where(known, values, np.nan) for arm, values in means.items()}
         days = DayBootstrap(np.array([one[ARMS[0]]["day"] for one in both]))
         for arm in ARMS:
             missed = np.abs(means[arm] - [one["promised_mean_s"] for one in arms[arm]]) / 60.0
@@ -122,9 +124,10 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
             ratio = days.ratio(means[arm], means[ARMS[0]])
             gain = Estimate(ratio.value - 1.0, ratio.low - 1.0, ratio.high - 1.0).scaled(100.0).text("+.1f") + " %"
             below, runs = sum(one[name]["below"] for one in arms[arm]), sum(len(one[name]["s"]) for one in arms[arm])
+            lost = sum(one[name]["s"].count(None) for one in arms[arm])
             lines.append(
                 f"| {name if arm == ARMS[0] else ''} | {arm} | {days.mean(means[arm] / 60.0).text()} | {gain if arm != ARMS[0] else ''} | "
-                f"{days.mean(missed).text()} | {100.0 * promised:.0f} %: {days.mean(kept).scaled(100.0).text('.0f')} | {below:,} of {runs:,} |"
+                f"{days.mean(missed).text()} | {100.0 * promised:.0f} %: {days.mean(kept).scaled(100.0).text('.0f')} | {below:,} of {runs:,} | {lost:,} |"
             )
     return lines
 
