@@ -1,6 +1,6 @@
 """What it gains to plan with the weather of now.
 
-Random orders in New York, each on held-out days of the record. On each day it is planned twice: from the season's other days alone, and
+Random orders in New York or Melbourne, each on held-out days of the record. On each day it is planned twice: from the season's other days alone, and
 conditioned on what the airports had published by the departure (observed at minute 51 of the hour, out five minutes later; no look ahead).
 Both plans are flown in the true wind of the day, by the product's out-of-sample evaluation and in worlds of `benchmarks.independent`.
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from benchmarks.independent.information import Order
     from benchmarks.independent.worlds import World
 
-CITY = "new-york"
 OWN = "out of sample"
 """The product's own evaluation, beside the names of worlds."""
 ARMS = ("record alone", "weather of now")
@@ -57,18 +56,18 @@ def published(city: City, order: Order, shift_s: float) -> dict[str, tuple[float
 
 def flown(study: Study, named: Sequence[World], *, drop: int = 0) -> Iterator[dict[str, Any]]:
     """Plan and fly; a document for each order, day and arm."""
-    city = planning.city(CITY)
+    city = planning.city(study.city)
     for order in orders(study):
         if order.seed < drop:
             continue
-        days = planning.days_for(CITY, order, study.days, study.seed)
-        alone = planning.planned(CITY, order, days)
+        days = planning.days_for(study.city, order, study.days, study.seed)
+        alone = planning.planned(study.city, order, days)
         for day in days:
-            shift = planning.shift_s(CITY, order, day)
+            shift = planning.shift_s(study.city, order, day)
             reports = published(city, order, shift)
             if alone is None or reports is None:
                 continue
-            now = planning.planned(CITY, order, days, reports=reports)
+            now = planning.planned(study.city, order, days, reports=reports)
             for arm, plan in zip(ARMS, (alone, now), strict=True):
                 told = {"arm": arm, "order": order.seed, "day": day.toordinal(), "planned": plan is not None}
                 yield told if plan is None else told | _flown(study, order, day, plan, named, city)
@@ -84,7 +83,7 @@ def _flown(
     truths = sample_realizations(plan.scenario, request, [day], runs=40 * study.runs, seed=study.seed + order.seed)
     own = fly_charging(truths, plan.result.composition.drone, plan.result.robust.policy)
     found[OWN] = {"s": _rounded(own.delivery_s), "below": int(own.below_reserve.sum())}
-    shift = np.full(study.runs, planning.shift_s(CITY, order, day))
+    shift = np.full(study.runs, planning.shift_s(study.city, order, day))
     seeds: list[tuple[int, ...]] = [(study.seed, order.seed, day.toordinal(), k) for k in range(study.runs)]
     policy = policies.Robust(plan)
     for world in named:
@@ -144,6 +143,7 @@ def _kept(times: Sequence[float | None], due_s: float) -> float:
 def main() -> int:
     """Fly, and print the table; lines are kept as they come, so that a run that was stopped goes on."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--city", choices=("new-york", "melbourne"), default="new-york")
     parser.add_argument("--requests", type=int, default=64)
     parser.add_argument("--days", type=int, default=2, help="held-out days of each request")
     parser.add_argument(
@@ -156,9 +156,9 @@ def main() -> int:
         "--also", type=Path, nargs="*", default=[], help="files of runs with other seeds, counted with it"
     )
     options = parser.parse_args()
-    known = worlds(tuple(site.id for site in planning.city(CITY).sites))
+    known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     named = [known[name] for name in options.worlds.split(",")]
-    study = Study(CITY, "robust", options.requests, options.days, options.runs, options.seed)
+    study = Study(options.city, "robust", options.requests, options.days, options.runs, options.seed)
     started = time.perf_counter()
     found = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
     begun = max((one["order"] for one in found), default=0)
