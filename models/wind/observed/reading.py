@@ -19,6 +19,7 @@ from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import from_posix, iso, parse_instant
 from skyway.models.wind.columns import MAX_SPEED_MPS, check_year, parse_direction, parse_number
 from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.history import WindSite
 from skyway.models.wind.observed.metar import parse_metars
 from skyway.models.wind.triangle import speed_from, vector
 
@@ -26,14 +27,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.models.base.table import Chunk
-    from skyway.models.wind.history import WindSite
 
 STATION_ERROR_MPS = 1.2
 """How far a station's mean over 2 or 10 minutes is from the wind that a forecast means, a component: least CRPS (decision 83)."""
 MAX_BYTES = 4 * 1024 * 1024
 MAX_REPORTS = 20_000
 TYPED = re.compile(r"([^=@/\\]+)=([^=@]+)@([^=@]+)(?:@([^=@]+))?")
-VARIABLE = ("VRB", "variable")
+VARIABLE = ("vrb", "variable")
 _HAS = ("time", "speed_mps", "from_deg")
 _MAY_HAVE = ("site", "lat", "lon", "height_m", "sigma_mps")
 
@@ -133,7 +133,7 @@ def _typed(
         problem, remedy = _unknown(name, sites)
         raise InputError(problem, field=field, value=given, remedy=remedy)
     speed, direction = parse_number(speed_text_.strip()), parse_direction(from_text.strip())
-    variable = from_text.strip().casefold() in ("vrb", "variable")
+    variable = from_text.strip().casefold() in VARIABLE
     if isinstance(speed, Problem) or not 0.0 <= speed <= MAX_SPEED_MPS:
         raise InputError("not a wind speed", field=field, value=given, remedy=f"m/s, from 0 to {MAX_SPEED_MPS:g}")
     if isinstance(direction, Problem):
@@ -229,8 +229,6 @@ class _Table:
         return values
 
     def _place(self, name: str, lat: float, lon: float, line: int) -> WindSite | None:
-        from skyway.models.wind.history import WindSite
-
         if name:
             site = site_named(name, self.sites)
             if site is None:
@@ -259,7 +257,7 @@ def _speed(text: str) -> float | Problem:
 
 
 def _direction(text: str) -> float | Problem:
-    return math.nan if text.casefold() in ("", "vrb", "variable") else parse_direction(text)
+    return math.nan if text.casefold() in ("", *VARIABLE) else parse_direction(text)
 
 
 class _Measured(msgspec.Struct):
