@@ -104,7 +104,11 @@ class RobustParameters(Parameters):
         3.0, "deviations of what is unsure at which the time that it costs is worked out, linear in between", 0.1, 10
     )
     busy_hours: int = parameter(
-        10, "hours ahead in which the busiest one decides how full a station may be", 1, 168, unit="h"
+        2,
+        "hours from its earliest arrival on of which the busiest decides whether a route may use a station",
+        1,
+        48,
+        unit="h",
     )
     usual_flight_s: float = parameter(
         900.0, "flight for which stations are judged before a route is known", 1, 86_400, unit="s"

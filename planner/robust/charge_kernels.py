@@ -134,7 +134,7 @@ def _leave(
             elif (
                 looks.most < 1.0
                 and not stop.at_once
-                and not is_room(looks, leg, others_at(queues, there, entry, at), flight)
+                and not is_room(looks, leg, others_at(queues, there, entry, at), at, flight)
             ):
                 looked = next_look(looks, leg, queues, there, entry, at, flight, next_change(truth, at))
                 for_room += looked - at

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base import geodesy
+from skyway.models.base.units import S_PER_H
 from skyway.models.queues.load import hours_of_week
-from skyway.planner.robust.free_capacity_kernels import FreeCapacity, Present, chance_full, chances
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.robust.free_capacity_kernels import FreeCapacity, Present, chance_full, chances, expected
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,22 +26,28 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
 
 
-def _rates(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Greatest arrival rate and least rate of service of each node in the hours ahead, shape (nodes,)."""
+def _begin_s(problem: Problem) -> float:
+    """Beginning of the hour of the departure, POSIX seconds: rates are those of hours of UTC."""
+    return problem.depart_s - problem.depart_s % S_PER_H
+
+
+def _rates(problem: Problem, nodes: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Arrivals, and departures from a busy pad, per s in each hour from that of the departure on, shape (nodes, hours)."""
     load = problem.load
-    hours = hours_of_week(load.timezone, problem.depart_s, problem.parameters.robust.busy_hours)
-    charging = load.mean_charging_s[:, hours].max(axis=1)
-    busiest = load.arrivals_per_s[:, hours].max(axis=1)
-    return busiest, np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
+    at = np.ix_(np.asarray(nodes, dtype=np.int64), hours_of_week(load.timezone, problem.depart_s, HORIZON_H))
+    charging = load.mean_charging_s[at]
+    services = np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
+    return np.ascontiguousarray(load.arrivals_per_s[at]), services
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity:
     """Room of the stations at the end of each leg, to be looked at before it; where there are no pads is always room."""
-    arrivals, services = _rates(problem)
     at = np.asarray(nodes, dtype=np.int64)
     stations = [problem.network.stations[node] for node in at]
     spots = np.array([one.holding_spots if one.pads else 1 for one in stations], dtype=np.int64)
-    return FreeCapacity(problem.network.pads[at].astype(np.int64), spots, arrivals[at], services[at], most)
+    return FreeCapacity(
+        problem.network.pads[at].astype(np.int64), spots, _begin_s(problem), *_rates(problem, nodes), most
+    )
 
 
 def present_in(paths: Sequence[QueuePath]) -> Present:
@@ -49,12 +58,21 @@ def present_in(paths: Sequence[QueuePath]) -> Present:
 
 
 def blocking_probabilities(problem: Problem) -> NDArray[np.float64]:
-    """Chance that each station is full after a flight of usual length that begins with one pad free there, shape (nodes,)."""
-    flight_s = problem.parameters.robust.usual_flight_s
-    arrivals, services = (rate * flight_s for rate in _rates(problem))
-    pads = problem.network.pads.astype(np.int64)
-    spots = np.array([station.holding_spots for station in problem.network.stations], dtype=np.int64)
-    return np.where(pads > 0, chances(pads, spots, arrivals, services, pads - 1), 0.0)
+    """Chance that each station is full after a flight of usual length that begins with one pad free there, shape (nodes,).
+
+    Of the hours from the earliest arrival on (`RobustParameters.busy_hours`) the busiest counts.
+    """
+    network, parameters = problem.network, problem.parameters.robust
+    origin = network.lat[problem.origin], network.lon[problem.origin]
+    least_s = geodesy.coarse_distance_m(*origin, network.lat, network.lon) / problem.air.max_ground_speed_mps
+    first = ((problem.depart_s - _begin_s(problem) + least_s) // S_PER_H).astype(np.int64)
+    arrivals, services = _rates(problem, range(len(network)))
+    hours = np.minimum(first[:, None] + np.arange(parameters.busy_hours), HORIZON_H - 1)
+    busiest = parameters.usual_flight_s * np.take_along_axis(arrivals, hours, axis=1).max(axis=1)
+    slowest = parameters.usual_flight_s * np.take_along_axis(services, hours, axis=1).min(axis=1)
+    pads = network.pads.astype(np.int64)
+    spots = np.array([station.holding_spots for station in network.stations], dtype=np.int64)
+    return np.where(pads > 0, chances(pads, spots, busiest, slowest, pads - 1), 0.0)
 
 
 def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -63,12 +81,15 @@ def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) ->
     From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
     seen, from one free pad.
     """
-    arrivals, services = (rate * flight_s for rate in _rates(problem))
+    arrivals, services = _rates(problem, range(len(problem.network)))
+    begin_s = problem.depart_s - _begin_s(problem)
     found = np.zeros(len(problem.network), dtype=bool)
     for node, one in enumerate(problem.network.stations):
         if one.pads:
+            end_s = begin_s + flight_s[node]
             seen = problem.busy.get(node, one.pads - 1)
-            found[node] = chance_full(one.pads, one.holding_spots, arrivals[node], services[node], seen) <= most
+            come, gone = expected(arrivals[node], begin_s, end_s), expected(services[node], begin_s, end_s)
+            found[node] = chance_full(one.pads, one.holding_spots, come, gone, seen) <= most
     found[problem.destination] = True
     return found
 
@@ -79,6 +100,8 @@ def blocking_probability_after(problem: Problem, after_s: float, *, behind: int)
     From who is seen there before the drone now, and `behind` it in the line.
     """
     one = problem.network.stations[problem.origin]
-    arrivals, services = (float(rate[problem.origin]) * after_s for rate in _rates(problem))
+    (arrivals,), (services,) = _rates(problem, [problem.origin])
+    begin_s = problem.depart_s - _begin_s(problem)
+    come, gone = (expected(rate, begin_s, begin_s + after_s) for rate in (arrivals, services))
     seen = problem.busy.get(problem.origin, one.pads - 1) + behind
-    return float(chance_full(one.pads, one.holding_spots, arrivals, services, seen))
+    return float(chance_full(one.pads, one.holding_spots, come, gone, seen))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.base.units import S_PER_H
 from skyway.models.jit.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
@@ -21,14 +22,15 @@ _MOST = 60  # departures that are looked at
 
 
 class FreeCapacity(NamedTuple):
-    """Stations at the end of each leg, for the chance to find one full; shape (legs,)."""
+    """Stations at the end of each leg, for the chance to find one full; shape (legs,) where nothing else is said."""
 
     pads: NDArray[np.int64]
     spots: NDArray[np.int64]
     """Pads, and holding spots beside them."""
+    start_s: float
     arrivals_per_s: NDArray[np.float64]
     services_per_s: NDArray[np.float64]
-    """Others that arrive, and that leave one busy pad, at the busiest hour that can matter."""
+    """Others that arrive, and that leave one busy pad, in each hour from `start_s`, POSIX seconds, on; shape (legs, hours)."""
     most: float
     """Greatest chance with which a flight is begun; 1: nobody looks at the pads."""
 
@@ -115,16 +117,33 @@ def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 
 @compiled_lean
-def is_room(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
+def expected(per_s: NDArray[np.float64], begin_s: float, end_s: float) -> float:
+    """Expected number of events from one time to another, at the rate of each hour, shape (hours,); the last one's goes on.
+
+    Times are seconds from the beginning of the first hour, which may not be after either.
+    """
+    last = len(per_s) - 1
+    hour = min(int(begin_s // S_PER_H), last)
+    total, at = 0.0, begin_s
+    while hour < last and (hour + 1) * S_PER_H < end_s:
+        total += per_s[hour] * ((hour + 1) * S_PER_H - at)
+        hour += 1
+        at = hour * S_PER_H
+    return float(total + per_s[hour] * max(end_s - at, 0.0))
+
+
+@compiled_lean
+def is_room(room: FreeCapacity, leg: int, present: int, time_s: float, flight_s: float) -> bool:
     """Return whether the station at the end of a leg has room, likely enough, after a flight, with so many there now.
 
-    `flight_s` is how long the flight is expected to last, s.
+    The flight begins at `time_s`, POSIX seconds, and is expected to last `flight_s`.
     """
+    begin_s = max(time_s - room.start_s, 0.0)
     full = chance_full(
         room.pads[leg],
         room.spots[leg],
-        room.arrivals_per_s[leg] * flight_s,
-        room.services_per_s[leg] * flight_s,
+        expected(room.arrivals_per_s[leg], begin_s, begin_s + flight_s),
+        expected(room.services_per_s[leg], begin_s, begin_s + flight_s),
         present,
     )
     return full <= room.most
@@ -151,6 +170,6 @@ def next_look(
         if time_s >= until_s:
             return time_s
         present = others_at(queues, there, entry, time_s)
-        if present != seen and is_room(room, leg, present, flight_s):
+        if present != seen and is_room(room, leg, present, time_s, flight_s):
             return time_s
         seen = present

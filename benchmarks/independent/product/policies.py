@@ -16,7 +16,7 @@ from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import room_at
-from skyway.planner.robust.free_capacity_kernels import LOOK_S, chance_full
+from skyway.planner.robust.free_capacity_kernels import LOOK_S, is_room
 from skyway.planner.robust.information_kernels import energy_belief_after
 from skyway.planner.robust.required_soc_kernels import GRID_S, flight_energy
 
@@ -128,11 +128,7 @@ class Robust:
         if self.room.most >= 1.0 or self.problem.network.pads[self.ends[leg]] == 0:
             return True
         flight_s = max(base - self.needs.cost[1], 0.0) / self.needs.cost[0]
-        full = chance_full(
-            int(self.room.pads[leg]), int(self.room.spots[leg]), float(self.room.arrivals_per_s[leg]) * flight_s,
-            float(self.room.services_per_s[leg]) * flight_s, seen.line(self.ends[leg]),
-        )  # fmt: skip
-        return bool(full <= self.room.most)
+        return is_room(self.room, leg, seen.line(self.ends[leg]), seen.time_s, flight_s)
 
     def over(self, seen: Seen, rest: tuple[int, ...]) -> tuple[int, ...]:
         """On: the route is fixed."""

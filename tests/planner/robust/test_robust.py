@@ -13,7 +13,7 @@ from worlds import on_level_ground
 from skyway.models.base.errors import InputError, NoRouteError
 from skyway.models.composition.composition import State
 from skyway.models.drones.energy_belief import EXACT
-from skyway.models.queues.sampling import no_queue, sample_path
+from skyway.models.queues.sampling import no_queue
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.departure import plan_within
 from skyway.planner.evaluation.evaluate import (
@@ -34,8 +34,6 @@ from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
-from skyway.planner.robust.free_capacity import blocking_probability_after
-from skyway.planner.robust.free_capacity_kernels import chance_full
 from skyway.planner.robust.out_of_sample import left_out, margin_for
 from skyway.planner.robust.required_soc_kernels import flight_energy
 from skyway.planner.robust.uncertain_wind_kernels import gust_mean
@@ -243,13 +241,6 @@ def test_waits_forecast_for_some_hours_are_those_of_the_whole_horizon(newyork):
     )  # filled as asked for
 
 
-def test_who_comes_after_a_drone_and_the_time_it_is_away_take_its_room(newyork):
-    problem = Problem(newyork, ask(drone=None), newyork.drone("m200"), newyork.forecast(DEPART, HORIZON_H))
-    chances = [blocking_probability_after(problem, away_s, behind=0) for away_s in (0.0, 600.0, 3600.0)]
-    assert chances == sorted(chances)
-    assert chances[0] < blocking_probability_after(problem, 0.0, behind=100) == 1.0
-
-
 def test_the_same_seed_gives_the_same_plan(newyork, held_out, planned):
     request, _, forecast = held_out
     again = plan(newyork, request, planner="robust", forecast=forecast)
@@ -270,45 +261,6 @@ def test_no_route_is_said_where_there_is_none(newyork, held_out):
     _, _, forecast = held_out
     with pytest.raises(NoRouteError):
         plan(newyork, replace(ask(), reserve_soc=0.9), planner="robust", forecast=forecast)
-
-
-# Room at stations
-
-
-def test_the_chance_of_a_full_station_is_that_of_simulated_arrivals_and_departures():
-    rng = np.random.default_rng(2)
-    arrivals, services, pads, spots = 1.6, 0.3, 3, 1
-    for present in range(4):
-        came = rng.poisson(arrivals, 200_000)
-        left = rng.poisson(services * min(pads, present), 200_000)
-        share = float(np.mean(came - left >= pads + spots - present))
-        assert chance_full(pads, spots, arrivals, services, present) == pytest.approx(share, abs=0.004)
-
-
-@given(present=st.integers(0, 9), arrivals=st.floats(0.01, 6.0), services=st.floats(0.0, 2.0))
-def test_more_others_make_a_full_station_likelier_and_more_spots_do_not(present, arrivals, services):
-    chance = chance_full(4, 4, arrivals, services, present)
-    assert 0.0 <= chance <= 1.0 + 1e-12
-    assert chance_full(4, 5, arrivals, services, present) <= chance + 1e-12
-    assert chance_full(4, 4, arrivals * 1.5, services, present) >= chance - 1e-12
-
-
-def test_those_present_are_those_who_came_and_have_not_left():
-    rates, times = (np.full(80, 4.0 / 3600.0), np.full(80, 1.0 / 3600.0)), (0.0, 7200.0, 26 * 3600.0)
-    for busy in (0, 2, 9):
-        path = sample_path(np.random.default_rng(3), 5, 4, rates, times, busy)
-        assert path.present_at(7200.0) == busy
-        previous = path.present_at(7200.0)
-        for time in np.unique(np.concatenate((path.arrival_s, path.left_s))):
-            if time > 7200.0 + 24 * 3600.0:
-                break
-            step = int((path.arrival_s == time).sum()) - int((path.left_s == time).sum())
-            now = path.present_at(float(time))
-            assert now == previous + step >= 0
-            previous = now
-        # who arrives when a pad is free waits for none
-        for time in np.linspace(7300.0, 80_000.0, 60):
-            assert (path.present_at(float(time)) < 5) == (float(path.pad_time(time)) <= time)
 
 
 # Objectives, departures, reasons
