@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.planner.explain import charge_ranges, robust_gain, stop_reasons, wait_and_see
 from skyway.planner.plan import alternative_plans
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
+from skyway.planner.uncertainties import uncertainties
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from skyway.planner.departure import Departure
     from skyway.planner.explain import ChargeRange, RobustGain, StopReason, WaitAndSee
     from skyway.planner.result import Comparison, PlanResult
+    from skyway.planner.uncertainties import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,8 @@ class PlanReport:
     """The plan and others; None where nobody asked."""
     reasons: tuple[StopReason, ...] | None
     """Why each stop is made; None where nobody asked."""
+    rests_on: tuple[Uncertainty, ...] | None
+    """What the promise rests on; None where nobody asked."""
 
 
 def plan_report(
@@ -47,6 +51,7 @@ def plan_report(
         charges=() if robust is None else tuple(charge_ranges(robust)),
         alternatives=tuple(alternative_plans(result, alternatives)) if alternatives > 1 else None,
         reasons=tuple(stop_reasons(result)) if explain else None,
+        rests_on=tuple(uncertainties(result)) if explain else None,
     )
 
 

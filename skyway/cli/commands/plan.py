@@ -52,7 +52,7 @@ def plan(
     settings: options.Settings = None,
     alternatives: Annotated[int, typer.Option(help="Largest number of different plans to show.", min=1, max=9)] = 1,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Explain each stop and its charge, and show the next best plan.")
+        bool, typer.Option("--explain", help="Explain each stop and its charge, and what the promise rests on.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
     geojson: Annotated[Path | None, typer.Option(help="Write the route as GeoJSON.")] = None,

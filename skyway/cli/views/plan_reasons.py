@@ -6,17 +6,19 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import date_clock, later_text, minutes, percent, share
+from skyway.models.base.formatting import date_clock, duration, later_text, minutes, percent, share, speed_text
 from skyway.models.base.units import J_PER_WH, iso
 from skyway.models.composition.file import figure_json
+from skyway.planner.uncertainties import ENERGY, GUSTS, NOT_COUNTED, PADS, WIND
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from skyway.planner.departure import Departure
     from skyway.planner.explain import StopReason
     from skyway.planner.report import PlanReport
     from skyway.planner.result import PlanResult
+    from skyway.planner.uncertainties import Uncertainty
 
 
 def print_more(report: PlanReport) -> None:
@@ -27,6 +29,8 @@ def print_more(report: PlanReport) -> None:
         _print_alternatives(report.result, report.alternatives)
     if report.reasons is not None:
         _print_reasons(report.result, report.reasons)
+    if report.rests_on:
+        _print_basis(report.rests_on)
 
 
 def as_json(report: PlanReport) -> dict[str, object]:
@@ -52,6 +56,8 @@ def as_json(report: PlanReport) -> dict[str, object]:
         found["explanation"] = {
             "stops": [_reason_json(one) for one in report.reasons],
             "charges": [vars(one) for one in report.charges],
+            "rests_on": [_uncertainty_json(one) for one in report.rests_on or ()],
+            "not_counted": NOT_COUNTED,
         }
     return found
 
@@ -60,6 +66,10 @@ def _reason_json(one: StopReason) -> dict[str, object]:
     found = {name: value for name, value in vars(one).items() if name != "later"}
     later = None if one.later is None else figure_json(one.later)
     return found | {"later_s": None if one.later is None else one.later.value, "later": later}
+
+
+def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
+    return vars(one) | {"gain": None if one.gain is None else figure_json(one.gain)}
 
 
 def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
@@ -147,3 +157,38 @@ def _why_so_much(one: StopReason) -> str:
     if one.idle > 0.5:
         return f"{percent(one.idle)} of the deliveries leave at once; the others charge to {parts}"
     return f"the drone charges to {parts}"
+
+
+def _print_basis(found: Sequence[Uncertainty]) -> None:
+    """What the promise rests on, and what would gain most."""
+    say("")
+    say("The promise rests on:")
+    sheet = Sheet(
+        [
+            Column("", justify="left"),
+            Column("uncertain by", justify="left"),
+            Column("data", justify="left"),
+            Column("half of it gains", "min on average", words="half of it gains {} min on average"),
+        ]
+    )
+    for one in found:
+        gain = "no route" if one.gain is None else minutes(one.gain)
+        sheet.add(_NAMES[one.name], _SIZES[one.name](one.size), one.source, gain)
+    sheet.show()
+    most = found[0]
+    if most.gain is not None and most.gain.low > 0.0:
+        remedy = f"; {most.remedy}" if most.remedy else ""
+        say(f"Most is gained by half of the {_NAMES[most.name]}: {minutes(most.gain)} min on average{remedy}")
+    else:
+        say("Half of any one of them makes no clear difference")
+    say("Not counted: " + "; ".join(NOT_COUNTED))
+
+
+_NAMES = {WIND: "wind ahead", GUSTS: "gusts", ENERGY: "energy of the drone", PADS: "other drones at pads"}
+_SIZES: dict[str, Callable[[float], str]] = {
+    WIND: lambda size: f"{speed_text(size)} a component",
+    GUSTS: lambda size: f"{percent(size)} of the wind",
+    ENERGY: lambda size: f"{percent(size)} of a flight's energy",
+    PADS: lambda size: f"{duration(size)} of waiting",
+}
+"""How the size of each is said."""
