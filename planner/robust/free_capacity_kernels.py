@@ -121,6 +121,8 @@ def expected(per_s: NDArray[np.float64], begin_s: float, end_s: float) -> float:
     """Expected number of events from one time to another, at the rate of each hour, shape (hours,); the last one's goes on.
 
     Times are seconds from the beginning of the first hour, which may not be after either.
+
+    Takes one rate or more, and finite times from 0 up, the end not before the beginning.
     """
     last = len(per_s) - 1
     hour = min(int(begin_s // S_PER_H), last)

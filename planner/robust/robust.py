@@ -136,6 +136,7 @@ class RobustSearch:
         out_of_sample = policy.simulate(
             self.errors, self.parameters.final_runs, before=candidates[0].out_of_sample, sample_set=PROMISING
         )
+        policy, out_of_sample = self._leaving(policy, out_of_sample)
         for _ in range(1 if self._large else self.parameters.calibrations):
             extra, margin = margin_for([out_of_sample], self.problem.epsilon), policy.known.margin
             if extra <= margin + 1e-6:
@@ -154,6 +155,18 @@ class RobustSearch:
         if emptied is not None:
             raise runs_empty(self.problem, policy.itinerary, emptied)
         return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
+
+    def _leaving(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> tuple[ChargePolicy, OutOfSample]:
+        """Go to stations that are likelier to be full where some runs never leave for want of room, and the reserve is kept."""
+        for most_full in self.parameters.fuller:
+            if not out_of_sample.waits_for_room or most_full <= policy.most_full:
+                continue
+            fuller = replace(policy, most_full=most_full)
+            again = fuller.simulate(self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING)
+            if 1.0 - again.outcome(self.problem).p_success > self.problem.epsilon:
+                break
+            policy, out_of_sample = fuller, again
+        return policy, out_of_sample
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
         """Routes of all composed problems, each once, best first.
