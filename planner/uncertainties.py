@@ -112,7 +112,7 @@ def _halved_wind(answer: RobustAnswer) -> tuple[str, Figure | None]:
     again = Problem(
         problem.scenario, problem.request, problem.drone, halved, parameters=problem.parameters, waits=problem.waits
     )
-    return "a forecast of the day narrows it (--forecast)", _planned_again(answer, again)
+    return "the weather of now or a forecast narrows it (--observed, --forecast)", _planned_again(answer, again)
 
 
 def _halved_gusts(answer: RobustAnswer) -> tuple[str, Figure | None]:
