@@ -19,6 +19,7 @@ from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
+from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.out_of_sample import realization_of, simulate_fixed, typical_fixed
@@ -268,7 +269,7 @@ def _solve(
         realization = realization_of(same, itinerary, typical)
         composition = _audited(same, itinerary, typical.schedule, summary, realization, planner, spent, notes)
         return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded)
-    queues = problem.queue_paths(range(len(problem.network)), 0)
+    queues = SampledQueues(problem, 0)
     if planner == "exact":
         clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues, cut_off_s=time_limit_s)
     else:

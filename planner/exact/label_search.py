@@ -198,7 +198,7 @@ class Round:
         self.best = (chain, leave_s)
         gained = stop_labels.best_s - arrive_s
         stop_labels.best_s = arrive_s
-        if gained > self.guide.cells.step_s:
+        if gained > self.guide.cells.step_s and not self._late():
             self.guide = run_backward(
                 stop_labels.subnetwork,
                 stop_labels.costs,

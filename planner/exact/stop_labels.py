@@ -7,7 +7,6 @@ a chain of stop labels back into decisions.
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +17,8 @@ import numpy as np
 from skyway.planner.exact.flight_functions import flights_from
 from skyway.planner.exact.relaxation_grid_kernels import least_times
 from skyway.planner.exact.stop_label_kernels import Costs, land_at, land_everywhere
-from skyway.planner.problem.flight_table import table_land, table_slot
+from skyway.planner.exact.walk_kernels import earliest_walk
+from skyway.planner.problem.flight_table import table_slot
 from skyway.planner.schedule.itinerary import Leg
 from skyway.planner.schedule.leg_profile_kernels import fly_profile
 from skyway.planner.schedule.profile_kernels import departure_profile, profile_at
@@ -246,9 +246,9 @@ class StopLabels:
         legs: list[Leg] = []
         target = self.subnetwork.destination
         for stop_label in reversed(path):
-            walk = self._walk(stop_label.node, target, leave_s)
+            _, walk = earliest_walk(self.table, stop_label.node, target, leave_s, self.longest_s)
             charge_to, arrived_by = self._charge(stop_label, leave_s)
-            legs.append(Leg(tuple(self.subnetwork.segments[list(walk)].tolist()), charge_to, leave_s))
+            legs.append(Leg(tuple(self.subnetwork.segments[walk].tolist()), charge_to, leave_s))
             target, leave_s = stop_label.node, arrived_by
         return tuple(reversed(legs))
 
@@ -262,37 +262,6 @@ class StopLabels:
         if charged > landed + 1e-9:
             return charged, float(by_pad)
         return None, float(by_spot)
-
-    def _walk(self, origin: int, target: int, leave_s: float) -> tuple[int, ...]:
-        """Segments of the earliest flight between two stations at a take-off (time-dependent Dijkstra)."""
-        table = self.table
-        best_land = math.inf
-        best_walk: tuple[int, ...] = ()
-        first = int(table_slot(table, leave_s))
-        last_possible = int(table_slot(table, leave_s + self.longest_s))
-        for last in range(first, last_possible + 1):
-            closed = np.asarray(np.any(table.speed_mps[first : last + 1] <= 0.0, axis=0))
-            heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + table.climb_s, origin, ())]
-            done: set[int] = set()
-            while heap:
-                _, node, walk = heapq.heappop(heap)
-                if node in done:
-                    continue
-                done.add(node)
-                if node == target:
-                    down = float(table_land(table, np.array(walk, dtype=np.int64), leave_s))
-                    if down < best_land:
-                        best_land, best_walk = down, walk
-                    break
-                for segment in range(int(table.first[node]), int(table.first[node + 1])):
-                    other = int(table.head[segment])
-                    if other in done or closed[segment]:
-                        continue
-                    after = float(table_land(table, np.array([*walk, segment], dtype=np.int64), leave_s))
-                    over = after - table.descent_s if math.isfinite(after) else math.inf
-                    if math.isfinite(over):
-                        heapq.heappush(heap, (over, other, (*walk, segment)))
-        return best_walk
 
 
 def only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:

@@ -83,6 +83,8 @@ class RobustSearch:
         self.labels_expanded = 0
         """Stays looked at by the exact searches and simulated deliveries."""
         self._large = len(problem.network) > self.parameters.large_network
+        self._composed: dict[tuple[object, ...], Itinerary | None] = {}
+        self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
 
     def solve(self) -> RobustAnswer:
         """Search; a `NoRouteError` says that there is no route even without margin."""
@@ -305,8 +307,22 @@ class RobustSearch:
     ) -> Itinerary | None:
         """Compose the best route, or the best in so many labels; without that, on large networks the first one that is found.
 
-        That one keeps to labels with much to spare; the best has less to spare for winds other than the mean.
+        That one keeps to labels with much to spare; the best has less to spare for winds other than the mean. What was
+        composed once is kept: a quick search is followed by a whole one.
         """
+        key = speeds, margin, allowed.tobytes(), most_labels  # other queues come with other speeds
+        if key not in self._composed:
+            self._composed[key] = self._compose_now(speeds, queues, margin, allowed, most_labels)
+        return self._composed[key]
+
+    def _compose_now(
+        self,
+        speeds: MeanSpeeds,
+        queues: Mapping[int, QueuePath],
+        margin: float,
+        allowed: NDArray[np.bool_],
+        most_labels: float,
+    ) -> Itinerary | None:
         p = self.problem
         margin_per_s = margin * p.soc_per_s
         search = ExactSearch(
@@ -325,7 +341,15 @@ class RobustSearch:
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
-        """How a route fares, and the share of runs that charge at each stop."""
+        """How a route fares, and the share of runs that charge at each stop; worked out once."""
+        key = itinerary, runs, realizations
+        if key not in self._known:
+            self._known[key] = self._judged_now(itinerary, runs, realizations)
+        return self._known[key]
+
+    def _judged_now(
+        self, itinerary: Itinerary, runs: int, realizations: int | None
+    ) -> tuple[Candidate, NDArray[np.float64]]:
         p = self.problem
         known = known_at(
             p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / len(itinerary)

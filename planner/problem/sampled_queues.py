@@ -1,0 +1,36 @@
+"""Sampled queues at every station of a problem, sampled for those that a search asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from skyway.models.queues.sampling import QueuePath
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from skyway.planner.problem.problem import Problem
+
+
+class SampledQueues(Mapping[int, QueuePath]):
+    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are asked for first."""
+
+    def __init__(self, problem: Problem, sample: int) -> None:
+        self._problem, self._sample = problem, sample
+
+    def __getitem__(self, node: int) -> QueuePath:
+        return self.at([node])[0]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self._problem.network)
+
+    def at(self, nodes: Iterable[int], _until_s: float = math.inf) -> list[QueuePath]:
+        """Those of some nodes, over the whole horizon."""
+        wanted = list(nodes)
+        found = self._problem.queue_paths(wanted, self._sample)
+        return [found[node] for node in wanted]
