@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.flight_functions import flights_from
+from skyway.planner.exact.flight_functions import flights_from, nothing_asked
 from skyway.planner.problem.flight_table import FlightTable, table_slot
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _cost(
         np.ascontiguousarray(speeds.over(0, speeds.slots - 1, one), dtype=np.float64),
     )
     slots = int(table_slot(table, begin_s)), int(table_slot(table, end_s))
-    offset, pieces = flights_from(table, 0, slots, _TOO_MUCH_SOC / per_s, np.ones(2, dtype=np.bool_))
+    offset, pieces = flights_from(table, 0, slots, _TOO_MUCH_SOC / per_s, np.ones(2, dtype=np.bool_), nothing_asked())
     out: list[tuple[float, float, float, float]] = []
     done, before = begin_s, 0.0
     for t0, a0, t1, a1 in pieces[offset[1] : offset[2]].tolist():

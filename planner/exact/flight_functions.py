@@ -20,12 +20,13 @@ Source: Dean, "Shortest paths in FIFO time-dependent networks: theory and algori
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from skyway.models.flight.kernels import NEVER
 from skyway.models.jit.compiled import compiled
+from skyway.planner.exact.relaxation_grid_kernels import LOOSE, Cells, cell_of
 from skyway.planner.problem.flight_table import table_cruise, table_slot, table_slot_end
 
 if TYPE_CHECKING:
@@ -36,6 +37,61 @@ if TYPE_CHECKING:
 _EPS_S = 1e-7
 _EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier
 _POINTS = 16  # points of a function at first; grows as needed
+
+
+class Asked(NamedTuple):
+    """What is asked of the flights from one node: nothing where there are no cells."""
+
+    cells: Cells
+    """The grid of a guide, see `planner.exact.relaxation`."""
+    leave: NDArray[np.float64]
+    """Shape (cells,). Most charge that the drone can take off with up to the end of each cell; -inf where with none."""
+    need: NDArray[np.float64]
+    """Shape (nodes, cells). Least charge that it must have over each node; infinite where there is no way."""
+    soc_per_s: float
+    soc_fixed: float
+    """A flight of T seconds takes ``soc_fixed + soc_per_s * T``."""
+    begin_s: float
+    end_s: float
+    """First and last take-off."""
+
+
+def nothing_asked() -> Asked:
+    """Return what leaves out no flight."""
+    return Asked(Cells(0.0, 1.0, 0), np.empty(0), np.empty((0, 0)), 0.0, 0.0, -math.inf, math.inf)
+
+
+@compiled
+def _may_serve(asked: Asked, node: int, climb_s: float, took_s: float, between_s: tuple[float, float]) -> bool:
+    """Whether a drone that takes `took_s` seconds at least to be over a node, some time between two, can have the charge.
+
+    In cell j it took off by x_(j+1) - took, with the most charge of until then.
+    """
+    cells = asked.cells
+    if cells.length == 0:
+        return True
+    spent = asked.soc_fixed + asked.soc_per_s * took_s - 10.0 * LOOSE
+    first = cell_of(cells, 0.0, between_s[0] - 0.01)
+    for j in range(first, min(cell_of(cells, 0.0, between_s[1] + 0.01), cells.length - 1) + 1):
+        if asked.need[node, j] < NEVER:
+            off = cell_of(cells, -climb_s, cells.over_s + (j + 1) * cells.step_s - took_s)
+            if asked.leave[min(off, cells.length - 1)] - spent >= asked.need[node, j]:
+                return True
+    return False
+
+
+@compiled
+def _is_later(
+    t: NDArray[np.float64], a: NDArray[np.float64], n: NDArray[np.int64], node: int, other: int, least_s: float
+) -> bool:
+    """Whether the function of a node and `least_s` more is nowhere below that of another: going on there gains nothing."""
+    for k in range(n[node]):
+        if a[node, k] + least_s < _at(t[other], a[other], n[other], t[node, k]) - _EPS_S:
+            return False
+    for k in range(n[other]):
+        if _at(t[node], a[node], n[node], t[other, k]) + least_s < a[other, k] - _EPS_S:
+            return False
+    return True
 
 
 @compiled
@@ -201,21 +257,24 @@ def _search(
     slots: tuple[int, int],
     limit_s: float,
     useful: NDArray[np.bool_],
+    asked: Asked,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``.
 
     Returns t, a, shape (nodes, points), and n, shape (nodes,): the functions, with no points where there is no way
-    within `limit_s`. Label correction with a first-in-first-out queue (Bellman and Ford): O(nodes x segments) functions
-    at worst, in practice each segment a few times.
+    within `limit_s` or none that serves what is asked. Label correction with a first-in-first-out queue (Bellman and
+    Ford): O(nodes x segments) functions at worst, in practice each segment a few times.
     """
     s0, s1 = slots
     nodes = len(table.first) - 1
     t = np.empty((nodes, _POINTS))
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
-    # The source: over it a climb after each take-off of the slot.
-    begin = _slot_begin(table, s0)
-    end = table.start_s + (s0 + 1) * table.slot_s
+    # The source: over it a climb after each take-off of the slot that is asked for.
+    begin = max(_slot_begin(table, s0), asked.begin_s)
+    end = min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)
+    if begin >= end:
+        return t, a, n
     t[source, 0], t[source, 1] = begin, end
     a[source, 0], a[source, 1] = begin + table.climb_s, end + table.climb_s
     n[source] = 2
@@ -228,15 +287,28 @@ def _search(
         node = queue[read]
         read = (read + 1) % (nodes + 1)
         queued[node] = False
+        took_s = NEVER
+        for k in range(n[node]):
+            took_s = min(took_s, a[node, k] - t[node, k])
         for segment in range(table.first[node], table.first[node + 1]):
             other = table.head[segment]
-            if not useful[other]:
+            if not useful[other] or other == source:
                 continue
-            # Skip segments that are closed in one of the slots, and the way back to the source.
-            closed = False
+            # Skip segments that are closed in one of the slots; the least time over the others.
+            slowest, fastest = NEVER, 0.0
             for slot in range(s0, s1 + 1):
-                closed = closed or table.speed_mps[slot, segment] <= 0.0
-            if closed or other == source:
+                speed = table.speed_mps[slot, segment]
+                slowest, fastest = min(slowest, speed), max(fastest, speed)
+            if slowest <= 0.0:
+                continue
+            least_s = table.distance_m[segment] / fastest - _EPS_S
+            if took_s + least_s + table.descent_s > limit_s:
+                continue
+            if n[other] > 0 and _is_later(t, a, n, node, other, least_s):
+                continue
+            soonest = a[node, 0] + least_s
+            latest = a[node, n[node] - 1] + table.distance_m[segment] / slowest
+            if not _may_serve(asked, other, table.climb_s, took_s + least_s, (soonest, latest)):
                 continue
             # T o A, if it is short enough for the battery at any time.
             lt, la, ln = _link(table, segment, s1, t[node], a[node], n[node])
@@ -264,7 +336,7 @@ def _search(
 
 @compiled
 def flights_from(
-    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
+    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_], asked: Asked
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Earliest touch-down at every node for take-offs at `source` from the first to the last of some slots.
 
@@ -281,6 +353,8 @@ def flights_from(
         Longest flight the battery allows.
     useful : ndarray of bool, shape (nodes,)
         Stations worth flying to or over; the others are left out.
+    asked : Asked
+        What flights must serve for; others may be left out.
 
     Returns
     -------
@@ -291,9 +365,9 @@ def flights_from(
     """
     pieces = [np.empty((0, 4))]
     owner = [np.empty(0, dtype=np.int64)]
-    _add_flights(table, source, slots[0], limit_s, useful, pieces, owner)
+    _add_flights(table, source, slots[0], limit_s, useful, asked, pieces, owner)
     for slot in range(slots[0] + 1, slots[1] + 1):
-        _add_flights(table, source, slot, limit_s, useful, pieces, owner)
+        _add_flights(table, source, slot, limit_s, useful, asked, pieces, owner)
     return _pack(len(table.first) - 1, pieces, owner)
 
 
@@ -304,6 +378,7 @@ def _add_flights(
     slot: int,
     limit_s: float,
     useful: NDArray[np.bool_],
+    asked: Asked,
     pieces: list[NDArray[np.float64]],
     owner: list[NDArray[np.int64]],
 ) -> None:
@@ -325,7 +400,7 @@ def _add_flights(
                     break
             if same:
                 continue  # the next last slot has the same segments and reaches farther
-        t, a, n = _search(table, source, (slot, last), limit_s, useful)
+        t, a, n = _search(table, source, (slot, last), limit_s, useful, asked)
         bound = NEVER if last == slots - 1 else table.start_s + (last + 1) * table.slot_s - _EARLY_S
         for node in range(nodes):
             if node == source or n[node] == 0:

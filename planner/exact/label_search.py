@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.exact.dominance import Settled
-from skyway.planner.exact.flight_functions import flights_from
+from skyway.planner.exact.flight_functions import Asked, flights_from
 from skyway.planner.exact.relaxation import run_backward
 from skyway.planner.exact.relaxation_grid_kernels import slack
 from skyway.planner.exact.stop_label_kernels import stop_labels_after
@@ -147,8 +147,12 @@ class Round:
             off = guide.cells.over_s - table.climb_s + guide.cells.step_s * (guide.window[node] + np.array([0, 1]))
             last = min(float(off[1]), self.stop_labels.subnetwork.horizon_s)
             slots = int(table_slot(table, float(off[0]))), int(table_slot(table, last))
-            useful = guide.used
-            self._flights[node] = flights_from(table, node, slots, self.stop_labels.longest_s, useful)
+            costs = self.stop_labels.costs
+            leave = np.maximum.accumulate(self.forward.leave[:, node])
+            window_s = float(off[0]) - guide.cells.step_s, float(off[1]) + guide.cells.step_s  # rounding is much less
+            asked = Asked(guide.cells, leave, guide.need, costs.soc_per_s, costs.soc_fixed, *window_s)
+            longest_s = self.stop_labels.longest_s
+            self._flights[node] = flights_from(table, node, slots, longest_s, guide.used, asked)
         return self._flights[node]
 
     def _expand(self, label: Label) -> Label | None:

@@ -67,6 +67,8 @@ class Guide:
     """Shape (cells, nodes). Least charge to leave each node with; infinite where there is no way."""
     over: NDArray[np.bool_]
     """Shape (cells, nodes). Where the drone can be over a node on such a way."""
+    need: NDArray[np.float64]
+    """Shape (nodes, cells). Least charge to be over each node with on such a way; infinite where there is none."""
     window: NDArray[np.int64]
     """Shape (nodes, 2). First and last cell in which it can leave each node; the last is before the first where it
     cannot."""
@@ -173,12 +175,14 @@ def run_backward(
     first = np.argmax(can_leave, axis=0)
     last = cells.length - 1 - np.argmax(can_leave[::-1], axis=0)
     window = np.column_stack((np.where(any_cell, first, 0), np.where(any_cell, last, -1)))
-    return Guide(cells, leave, (forward.over >= over - _LOOSE) & (over < np.inf), window)
+    on_way = (forward.over >= over - _LOOSE) & (over < np.inf)
+    return Guide(cells, leave, on_way, np.ascontiguousarray(np.where(on_way, over, np.inf).T), window)
 
 
 def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:
     """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
-    one = Guide(guide.cells, guide.leave[:, keep], np.ascontiguousarray(guide.over[:, keep]), guide.window[keep])
+    over = np.ascontiguousarray(guide.over[:, keep])
+    one = Guide(guide.cells, guide.leave[:, keep], over, guide.need[keep], guide.window[keep])
     other = Forward(
         forward.cells, forward.over[:, keep], forward.leave[:, keep], forward.arrive_s, forward.least_s[keep]
     )

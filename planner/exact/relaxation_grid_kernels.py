@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.flight.kernels import NEVER
-from skyway.models.jit.compiled import compiled
+from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.problem.flight_table import table_cruise, table_slot, table_slot_end
 from skyway.planner.schedule.profile_kernels import interpolate
 
@@ -105,6 +105,63 @@ def crossing(table: FlightTable, cells: Cells, segment: int, over_s: float) -> t
             fastest = max(fastest, table.speed_mps[other, segment])
         least = table.distance_m[segment] / fastest
     return cell_of(cells, 0.0, begin), cell_of(cells, 0.0, end), least
+
+
+@compiled
+def slot_times(table: FlightTable, slot: int, step_s: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Seconds over each segment at the ground speeds of one slot, never where it is closed, and whole cells of these."""
+    out, steps = np.empty(len(table.head)), np.zeros(len(table.head), dtype=np.int64)
+    for segment in range(len(out)):
+        speed = table.speed_mps[slot, segment]
+        out[segment] = table.distance_m[segment] / speed if speed > 0.0 else NEVER
+        if speed > 0.0:
+            steps[segment] = int(out[segment] / step_s)
+    return out, steps
+
+
+@compiled
+def inner_segments(table: FlightTable, step_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Segments that can be flown within a cell, at the best speed of any slot: those of node i are ``first[i] : first[i + 1]``."""
+    nodes = len(table.first) - 1
+    first = np.zeros(nodes + 1, dtype=np.int64)
+    inner = np.empty(len(table.head), dtype=np.int64)
+    count = 0
+    for node in range(nodes):
+        for segment in range(table.first[node], table.first[node + 1]):
+            speed = 0.0
+            for slot in range(len(table.speed_mps)):
+                speed = max(speed, table.speed_mps[slot, segment])
+            if table.distance_m[segment] <= 1.001 * step_s * speed:
+                inner[count] = segment
+                count += 1
+        first[node + 1] = count
+    return first, inner[:count].copy()
+
+
+@compiled_lean
+def crossed(
+    table: FlightTable, cells: Cells, segment: int, i: int, in_slot: tuple[float, int, float], takes_s: float
+) -> tuple[int, int, float]:
+    """What `crossing` returns of cell i, quickly for flights that end in the slot of the cell or in the one after it.
+
+    `in_slot` is when the cell begins, its slot and the slot's end, POSIX seconds; `takes_s` what the segment takes in it.
+    """
+    over_s, slot, ends = in_slot
+    if takes_s == NEVER:
+        return -1, -2, NEVER
+    later_s = over_s + cells.step_s
+    if later_s + takes_s <= ends:
+        cell = i + int(takes_s / cells.step_s)
+        return cell, cell + 1, takes_s
+    # Entered at the two ends of the cell, it goes on at the speed of the next slot.
+    speed, then = table.speed_mps[slot, segment], table.speed_mps[slot + 1, segment]
+    if then > 0.0:
+        length = table.distance_m[segment]
+        begin = over_s + takes_s if over_s + takes_s <= ends else ends + (length - speed * (ends - over_s)) / then
+        end = ends + (length - speed * (ends - later_s)) / then
+        if end <= table_slot_end(table, slot + 1):
+            return cell_of(cells, 0.0, begin), cell_of(cells, 0.0, end), min(begin - over_s, end - later_s)
+    return crossing(table, cells, segment, over_s)
 
 
 @compiled

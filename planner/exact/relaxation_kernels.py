@@ -34,7 +34,9 @@ from skyway.planner.exact.relaxation_grid_kernels import (
     Cells,
     cell_of,
     charge_after,
-    crossing,
+    crossed,
+    inner_segments,
+    slot_times,
     time_from_empty,
 )
 from skyway.planner.problem.flight_table import table_slot, table_slot_end
@@ -81,8 +83,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     best: with L the least time of flight left and r the greatest rate of charging, it arrives no earlier than x + L,
     nor than reserve / r + L (1 + c / r) - (E / r - x) (see `planner.exact.stop_label_kernels.stop_label_bound`).
 
-    Within a cell, nodes are looked at again as long as a segment that is flown within the cell brings more charge
-    (`stale`, `again`). O(cells x segments) apart from these.
+    Within a cell, nodes are looked at again as long as a segment that is flown within the cell (one of `inner`) brings
+    more charge (`stale`, `again`); then all segments are flown once. O(cells x segments) apart from these.
 
     Takes a `Pass` of `planner.exact.relaxation` of a cell or more, a finite start, and any pad time, deadline and
     `after` from 0 up, infinite included.
@@ -108,7 +110,7 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
     pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
-    first, head, length_m, speeds = table.first, table.head, table.distance_m, table.speed_mps
+    first, head = table.first, table.head
     nodes = len(first) - 1
     rows = np.full((5, cells.length, nodes), _NONE)
     over, rest, leave, landed, onto = rows[0], rows[1], rows[2], rows[3], rows[4]
@@ -131,12 +133,18 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     enough = costs.reserve - LOOSE + strict * table.descent_s
     full_s = costs.reserve / costs.rate_per_s
     drain = (per_s + costs.rate_per_s) / costs.rate_per_s
+    inner_first, inner = inner_segments(table, cells.step_s)
+    known, takes_s, steps = -1, np.empty(len(head)), np.empty(len(head), dtype=np.int64)
     i = begin - 1
     while i < last:
         i += 1
         x = cells.over_s + i * cells.step_s
         slot = table_slot(table, x)
-        inside = table_slot_end(table, slot) - x - cells.step_s
+        if slot != known:
+            known = slot
+            takes_s, steps = slot_times(table, slot, cells.step_s)
+        ends = table_slot_end(table, slot)
+        inside = ends - x - cells.step_s
         down_by = x + cells.step_s + table.descent_s
         # Every node reached so far is looked at in each cell: the drone may have charged meanwhile.
         stale = seen.copy()
@@ -194,31 +202,49 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                     rest[i, node] = left
                 if left < enough:
                     continue
-                for segment in range(first[node], first[node + 1]):
-                    speed = speeds[slot, segment]
-                    if speed <= 0.0:
+                # Nodes that are reached within the cell are looked at again with what is brought there.
+                for k in range(inner_first[node], inner_first[node + 1]):
+                    segment = inner[k]
+                    cell, least = i + steps[segment], takes_s[segment]
+                    if least > inside:
+                        cell, _, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                    lesser = left - strict * least
+                    if cell != i or lesser < enough:
                         continue
-                    # Cruise: cells in which this may end. A flight within the slot takes one time, whenever it enters.
-                    least = length_m[segment] / speed
-                    if least <= inside:
-                        cell = i + int(least / cells.step_s)
-                        end = cell + 1
-                    else:
-                        cell, end, least = crossing(table, cells, segment, x)
-                    # Charge over the other node, in all these cells.
-                    less, lesser = charge - per_s * least, left - strict * least
-                    if lesser < enough:
-                        continue
-                    other = head[segment]
-                    seen[other] = True
-                    while cell <= end and cell < cells.length:
-                        if less > over[cell, other] or (margin and lesser > rest[cell, other]):
-                            over[cell, other] = max(less, over[cell, other])
-                            if margin:
-                                rest[cell, other] = max(lesser, rest[cell, other])
-                            if cell == i:
-                                stale[other] = again = True
-                        cell += 1
+                    other, less = head[segment], charge - per_s * least
+                    if less > over[i, other] or (margin and lesser > rest[i, other]):
+                        over[i, other] = max(less, over[i, other])
+                        if margin:
+                            rest[i, other] = max(lesser, rest[i, other])
+                        seen[other] = stale[other] = again = True
+        # Cruise: charge over other nodes in the later cells in which a flight over the segment may end.
+        for node in range(nodes):
+            charge = over[i, node]
+            left = rest[i, node] if margin else charge
+            if left < enough:
+                continue
+            for segment in range(first[node], first[node + 1]):
+                least = takes_s[segment]
+                # A flight within the slot takes one time, whenever it enters.
+                if least <= inside:
+                    cell = i + steps[segment]
+                    end = cell + 1
+                elif least < NEVER:
+                    cell, end, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                else:
+                    continue
+                less, lesser = charge - per_s * least, left - strict * least
+                if lesser < enough:
+                    continue
+                other = head[segment]
+                seen[other] = True
+                cell, end = max(cell, i + 1), min(end, cells.length - 1)
+                while cell <= end:
+                    if less > over[cell, other]:
+                        over[cell, other] = less
+                    if margin and lesser > rest[cell, other]:
+                        rest[cell, other] = lesser
+                    cell += 1
     return over, leave, found, last
 
 
@@ -246,7 +272,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
     pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
-    first, head, length_m, speeds = table.first, table.head, table.distance_m, table.speed_mps
+    first, head = table.first, table.head
     nodes = len(first) - 1
     rows = np.full((5, cells.length + 1, nodes), NEVER)
     # Over a node; the same for reserve and margin alone; to leave it;
@@ -255,38 +281,58 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
     margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
     climb = costs.soc_fixed + per_s * table.climb_s
+    inner_first, inner = inner_segments(table, cells.step_s)
+    known, takes_s, steps = -1, np.empty(len(head)), np.empty(len(head), dtype=np.int64)
+    onward, onward_rest = np.empty(nodes), np.empty(nodes)  # by flights that end in later cells
     for i in range(cells.length - 1, -1, -1):
         x = cells.over_s + i * cells.step_s
         slot = table_slot(table, x)
-        inside = table_slot_end(table, slot) - x - cells.step_s
+        if slot != known:
+            known = slot
+            takes_s, steps = slot_times(table, slot, cells.step_s)
+        ends = table_slot_end(table, slot)
+        inside = ends - x - cells.step_s
         down_by = x + cells.step_s + table.descent_s
-        again = True
         ever[i], potential[i] = ever[i + 1], potential[i + 1]
+        # Over each segment, to the cheapest of the later cells in which the flight may end.
+        for node in range(nodes):
+            onward[node] = onward_rest[node] = NEVER
+            if not allowed[i // ratio, node]:
+                continue
+            fly, least_rest = NEVER, NEVER
+            for segment in range(first[node], first[node + 1]):
+                least = takes_s[segment]
+                if least <= inside:
+                    cell = i + steps[segment]
+                    end = cell + 1
+                elif least < NEVER:
+                    cell, end, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                else:
+                    continue
+                other = head[segment]
+                cell, end = max(cell, i + 1), min(end, cells.length - 1)
+                while cell <= end:
+                    fly = min(fly, over[cell, other] + per_s * least)
+                    if margin:
+                        least_rest = min(least_rest, rest[cell, other] + strict * least)
+                    cell += 1
+            onward[node], onward_rest[node] = fly, least_rest
+        again = True
         while again:
             again = False
             for node in range(nodes):
                 if not allowed[i // ratio, node]:
                     continue
-                # Over each segment, to the cheapest of the cells in which the flight may end.
-                fly, least_rest = NEVER, NEVER
-                short = False
-                for segment in range(first[node], first[node + 1]):
-                    speed = speeds[slot, segment]
-                    if speed <= 0.0:
-                        continue
-                    other = head[segment]
-                    least = length_m[segment] / speed
-                    if least <= inside:
-                        cell = i + int(least / cells.step_s)
-                        end = cell + 1
-                    else:
-                        cell, end, least = crossing(table, cells, segment, x)
-                    short = short or cell == i
-                    while cell <= end and cell < cells.length:
-                        fly = min(fly, over[cell, other] + per_s * least)
-                        if margin:
-                            least_rest = min(least_rest, rest[cell, other] + strict * least)
-                        cell += 1
+                # And to nodes that are reached within this cell.
+                fly, least_rest = onward[node], onward_rest[node]
+                for k in range(inner_first[node], inner_first[node + 1]):
+                    segment = inner[k]
+                    cell, least = i + steps[segment], takes_s[segment]
+                    if least > inside:
+                        cell, _, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                    if cell == i and least < NEVER:
+                        fly = min(fly, over[i, head[segment]] + per_s * least)
+                        least_rest = min(least_rest, rest[i, head[segment]] + strict * least)
                 if not margin:
                     least_rest = fly
                 # Leave: with the climb, with no more than a full battery; keep the least from here on.
@@ -317,7 +363,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                     over[i, node] = min(fly, over[i, node])
                     if margin:
                         rest[i, node] = min(least_rest, rest[i, node])
-                    again = again or short
+                    again = len(inner) > 0
     return over[:-1], leave[:-1]
 
 

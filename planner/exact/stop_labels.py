@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.flight_functions import flights_from
+from skyway.planner.exact.flight_functions import flights_from, nothing_asked
 from skyway.planner.exact.relaxation_grid_kernels import least_times
 from skyway.planner.exact.stop_label_kernels import Costs, land_at, land_everywhere
 from skyway.planner.exact.walk_kernels import earliest_walk
@@ -133,7 +133,7 @@ class StopLabels:
         if key in self._flights and not np.any(useful & ~self._useful[key]):
             return self._flights[key]
         self._useful[key] = useful.copy()
-        self._flights[key] = flights_from(self.table, origin, (slot, slot), self.longest_s, useful)
+        self._flights[key] = flights_from(self.table, origin, (slot, slot), self.longest_s, useful, nothing_asked())
         return self._flights[key]
 
     @property
