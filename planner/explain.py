@@ -11,6 +11,9 @@ import numpy as np
 from skyway.models.base.errors import NoRouteError
 from skyway.models.base.statistics import weighted_quantile
 from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.exact.extent import Extent
+from skyway.planner.exact.stop_labels import costs_of
+from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.outcome import later
@@ -18,6 +21,7 @@ from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, 
 
 if TYPE_CHECKING:
     from skyway.models.base.statistics import Figure
+    from skyway.planner.problem.problem import Problem
     from skyway.planner.result import PlanResult
     from skyway.planner.robust.candidate import Candidate
     from skyway.planner.robust.robust import RobustAnswer
@@ -176,11 +180,10 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
     """
     problem = answer.policy.problem
     times, weights = [], []
-    nodes = range(len(problem.network))
     robust = problem.parameters.robust
-    limit_s = robust.reasons_s if len(nodes) > robust.large_network else math.inf
+    limit_s = robust.reasons_s if len(problem.network) > robust.large_network else math.inf
     for member, probability in enumerate(problem.probability.tolist()):
-        queues, speeds = problem.queue_paths(nodes, member), TrueSpeeds(problem.air, member)
+        queues, speeds = SampledQueues(problem, member), TrueSpeeds(problem.air, member)
         search = ExactSearch(problem, queues, speeds=speeds, time_limit_s=limit_s)
         if search.find() is None:
             continue
@@ -190,6 +193,19 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
         return None
     bound = float(np.average(times, weights=weights))
     return WaitAndSee(bound, answer.outcome.mean_s - problem.depart_s, len(times))
+
+
+def mean_bound_s(problem: Problem) -> float:
+    """Bound from below, at once, how long a delivery takes on average, s.
+
+    In each member straight, at the greatest speed, charged as fast as can be (`planner.exact.extent`).
+    """
+    speeds, costs = (
+        [TrueSpeeds(problem.air, member) for member in range(len(problem.probability))],
+        costs_of(problem, 0.0),
+    )
+    bounds = [Extent(problem, one, costs).straight_s(one.slots) - problem.depart_s for one in speeds]
+    return float(np.average(bounds, weights=problem.probability))
 
 
 @dataclass(frozen=True)

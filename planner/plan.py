@@ -30,6 +30,7 @@ from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
 from skyway.planner.schedule.outcome import later, outcome
 from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
+from skyway.planner.time_limit import cut_off_note, with_gap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -77,7 +78,8 @@ def plan(
     truth : WindEnsemble, optional
         One member, the wind as it will be: needed by `CLAIRVOYANT_PLANNERS`, unless the forecast has one member.
     time_limit_s : float
-        A clairvoyant planner ends after this time, for each drone: with the best found, which says so, or an error.
+        A clairvoyant planner ends after this time, for each drone: with the best found and a bound of it, or an error.
+        ``robust`` looks no further from this time on, once it has a route.
     progress : callable, optional
         Of ``ies``, see `ExhaustiveSearch`.
     parameters : PlannerParameters, optional
@@ -108,7 +110,7 @@ def plan(
     rejected: dict[str, str] = {}
     problems = _problems(scenario, request, wind, rejected, parameters)
     if planner == ROBUST:
-        return _plan_robust(problems, request.objective, rejected, parameters.robust.min_arrival)
+        return _plan_robust(problems, request.objective, rejected, parameters, time_limit_s)
     answers: list[PlanResult] = []
     errors: dict[str, InfeasibleError] = {}
     for problem in problems:
@@ -271,7 +273,7 @@ def _solve(
         return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded)
     queues = SampledQueues(problem, 0)
     if planner == "exact":
-        clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues, cut_off_s=time_limit_s)
+        clairvoyant: ExactSearch | ExhaustiveSearch = _exact(problem, queues, time_limit_s)
     else:
         clairvoyant = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
     started = time.perf_counter()
@@ -281,12 +283,18 @@ def _solve(
     if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
     summary = outcome(problem, schedule, np.ones(1))
-    notes = () if clairvoyant.complete else (_cut_off(clairvoyant, time_limit_s),)
+    notes = () if clairvoyant.complete else (cut_off_note(clairvoyant, time_limit_s),)
     realization = Realization(0, queues, clairvoyant.best_s)
     composition = _audited(problem, itinerary, schedule[0], summary, realization, planner, spent, notes)
     return PlanResult(
         composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, complete=clairvoyant.complete
     )
+
+
+def _exact(problem: Problem, queues: SampledQueues, time_limit_s: float) -> ExactSearch:
+    """Return an exact search that ends after a time; in a hurry, it looks for any answer first."""
+    hurry = time_limit_s < problem.parameters.exact.hurry_s
+    return ExactSearch(problem, queues, time_limit_s=time_limit_s if hurry else math.inf, cut_off_s=time_limit_s)
 
 
 def _audited(
@@ -307,25 +315,22 @@ def _audited(
     return composition
 
 
-def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
-    """Say of an answer that it is not proved, and what is."""
-    note = f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is"
-    if isinstance(search, ExactSearch) and math.isfinite(search.gap):
-        note += f"; it takes at most {percent(max(math.ceil(100.0 * search.gap), 1) / 100.0)} longer than that"
-    return note
-
-
 def _plan_robust(
-    problems: Iterator[Problem], objective: Objective, rejected: dict[str, str], least_arrival: float
+    problems: Iterator[Problem],
+    objective: Objective,
+    rejected: dict[str, str],
+    parameters: PlannerParameters,
+    time_limit_s: float,
 ) -> PlanResult:
     """Compare routes for every drone, and finish the best: the composition tells its typical schedule."""
+    least_arrival, end_at = parameters.robust.min_arrival, time.perf_counter() + time_limit_s
     searches: list[RobustSearch] = []
     outcomes: list[Outcome] = []
     errors: dict[str, InfeasibleError] = {}
     spent = 0.0
     for problem in problems:
         started = time.perf_counter()
-        search = RobustSearch(problem)
+        search = RobustSearch(problem, end_at=end_at)
         try:
             outcomes.append(search.candidates(quick=True)[0].outcome)
             searches.append(search)
@@ -347,7 +352,10 @@ def _plan_robust(
         else:
             spent += time.perf_counter() - started
             labels_expanded += sum(search.labels_expanded for search in searches)
-            return _told(answer, spent, labels_expanded, rejected | told)
+            told_result = _told(answer, spent, labels_expanded, rejected | told)
+            if all(search.complete for search in searches):
+                return told_result
+            return with_gap(told_result, time_limit_s)
         spent += time.perf_counter() - started
 
 

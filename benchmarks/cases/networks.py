@@ -27,6 +27,8 @@ CENTRE = 40.73, -73.97
 """Middle of the random networks: where the wind record of New York holds."""
 SEGMENT_M = 10_000.0
 """Longest segment of the random networks."""
+CITY_M = 60_000.0
+"""Side of the square of the dense networks."""
 NEIGHBOURS = 14.0
 """Mean number of stations within reach of one, which sets the density of the random networks."""
 
@@ -43,8 +45,19 @@ def geometric(stations: int, seed: int, *, pads: int = 5, utilisation: float = 0
     The square grows with the number of stations, so that each has about `NEIGHBOURS` neighbours. The load of each
     station is that of a station of New York drawn at random, scaled to the mean utilisation asked for.
     """
-    rng = np.random.default_rng((seed, stations))
     side_m = math.sqrt(stations * math.pi * SEGMENT_M**2 / NEIGHBOURS)
+    return _strewn(f"geometric-{stations}-{seed}", stations, seed, side_m, pads, utilisation)
+
+
+def dense(stations: int, seed: int, *, pads: int = 5, utilisation: float = 0.5) -> Scenario:
+    """As `geometric`, on a square of `CITY_M` whatever their number; the loads of stations differ by up to a tenth."""
+    base = _strewn(f"dense-{stations}-{seed}", stations, seed, CITY_M, pads, utilisation)
+    share = 1.0 + 0.1 * np.random.default_rng((seed, stations, 1)).uniform(-1.0, 1.0, (stations, 1))
+    return replace(base, load=replace(base.load, arrivals_per_s=base.load.arrivals_per_s * share))
+
+
+def _strewn(name: str, stations: int, seed: int, side_m: float, pads: int, utilisation: float) -> Scenario:
+    rng = np.random.default_rng((seed, stations))
     north, east = rng.uniform(-0.5, 0.5, (2, stations)) * side_m
     lat = CENTRE[0] + north / 111_045.0
     lon = CENTRE[1] + east / (111_320.0 * np.cos(np.radians(lat)))
@@ -59,7 +72,7 @@ def geometric(stations: int, seed: int, *, pads: int = 5, utilisation: float = 0
     load = PadLoad(base.load.arrivals_per_s[row], base.load.mean_charging_s[row], base.load.timezone)
     return replace(
         base,
-        name=f"geometric-{stations}-{seed}",
+        name=name,
         network=network,
         drones=(M200_V2,),
         load=scaled_to(load, utilisation, network.pads),

@@ -23,7 +23,7 @@ from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.schedule.no_route import no_route
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
@@ -40,7 +40,7 @@ class ExhaustiveSearch:
     def __init__(
         self,
         problem: Problem,
-        queues: dict[int, QueuePath],
+        queues: Mapping[int, QueuePath],
         *,
         time_limit_s: float = math.inf,
         progress: Callable[[int, float], None] | None = None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.flight_functions import flights_from, nothing_asked
+from skyway.planner.exact.flight_search import flights_from, nothing_asked
 from skyway.planner.problem.flight_table import FlightTable, table_slot
 
 if TYPE_CHECKING:

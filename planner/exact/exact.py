@@ -23,10 +23,11 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError, NoRouteError
 from skyway.planner.exact.escape import needed_to_land
+from skyway.planner.exact.extent import Extent
 from skyway.planner.exact.label_search import GAIN_S, Round
 from skyway.planner.exact.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s
-from skyway.planner.exact.subnetwork import narrowed, places, subnetwork
+from skyway.planner.exact.subnetwork import narrowed, queued, subnetwork
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.kernel_inputs import check_shape, check_speeds
 from skyway.planner.problem.speeds import GivenSpeeds, TrueSpeeds
@@ -107,12 +108,14 @@ class ExactSearch:
             check_shape("stops", stops, (len(problem.network),))
             self._stops &= stops
         self._costs = costs_of(problem, margin_soc_per_s)
+        self._extent = Extent(problem, self._speeds, self._costs)
         self._time_limit_s = time_limit_s
         self._most_labels = most_labels
         self._stop_at = math.inf
         self._cut_off_s = cut_off_s
         self._end_at = math.inf
         self._answer: Itinerary | None = None
+        self._bounded: tuple[Subnetwork, Forward] | None = None
 
     @property
     def gap(self) -> float:
@@ -136,21 +139,24 @@ class ExactSearch:
         p = self.problem
         started = time.perf_counter()
         self._stop_at, self._end_at = started + self._time_limit_s, started + self._cut_off_s
-        self._place_m = places(p.network)
-        straight = self._straight_s()
+        self.lower_bound_s = max(self.lower_bound_s, self._extent.straight_s(self._speeds.slots))
+        straight = self._extent.straight_s(12)
         until = p.depart_s + self.parameters.first_deadline * (straight - p.depart_s) + 600.0
         least = landing_s(p, self.queues, straight)
-        while self._answer is None:
+        self._search_near(until, least)
+        while self._answer is None and not self._given_up:
             until = min(until, self._latest_s)
             if until > least:  # before that there is no room
-                self._search_until(until)
-            if self._answer is None and self._given_up:
-                self.complete = False
+                self._search_until(until, self._layout(self._extent.usable(until), until))
+            if self._answer is None and until >= self._latest_s and not self._given_up:
                 return None
-            if self._answer is None and until >= self._latest_s:
-                return None
-            until = p.depart_s + 1.6 * (until - p.depart_s)
+            until = self._longer(until)
+        self.complete = self.complete and self._answer is not None
         return self._answer
+
+    def _longer(self, until_s: float) -> float:
+        """Return the next time until which to search."""
+        return self.problem.depart_s + 1.6 * (until_s - self.problem.depart_s)
 
     @property
     def _given_up(self) -> bool:
@@ -166,32 +172,22 @@ class ExactSearch:
         longest = (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
         return p.air.start_s + self._speeds.slots * p.air.slot_s + longest
 
-    def _straight_s(self) -> float:
-        """Arrival that nothing beats: straight at the greatest speed, charged as fast as can be."""
-        p, costs = self.problem, self._costs
-        way = float(np.linalg.norm(self._place_m[p.origin] - self._place_m[p.destination])) * 0.995
-        flight = way / self._speeds.fastest_mps(0, min(12, self._speeds.slots) - 1) + costs.landing_s
-        charge = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
-        charged = (costs.reserve + charge - p.soc) / costs.rate_per_s
-        return p.depart_s + flight + max(charged, 0.0)
+    def _layout(self, keep: NDArray[np.bool_], until_s: float, *, with_queues: bool = True) -> Subnetwork:
+        """Lay out some nodes, for arrivals by a time."""
+        nodes = np.flatnonzero(keep)
+        how = self._extent.place_m, nodes, self._extent.slots(until_s)
+        laid = subnetwork(self.problem, self.queues, self._speeds, *how, with_queues=with_queues)
+        return replace(laid, has_pads=self._stops[nodes])
 
-    def _layout(self, until_s: float) -> Subnetwork:
-        """Lay out all nodes that can lie on a route that arrives by a time."""
-        p, air, costs = self.problem, self.problem.air, self._costs
-        first, last = (
-            min(max(int((t + 1e-6 - air.start_s) // air.slot_s), 0), self._speeds.slots - 1)
-            for t in (p.depart_s, until_s)
-        )
-        last = min(last + 1, self._speeds.slots - 1)
-        place = self._place_m
-        way = sum(np.sqrt(((place - place[end]) ** 2).sum(axis=1)) for end in (p.origin, p.destination))
-        flight = way * 0.995 / self._speeds.fastest_mps(first, last) + costs.landing_s
-        span = until_s - p.depart_s
-        charged = (costs.reserve + flight * costs.soc_per_s + min(costs.soc_fixed, 0.0) - p.soc) / costs.rate_per_s
-        keep = (flight <= span) & (flight + charged <= span)
+    def _near(self, until_s: float) -> Subnetwork | None:
+        """Lay out the stations nearest to the straight way; None where all are near, or the network is not dense."""
+        p, keep, most = self.problem, self._extent.usable(until_s), self.parameters.near_stations
+        if np.diff(p.network.first)[keep].sum() <= self.parameters.dense_segments or np.count_nonzero(keep) <= most:
+            return None
+        keep[:] = False
+        keep[np.argsort(self._extent.way_m, kind="stable")[:most]] = True
         keep[[p.origin, p.destination]] = True
-        laid = subnetwork(p, self.queues, self._speeds, place, np.flatnonzero(keep), (first, last))
-        return replace(laid, has_pads=self._stops[laid.nodes])
+        return replace(self._layout(keep, until_s), whole=False)
 
     def _start(self) -> Start:
         p = self.problem
@@ -199,22 +195,87 @@ class ExactSearch:
         pad = float(self.queues[p.origin].pad_time(p.depart_s)) if on_pad else math.inf
         return Start(p.depart_s, p.soc, pad, p.in_flight)
 
-    def _search_until(self, until_s: float) -> None:
+    def _search_near(self, until_s: float, least_s: float) -> None:
+        """In a dense network, look for an answer near the straight way, then prove it the best, or better it.
+
+        Until some time first; before `least_s` there is no room.
+        """
+        while self._answer is None and not self._given_up:
+            until_s = min(until_s, self._latest_s)
+            near = self._near(until_s)
+            if near is None:
+                return
+            if until_s > least_s:
+                self._search_until(until_s, near)
+            if until_s >= self._latest_s:
+                break
+            until_s = self._longer(until_s)
+        if self._answer is not None and self._most_labels == math.inf and self._time_is_left:
+            self._prove()
+
+    @property
+    def _time_is_left(self) -> bool:
+        return time.perf_counter() < min(self._stop_at, self._end_at)
+
+    def _bound(self) -> tuple[Subnetwork, Forward]:
+        """Bound arrivals from below in the whole network, as if pads were always free.
+
+        Once for an answer: what can be had by its arrival.
+        """
+        until_s, start = self.best_s, self._start()
+        whole = self._layout(self._extent.usable(until_s), until_s, with_queues=False)
+        needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
+        come_by = self._come_by_s(until_s)
+        step = max((until_s - start.time_s) / self.parameters.coarse_cells, 10.0)
+        cells = cells_for(whole, start, min(step, longest_cell_s(whole, self._costs)), come_by)
+        forward = run_forward(whole, self._costs, start, cells, needed, come_by, after=math.inf)
+        self._nothing_before(whole, min(landing_s(self.problem, self.queues, forward.arrive_s), until_s))
+        return whole, forward
+
+    def _prove(self) -> None:
+        """Prove that the answer is the best in the whole network, or better it."""
+        if self._bounded is None:
+            self._bounded = self._bound()
+        (whole, forward), until_s = self._bounded, self.best_s
+        if self._proved():
+            return
+        needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
+        guide = run_backward(whole, self._costs, forward, needed, self._come_by_s(until_s))
+        keep = guide.used.copy()
+        keep[[whole.origin, whole.destination]] = True
+        part = queued(narrowed(whole, keep), self.problem, self.queues)
+        guide, _ = only_nodes(guide, forward, keep)
+        first = 0 if self.gap > self.parameters.near_gap else -1
+        self._refine(part, guide, needed, until_s, self.parameters.near_refinements[first:])
+
+    def _proved(self) -> bool:
+        """Whether there is an answer, and nothing arrives before it."""
+        proved = self._answer is not None and self.lower_bound_s >= self.best_s - GAIN_S
+        self.complete = self.complete or proved
+        return proved
+
+    def _nothing_before(self, part: Subnetwork, time_s: float) -> None:
+        """Take note that no delivery over a part of the network arrives before a time."""
+        if part.whole:
+            self.lower_bound_s = max(self.lower_bound_s, time_s)
+
+    def _search_until(self, until_s: float, whole: Subnetwork) -> None:
         """Search for arrivals until some time; without one there is none.
 
         Relaxations tell of coming to the destination, deadlines of landing there, which may have to wait for room.
         """
-        whole, costs, start = self._layout(until_s), self._costs, self._start()
+        costs, start = self._costs, self._start()
         needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
         come_by = self._come_by_s(until_s)
         span = until_s - start.time_s
         step = min(max(span / self.parameters.coarse_cells, 10.0), longest_cell_s(whole, costs))
         cells = cells_for(whole, start, step, come_by)
-        for after in self.parameters.deadlines:
+        hurry = self._time_limit_s < math.inf or (self._most_labels < math.inf and not whole.whole)
+        for after in self.parameters.deadlines if whole.whole else self.parameters.near_deadlines:
             forward = run_forward(whole, costs, start, cells, needed, come_by, after=after)
             if math.isinf(forward.arrive_s):
                 break
-            self.lower_bound_s = max(self.lower_bound_s, landing_s(self.problem, self.queues, forward.arrive_s))
+            self._nothing_before(whole, landing_s(self.problem, self.queues, forward.arrive_s))
             end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
             landed = landing_s(self.problem, self.queues, end)
             deadline = min(until_s, end if landed <= end else landed + 2.0 * GAIN_S)
@@ -223,21 +284,56 @@ class ExactSearch:
             keep[[whole.origin, whole.destination]] = True
             part = narrowed(whole, keep)
             guide, forward = only_nodes(guide, forward, keep)
-            if math.isinf(self._time_limit_s):
-                self._refine(part, guide, needed, deadline)
-            elif self._run(part, guide, forward, needed, deadline, 0.0) and time.perf_counter() < self._stop_at:
-                self._refine(part, guide, needed, min(deadline, self.best_s))
+            if not hurry:
+                shares = self.parameters.refinements if whole.whole else self.parameters.near_refinements
+                self._refine(part, guide, needed, deadline, shares)
+            elif self._hurried(part, guide, forward, needed, deadline, last=deadline >= until_s):
+                if self._most_labels < math.inf or self._answer is None:
+                    return
+                if not whole.whole and self._time_limit_s > 0.0:  # however soon it ends, it ends with a bound
+                    self._bounded = self._bound()
+                if self._time_is_left:
+                    self._refine(part, guide, needed, min(deadline, self.best_s), self.parameters.refinements[-1:])
             if self._answer is not None or deadline >= until_s or self._given_up:
                 return
-        self.lower_bound_s = max(self.lower_bound_s, until_s)
+        self._nothing_before(whole, until_s)
 
-    def _refine(self, part: Subnetwork, guide: Guide, needed: NDArray[np.float64], deadline_s: float) -> None:
-        """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first."""
+    def _hurried(
+        self,
+        part: Subnetwork,
+        guide: Guide,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        deadline_s: float,
+        *,
+        last: bool,
+    ) -> bool:
+        """Look for a first answer, near the straight way in a few labels unless the deadline is the last.
+
+        Tells whether there is one, or none.
+        """
+        most = math.inf if last or part.whole else self.parameters.first_labels
+        return self._run(part, guide, forward, needed, deadline_s, 0.0, most) and (last or self._answer is not None)
+
+    def _refine(
+        self,
+        part: Subnetwork,
+        guide: Guide,
+        needed: NDArray[np.float64],
+        deadline_s: float,
+        shares: tuple[float, ...],
+    ) -> None:
+        """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first.
+
+        Deadlines are those `shares` of the lower bound beyond it.
+        """
         start, coarse = self._start(), guide.cells
+        near = self._bounded is not None or not part.whole
+        most = self.parameters.near_states if near else self.parameters.max_states
         span = deadline_s - start.time_s
         fine_s = max(
             min(self.parameters.fine_s, span / self.parameters.min_fine_cells),
-            span / min(self.parameters.max_fine_cells, max(self.parameters.max_states / len(part.nodes), 1.0)),
+            span / min(self.parameters.max_fine_cells, max(most / len(part.nodes), 1.0)),
             2.0,
         )
         ratio = max(int(coarse.step_s / fine_s), 1)
@@ -255,13 +351,13 @@ class ExactSearch:
             allowed=(mask, ratio),
         )
         least = min(landing_s(self.problem, self.queues, forward.arrive_s), deadline_s)
-        self.lower_bound_s = max(self.lower_bound_s, least)
-        for share in (
-            self.parameters.refinements if math.isinf(self._time_limit_s) else self.parameters.refinements[-1:]
-        ):
+        self._nothing_before(part, least)
+        if self._proved():
+            return
+        for share in shares:
             until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
             narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
-            if self._run(part, narrow, forward, needed, until, self._stop_at) or until >= deadline_s:
+            if self._run(part, narrow, forward, needed, until, self._stop_at, least_s=least) or until >= deadline_s:
                 return
 
     def _run(
@@ -272,8 +368,13 @@ class ExactSearch:
         needed: NDArray[np.float64],
         until_s: float,
         stop_at: float,
+        most_labels: float = math.inf,
+        least_s: float = -math.inf,
     ) -> bool:
-        """Search labels for arrivals until some time; tells whether that is the end, by an answer, the clock or the count."""
+        """Search labels for arrivals until some time; tells whether that is the end, by an answer, the clock or the count.
+
+        In this part of the network nothing arrives before `least_s`.
+        """
         stop_labels = StopLabels(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
         stop_labels.best_s = until_s
         one = Round(
@@ -283,8 +384,8 @@ class ExactSearch:
             needed,
             stop_at,
             answered=self._answer is not None,
-            most=self._most_labels - self.labels_expanded,
-            least_s=self.lower_bound_s,
+            most=min(self._most_labels - self.labels_expanded, most_labels),
+            least_s=max(self.lower_bound_s, least_s),
             end_at=self._end_at,
         )
         one.run()
@@ -293,6 +394,6 @@ class ExactSearch:
             self.best_s = stop_labels.best_s
             self._answer = stop_labels.trace(*one.best)
         if one.complete:
-            self.lower_bound_s = max(self.lower_bound_s, stop_labels.best_s)
+            self._nothing_before(part, stop_labels.best_s)
         self.complete = self._answer is None or self.lower_bound_s >= self.best_s - GAIN_S
         return one.best is not None or not one.complete

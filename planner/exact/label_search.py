@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.exact.dominance import Settled
-from skyway.planner.exact.flight_functions import Asked, flights_from
+from skyway.planner.exact.flight_search import Asked, flights_from
 from skyway.planner.exact.relaxation import run_backward
 from skyway.planner.exact.relaxation_grid_kernels import slack
 from skyway.planner.exact.stop_label_kernels import stop_labels_after
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from skyway.planner.exact.relaxation import Forward, Guide
     from skyway.planner.exact.stop_labels import StopLabels
 
+MOST_BYTES = 50_000_000
+"""Arrival functions that are kept for stations that are left again."""
 GAIN_S = 1e-6
 """Compositions that are not better by this much are not looked for."""
 
@@ -152,6 +154,8 @@ class Round:
             window_s = float(off[0]) - guide.cells.step_s, float(off[1]) + guide.cells.step_s  # rounding is much less
             asked = Asked(guide.cells, leave, guide.need, costs.soc_per_s, costs.soc_fixed, *window_s)
             longest_s = self.stop_labels.longest_s
+            if sum(pieces.nbytes for _, pieces in self._flights.values()) > MOST_BYTES:
+                self._flights.clear()
             self._flights[node] = flights_from(table, node, slots, longest_s, guide.used, asked)
         return self._flights[node]
 

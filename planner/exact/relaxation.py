@@ -158,7 +158,8 @@ def run_forward(
     )
     arrive = cells.over_s + found * cells.step_s + table.descent_s if found < cells.length else math.inf
     kept = cells._replace(length=last + 1)
-    return Forward(kept, over[: last + 1], leave[: last + 1], arrive, least_s)
+    # Copies, so that the work of the pass is let go.
+    return Forward(kept, over[: last + 1].copy(), leave[: last + 1].copy(), arrive, least_s)
 
 
 def run_backward(
@@ -176,7 +177,7 @@ def run_backward(
     last = cells.length - 1 - np.argmax(can_leave[::-1], axis=0)
     window = np.column_stack((np.where(any_cell, first, 0), np.where(any_cell, last, -1)))
     on_way = (forward.over >= over - _LOOSE) & (over < np.inf)
-    return Guide(cells, leave, on_way, np.ascontiguousarray(np.where(on_way, over, np.inf).T), window)
+    return Guide(cells, leave.copy(), on_way, np.ascontiguousarray(np.where(on_way, over, np.inf).T), window)
 
 
 def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:

@@ -240,10 +240,9 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 seen[other] = True
                 cell, end = max(cell, i + 1), min(end, cells.length - 1)
                 while cell <= end:
-                    if less > over[cell, other]:
-                        over[cell, other] = less
-                    if margin and lesser > rest[cell, other]:
-                        rest[cell, other] = lesser
+                    over[cell, other] = max(less, over[cell, other])
+                    if margin:
+                        rest[cell, other] = max(lesser, rest[cell, other])
                     cell += 1
     return over, leave, found, last
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.flight_functions import flights_from, nothing_asked
+from skyway.planner.exact.flight_search import flights_from, nothing_asked
 from skyway.planner.exact.relaxation_grid_kernels import least_times
 from skyway.planner.exact.stop_label_kernels import Costs, land_at, land_everywhere
 from skyway.planner.exact.walk_kernels import earliest_walk

@@ -47,6 +47,8 @@ class Subnetwork:
     """Of the delivery, in the numbers of this subnetwork."""
     horizon_s: float
     """No drone takes off after this."""
+    whole: bool = True
+    """It holds all nodes that a delivery may use up to the deadline that it is laid out for: what it lacks proves something."""
 
 
 def places(network: Network) -> NDArray[np.float64]:
@@ -93,6 +95,8 @@ def subnetwork(
     place_m: NDArray[np.float64],
     nodes: NDArray[np.int64],
     slots: tuple[int, int],
+    *,
+    with_queues: bool = True,
 ) -> Subnetwork:
     """Lay out some nodes over slots from the first to the last given.
 
@@ -108,6 +112,8 @@ def subnetwork(
         Ascending, with origin and destination.
     slots : (first, last)
         Times outside use the nearest one.
+    with_queues : bool
+        Without them a pad is free at all times, and nothing is forecast or sampled: for bounds.
     """
     air, network = problem.air, problem.network
     first, head, segments = _cut(network.first, network.head, nodes)
@@ -125,7 +131,7 @@ def subnetwork(
         nodes,
         segments,
         table,
-        _grounds(problem, queues, nodes, air.start_s + air.slot_s * (slots[1] + 1)),
+        _grounds(problem, queues if with_queues else {}, nodes, air.start_s + air.slot_s * (slots[1] + 1)),
         network.pads[nodes] > 0,
         place_m[nodes],
         int(np.searchsorted(nodes, problem.origin)),
@@ -162,6 +168,12 @@ def narrowed(all_of_it: Subnetwork, keep: NDArray[np.bool_]) -> Subnetwork:
         origin=int(np.searchsorted(nodes, all_of_it.origin)),
         destination=int(np.searchsorted(nodes, all_of_it.destination)),
     )
+
+
+def queued(part: Subnetwork, problem: Problem, queues: Mapping[int, QueuePath]) -> Subnetwork:
+    """Return the same with the queues of its nodes."""
+    slots = len(part.table.speed_mps)
+    return replace(part, grounds=_grounds(problem, queues, part.nodes, part.table.start_s + part.table.slot_s * slots))
 
 
 def _narrowed_grounds(grounds: Grounds, nodes: NDArray[np.int64]) -> Grounds:

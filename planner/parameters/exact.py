@@ -32,6 +32,49 @@ class ExactParameters(Parameters):
         100_000,
         measured=_SPEED,
     )
+    near_stations: int = parameter(
+        120,
+        "stations nearest to the straight way, by flight and charging, among which a first answer is looked for in dense networks",
+        2,
+        10**6,
+        measured="benchmarks.planners.bench_dense (decision 84)",
+    )
+    dense_segments: int = parameter(
+        20_000,
+        "a network is dense where more segments leave the stations that a delivery may use",
+        1,
+        10**9,
+        measured=_SPEED,
+    )
+    near_deadlines: tuple[float, ...] = parameter(
+        (0.25, 0.7, math.inf), "deadlines among these stations, likewise", 0,
+        measured="1,000 stations on 60 km: with 0.08 before, a fifth slower, the same deliveries (decision 84)",
+    )  # fmt: skip
+    near_states: int = parameter(
+        1_500_000,
+        "greatest number of finer cells over all nodes of a dense network",
+        1000,
+        10**9,
+        measured="memory: 150 MB",
+    )
+    near_gap: float = parameter(
+        0.06,
+        "share by which their answer may be above the lower bound that these are left out in the proof",
+        0,
+        10,
+        measured=_SPEED,
+    )
+    hurry_s: float = parameter(
+        5.0, "time limit below which any answer is looked for first, and the best after that", 0, 3600, unit="s"
+    )
+    near_refinements: tuple[float, ...] = parameter(
+        (0.02, 0.06, 0.15, math.inf), "the same in one part of them", 0,
+        measured="1,000 stations on 60 km: the slowest of 40 requests a fifth faster than with 0.01, 0.03, inf (decision 84)",
+    )  # fmt: skip
+    first_labels: int = parameter(
+        30, "labels in which a first answer is looked for there up to one deadline, before the next one's turn", 1, 10**9,
+        measured="1,000 stations on 60 km: where 60 labels found nothing, 800 did not either (decision 84)",
+    )  # fmt: skip
     fine_s: float = parameter(30.0, "length of finer cells, about", 1, 3600, unit="s", measured=_SPEED)
     min_fine_cells: int = parameter(700, "least number of finer cells up to the deadline", 1, 10**6, measured=_SPEED)
     max_fine_cells: int = parameter(
@@ -48,7 +91,7 @@ class ExactParameters(Parameters):
     def __post_init__(self) -> None:
         """Refuse what is out of range, and deadlines that end before the last arrival."""
         super().__post_init__()
-        for name in ("deadlines", "refinements"):
+        for name in ("deadlines", "near_deadlines", "near_refinements", "refinements"):
             shares = getattr(self, name)
             if not math.isinf(shares[-1]):
                 raise InputError(Fault("must end with inf", field=name, value=shares, remedy="0.08,0.25,0.7,inf"))

@@ -11,6 +11,7 @@ the last holding spot are left out where another way exists: a drone that hovers
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
@@ -69,6 +70,8 @@ class RobustSearch:
         With the forecast.
     errors : Errors
         What the truth has beyond the forecast.
+    end_at : float
+        From this time of `time.perf_counter` on, routes are looked for only until there is one; `complete` is False then.
     """
 
     def __init__(
@@ -76,12 +79,16 @@ class RobustSearch:
         problem: Problem,
         *,
         errors: Errors = USUAL_ERRORS,
+        end_at: float = math.inf,
     ) -> None:
         self.parameters = problem.parameters.robust
         self.problem = problem.thinned(self.parameters.members)
         self.errors = errors
         self.labels_expanded = 0
         """Stays looked at by the exact searches and simulated deliveries."""
+        self.complete = True
+        """Whether all was compared that there was to be compared."""
+        self._end_at = end_at
         self._large = len(problem.network) > self.parameters.large_network
         self._composed: dict[tuple[object, ...], Itinerary | None] = {}
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
@@ -110,7 +117,7 @@ class RobustSearch:
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates again after more runs of the first few, and of those that beat them but for the reserve."""
-        if len(candidates) == 1 or self._large:
+        if len(candidates) == 1 or self._large or self._late():
             return candidates
         first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
         bold = [one for one in others if one.unsafe and one.loss < first[0].loss][: self.parameters.bold_finalists]
@@ -119,6 +126,12 @@ class RobustSearch:
             for one in first + bold
         ]
         return sorted(again, key=Candidate.order) + [one for one in others if one not in bold]
+
+    def _late(self) -> bool:
+        """Whether to be content with what was found."""
+        late = time.perf_counter() >= self._end_at
+        self.complete = self.complete and not late
+        return late
 
     def _careful(self, one: Candidate) -> Candidate:
         """Calibrate one that breaks the reserve: with a margin it may still be the best."""
@@ -185,15 +198,15 @@ class RobustSearch:
         for allowed in (everywhere,) if few else (likely_free_at, everywhere):
             if without is not None:
                 allowed[without] = False
-            if _flying(found) and (quick or self._large or likely_free_at.all()):
+            if _flying(found) and (quick or self._large or likely_free_at.all() or self._late()):
                 break
             for itinerary in self._routes(
                 allowed, members=0 if found or self._large else self.parameters.sampled_members
             ):
                 self._add(found, itinerary)
-                if quick and _flying(found):
+                if _flying(found) and (quick or self._late()):
                     break
-            if found and not (quick and _flying(found)):
+            if found and not (_flying(found) and (quick or self._late())):
                 self._add_short_flights(found, allowed)
         if not found:
             raise no_route(p, Lookahead(p))

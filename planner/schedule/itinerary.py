@@ -24,7 +24,7 @@ from skyway.planner.schedule.schedule_kernels import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -74,7 +74,7 @@ def fly_sampled(
     return runs, np.repeat(problem.probability / samples, samples)
 
 
-def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
+def fly_true(problem: Problem, itinerary: Itinerary, queues: Mapping[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, legs, 7)."""
     paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
     return fly_as_it_stands(problem, itinerary, np.zeros(1, dtype=np.int64), no_disturbance(1), paths)

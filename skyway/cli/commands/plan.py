@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 PLANNER_HELP = (
     f"{', '.join((ROBUST, *FORECAST_PLANNERS))}; with perfect information: {', '.join(CLAIRVOYANT_PLANNERS)}."
 )
-TimeLimit = Annotated[float, typer.Option("--time-limit", help="Time limit of `ies` and `exact` for each drone, s.")]
+TimeLimit = Annotated[
+    float, typer.Option("--time-limit", help="Time limit of `ies` and `exact` for each drone, and of `robust`, s.")
+]
 
 
 @with_groups

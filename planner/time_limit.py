@@ -1,0 +1,35 @@
+"""What is said of an answer that a time limit cut off: how much better another could be at most."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.models.base.formatting import percent
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.explain import mean_bound_s
+
+if TYPE_CHECKING:
+    from skyway.planner.baselines.ies import ExhaustiveSearch
+    from skyway.planner.result import PlanResult
+
+
+def _told(time_limit_s: float, gap: float, what: str) -> str:
+    note = f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is"
+    if not math.isfinite(gap):
+        return note
+    return f"{note}; {what} takes at most {percent(max(math.ceil(100.0 * gap), 1) / 100.0)} longer than that"
+
+
+def cut_off_note(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
+    """Say of an answer that it is not proved, and what is."""
+    return _told(time_limit_s, search.gap if isinstance(search, ExactSearch) else math.inf, "it")
+
+
+def with_gap(result: PlanResult, time_limit_s: float) -> PlanResult:
+    """Say of an answer of `robust` that others were not looked at, and how much less time they could take at most."""
+    taken_s = result.outcome.mean_s - result.problem.depart_s
+    note = _told(time_limit_s, taken_s / mean_bound_s(result.problem) - 1.0, "on average it")
+    composition = replace(result.composition, notes=(*result.composition.notes, note))
+    return replace(result, composition=composition, complete=False)

@@ -1,0 +1,115 @@
+"""In dense networks the exact planner looks near the straight way first: the answer stays the best there is, and bounds hold."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import make_request, make_wind, make_world
+
+from skyway.models.base.errors import NoRouteError
+from skyway.planner.baselines.ies import ExhaustiveSearch
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.explain import mean_bound_s
+from skyway.planner.parameters.exact import ExactParameters
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.plan import plan
+from skyway.planner.problem.problem import Problem
+from skyway.planner.problem.sampled_queues import SampledQueues
+from skyway.planner.robust import robust
+from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
+
+NEAR = replace(USUAL, exact=ExactParameters(near_stations=3, dense_segments=1))
+"""Every network counts as dense, and three stations as near."""
+WHOLE = replace(USUAL, exact=ExactParameters(dense_segments=10**9))
+
+
+def city(seed, *, parameters, stations=40, length_m=60_000.0):
+    rng = np.random.default_rng(seed)
+    scenario = make_world(rng, stations, length_m=length_m, utilisation=float(rng.choice([0.5, 0.9])))
+    wind = make_wind(rng, mean_mps=float(rng.choice([1.0, 4.0, 7.0])))
+    request = make_request(scenario, rng, reserve_soc=0.2, payload_kg=0.5)
+    return Problem(scenario, request, scenario.drones[0], wind, parameters=parameters)
+
+
+def best_time(search):
+    try:
+        itinerary = search.solve()
+    except NoRouteError:
+        return None, math.inf
+    return itinerary, search.best_s - search.problem.depart_s
+
+
+def near_first(problem):
+    same = Problem(problem.scenario, problem.request, problem.drone, problem.ensemble, parameters=NEAR)
+    return same, SampledQueues(same, 0)
+
+
+def test_near_the_straight_way_first_it_equals_the_exhaustive_search():
+    for seed in range(10):
+        problem = city(seed, parameters=USUAL, stations=8, length_m=50_000.0)
+        _, referee = best_time(ExhaustiveSearch(problem, SampledQueues(problem, 0)))
+        same, queues = near_first(problem)
+        search = ExactSearch(same, queues)
+        itinerary, exact = best_time(search)
+        assert exact == pytest.approx(referee, rel=1e-6), seed
+        assert search.complete, seed
+        if itinerary is not None:
+            schedule = fly_true(same, itinerary, queues)[0]
+            assert schedule[-1, TOUCH_DOWN] - same.depart_s == pytest.approx(exact, abs=0.02), seed
+            assert np.all(schedule[:, SOC_LANDING] >= same.reserve - 1e-6), seed
+
+
+def test_near_the_straight_way_first_it_equals_the_search_of_the_whole_city():
+    for seed in range(4):
+        problem = city(seed, parameters=WHOLE)
+        _, whole = best_time(ExactSearch(problem, SampledQueues(problem, 0)))
+        _, near = best_time(ExactSearch(*near_first(problem)))
+        assert near == pytest.approx(whole, rel=1e-9), seed
+
+
+def test_cut_off_at_any_time_its_bound_holds():
+    told = 0
+    for seed in range(4):
+        problem = city(seed, parameters=WHOLE)
+        _, best = best_time(ExactSearch(problem, SampledQueues(problem, 0)))
+        for limit_s in (1e-4, 0.01):
+            search = ExactSearch(*near_first(problem), time_limit_s=limit_s)
+            itinerary, found = best_time(search)
+            assert search.lower_bound_s - problem.depart_s <= best * (1.0 + 1e-9), seed
+            assert found >= best * (1.0 - 1e-9), seed
+            assert itinerary is None or best >= found / (1.0 + search.gap) * (1.0 - 1e-9), seed
+            told += itinerary is not None and not search.complete
+    assert told
+
+
+def test_queues_that_are_sampled_when_they_are_met_are_those_sampled_beforehand():
+    problem = city(1, parameters=USUAL)
+    met, all_of_them = SampledQueues(problem, 2)[7], problem.queue_paths(range(len(problem.network)), 2)[7]
+    np.testing.assert_array_equal(met.pad_s, all_of_them.pad_s)
+
+
+def test_robust_composes_no_route_twice(monkeypatch):
+    problem = city(2, parameters=USUAL, stations=12)
+    composed = []
+
+    class Counted(ExactSearch):
+        def __init__(self, problem, queues, *, margin_soc_per_s, stops, speeds, **limits):
+            composed.append((margin_soc_per_s, stops.tobytes(), speeds))
+            super().__init__(problem, queues, margin_soc_per_s=margin_soc_per_s, stops=stops, speeds=speeds, **limits)
+
+    monkeypatch.setattr(robust, "ExactSearch", Counted)
+    search = robust.RobustSearch(problem)
+    search.candidates(quick=True)
+    search.candidates()
+    assert len(set(composed)) == len(composed) > 0
+
+
+def test_robust_in_a_hurry_tells_how_good_its_answer_is_at_least():
+    problem = city(2, parameters=USUAL, stations=8)
+    hurried = plan(problem.scenario, problem.request, forecast=problem.ensemble, time_limit_s=1e-6)
+    assert not hurried.complete
+    assert "cut off after 1e-06 s" in hurried.composition.notes[-1]
+    _, best = best_time(ExactSearch(problem, SampledQueues(problem, 0)))
+    assert 0.0 < mean_bound_s(hurried.problem) <= best
