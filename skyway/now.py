@@ -136,6 +136,52 @@ def observed_now(
     return tuple(one.observation for one in chosen.winds), notes
 
 
+class LiveWinds:
+    """Winds observed, for a flight: files that were handed over are read again whenever they have changed.
+
+    A file that cannot be read then is told once, and what was read before counts on.
+    """
+
+    def __init__(
+        self, scenario: Scenario, given: Sequence[str], now: datetime, *, asked: bool, tell: Callable[[str], None]
+    ) -> None:
+        self._scenario, self._given, self._tell = scenario, tuple(given), tell
+        self._stamps = self._changed()
+        self._found = observed_winds(scenario, given, now, missing_ok=not asked)
+        _, notes = observed_now(scenario, given, now, asked=asked)
+        for note in notes:
+            tell(note)
+
+    def __call__(self, time_s: float) -> tuple[WindObservation, ...]:
+        """What counts at an instant, POSIX seconds."""
+        stamps = self._changed()
+        if stamps != self._stamps:
+            self._stamps = stamps
+            try:
+                self._found = observed_winds(self._scenario, self._given, from_posix(time_s))
+            except InputError as error:
+                self._tell(f"{error}; the winds read before count on")
+        try:
+            chosen = counted(self._found.winds, self._scenario.wind_sites, time_s)
+        except InputError as error:
+            self._tell(f"{error}; none of these winds counts")
+            self._found = replace(self._found, winds=())
+            return ()
+        return tuple(one.observation for one in chosen.winds)
+
+    def _changed(self) -> tuple[tuple[int, int], ...]:
+        """Time of the last change and size of each file."""
+        found = []
+        for one in self._given:
+            try:
+                told = Path(one).stat()
+            except (OSError, ValueError):
+                found.append((0, 0))
+            else:
+                found.append((told.st_mtime_ns, told.st_size))
+        return tuple(found)
+
+
 def _wind_condition(one: ObservedWind, depart: datetime) -> Condition:
     time = from_posix(one.observation.time_s)
     age_s = max((depart - time).total_seconds(), 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import cache
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
@@ -12,11 +12,13 @@ from zoneinfo import ZoneInfo
 from skyway.calibration_flight import drag_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
+from skyway.link.supervisor.job import nobody_observes
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario
+from skyway.models.wind.estimation.field import WindObservation
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
@@ -40,6 +42,12 @@ if TYPE_CHECKING:
 
 PLANNER = "pfs-charge-aware"
 LOCAL = ZoneInfo("America/New_York")
+OBSERVED_S, OUT_S = 51 * 60.0, 56 * 60.0
+"""After the beginning of the hour an airport's wind is observed, and its report is out."""
+EARLIER_S = 2 * 3600.0
+"""So long before the departure reports begin."""
+REPORT_SD_MPS = 1.2
+"""Error that a report is taken to have, as by `skyway fly --observed`."""
 
 
 @cache
@@ -66,6 +74,8 @@ class Story:
     planner: str = PLANNER
     still: bool = False
     truth: str | None = None
+    reports: bool = False
+    """The airports' reports are handed over, hour by hour."""
     vehicle: dict[str, Any] = field(default_factory=dict)
 
     def instant(self) -> datetime:
@@ -131,6 +141,7 @@ class Stage:
         scenario, depart = newyork(), story.instant()
         self.request, self.forecast, self.composition = story.plan()
         day = (datetime.fromisoformat(story.truth) if story.truth else depart).astimezone(LOCAL).date()
+        self.told = scenario.truth(day, depart - timedelta(seconds=EARLIER_S), HORIZON_H)
         wind = None if story.still else RecordedWind(scenario.truth(day, depart, HORIZON_H))
         self.world = World(
             epoch_s=depart.timestamp(), wind=wind, stations=scenario.network.stations, faults=story.faults
@@ -157,12 +168,27 @@ class Stage:
         self.operator = operator or NobodyThere()
         self.supervisor: Supervisor | None = None
 
+    def reports(self, time_s: float) -> tuple[WindObservation, ...]:
+        """Of each airport the newest report that is out: observed at minute 51 of its hour, out five minutes later."""
+        truth = self.told
+        hour = int((time_s - OUT_S - truth.start_s) // truth.slot_s)
+        at_s = truth.start_s + hour * truth.slot_s + OBSERVED_S
+        if not 0 <= hour < truth.north.shape[1]:
+            return ()
+        return tuple(
+            WindObservation(at_s, float(lat), float(lon), float(north), float(east), REPORT_SD_MPS**2, truth.height_m)
+            for lat, lon, north, east in zip(
+                truth.site_lat, truth.site_lon, truth.north[0, hour], truth.east[0, hour], strict=True
+            )
+        )
+
     def job(self) -> DeliveryJob:
         return DeliveryJob(
             composition=self.composition,
             scenario=newyork(),
             request=self.request,
             forecast=self.forecast,
+            observed=self.reports if self.story.reports else nobody_observes,
             drag=drag_of(newyork().drone(self.story.drone), self.story.payload_kg),
             replanning=self.story.supervised,
             asking="once" if self.operator.present else "never",

@@ -80,7 +80,7 @@ def _is_whole(day: date) -> bool:
     return True
 
 
-def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:
+def story_of(seed: int, *, reports: bool = False) -> tuple[Story, tuple[str, ...]]:
     """One delivery with its faults."""
     luck = random.Random(f"supervision/{seed}")
     scenario = newyork()
@@ -113,13 +113,14 @@ def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:
         faults=tuple(parse_fault(text) for text in faults),
         impairment=Impairment(0.2, 0.02, 0.005, 0.02, 0.02) if lossy else None,
         planner=ROBUST,
+        reports=reports,
     )
     return story, (*faults, *(["upload-loss=0.2"] if lossy else []))
 
 
-def tell(seed: int, folder: Path, *, supervised: bool) -> Told | None:
+def tell(seed: int, folder: Path, *, supervised: bool, reports: bool = False) -> Told | None:
     """Fly one; None where there is no plan."""
-    story, faults = story_of(seed)
+    story, faults = story_of(seed, reports=reports)
     try:
         stage = Stage(replace(story, supervised=supervised), folder)
     except InfeasibleError:

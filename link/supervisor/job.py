@@ -9,6 +9,8 @@ from skyway.missions.builder.mission_options import MissionOptions
 from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
@@ -21,6 +23,11 @@ Asking = Literal["each", "once", "never"]
 """Before which take-offs the operator is asked."""
 
 
+def nobody_observes(_: float) -> tuple[WindObservation, ...]:
+    """No wind but what the drone itself measures."""
+    return ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeliveryJob:
     """One delivery to be supervised."""
@@ -31,8 +38,8 @@ class DeliveryJob:
     """What was asked, the drone named."""
     forecast: WindEnsemble
     """Wind as it is expected at the start."""
-    observed: tuple[WindObservation, ...] = ()
-    """Winds that stations and other drones observed before the start, each at its own height."""
+    observed: Callable[[float], Sequence[WindObservation]] = nobody_observes
+    """Winds that stations and other drones have observed by an instant, POSIX seconds, each at its own height; asked again and again."""
     options: MissionOptions = field(default_factory=MissionOptions)
     """How missions are made, and who releases the package."""
     drag: DragModel | None = None

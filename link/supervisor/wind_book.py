@@ -41,8 +41,8 @@ class WindBook:
 
     The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
     wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
-    and longitude; by default it is not known. `at_stations` are winds that others observed before the delivery. For the others see
-    `update_forecast`.
+    and longitude; by default it is not known. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
+    see `update_forecast`.
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class WindBook:
         ground_m: Callable[[float, float], float] = lambda *_: math.nan,
         residual: ResidualModel | None = None,
         least_members: float = 1.0,
-        at_stations: Sequence[WindObservation] = (),
+        at_stations: Callable[[float], Sequence[WindObservation]] = lambda _: (),
     ) -> None:
         self._rules, self.cruise_height_m, self.exponent = rules, rules.cruise_height_m, rules.wind_profile_exponent
         self.base = forecast.at_height(self.cruise_height_m, self.exponent)
         self._residual, self._least_members = residual, least_members
-        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in at_stations)
+        self._ask_stations, self._at_stations = at_stations, tuple[WindObservation, ...]()
         self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
         self._expected = forecast_of(self.base, self.exponent)
@@ -167,6 +167,8 @@ class WindBook:
 
     def _update(self, *, slot_s: float = SLOT_S) -> WindEnsemble:
         """Bring the forecast up to date."""
+        heard = self._ask_stations(max(self._updated_s, self.base.start_s))
+        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in heard)
         return update_forecast(
             self.base,
             (*self._at_stations, *self.observations),

@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from cli_requests import HOP, ONE_WIND
 
@@ -20,7 +21,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix, iso
 from skyway.models.composition.file import load
 from skyway.models.queues.pad_service import PadAnswer, StationStatus, decode_request, encode
-from skyway.now import HOW, observed_now
+from skyway.now import HOW, LiveWinds, observed_now
 from skyway.scenarios import load_scenario
 
 QUICK = ("--drone", "m200", "--planner", "pfs")
@@ -313,9 +314,33 @@ def test_a_flight_knows_what_was_observed(metars):
     world, now = load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
     seen, _ = observed_now(world, [str(metars)], now, asked=True)
     base = world.forecast(now - timedelta(hours=1), 12)
-    alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=seen)
+    alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=lambda _: seen)
     place = SimpleNamespace(lat=40.6825, lon=-74.1694)  # Newark, 8.2 m/s from the west at 10 m
     before, after = (one.forecast_at(now.timestamp(), place.lat, place.lon, updated=True) for one in (alone, told))
     assert after.p90_mps - after.p10_mps < before.p90_mps - before.p10_mps
     assert after.from_deg == pytest.approx(270.0, abs=15.0)
     assert (alone.origin, told.origin) == ("forecast", "forecast corrected by the winds observed")
+
+
+def test_a_flight_reads_a_file_of_winds_again_when_it_has_changed(tmp_path):
+    world, now = load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
+    file, told = tmp_path / "metars.txt", []
+    file.write_text("KEWR 101751Z 27016KT 10SM 30/20 A2992\n")
+    winds = LiveWinds(world, [str(file)], now, asked=True, tell=told.append)
+    later_s = now.timestamp() + 3600.0
+
+    def speeds(time_s):
+        return [round(float(np.hypot(one.north_mps, one.east_mps)), 1) for one in winds(time_s)]
+
+    assert speeds(now.timestamp()) == [8.2]
+    file.write_text("KEWR 101751Z 27016KT 10SM 30/20 A2992\nKEWR 101851Z 27026KT 10SM 30/20 A2990\n")
+    assert speeds(later_s) == [13.4]
+    file.write_text("<html>503 Service Unavailable</html>")
+    assert speeds(later_s + 60.0) == [13.4]  # what was read before counts on
+    assert speeds(later_s + 90.0) == [13.4]
+    assert len(told) == 1
+    assert "is not a METAR" in told[0]
+    assert told[0].endswith("the winds read before count on")
+    file.unlink()
+    assert speeds(later_s + 120.0) == [13.4]
+    assert speeds(later_s + 12 * 3600.0) == []  # too old by then

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.queues.pad_service import PadService
     from skyway.models.scenario.scenario import Scenario
-    from skyway.models.wind.estimation.field import WindObservation
+    from skyway.now import LiveWinds
 
 
 @with_groups
@@ -116,7 +116,8 @@ def fly(
 
     def job(now: datetime) -> DeliveryJob:
         seen = _observed(region, observed, now, wind)
-        begin = min([(begun or now).timestamp(), *(one.time_s for one in seen)]) if forecast is None else None
+        times = (one.time_s for one in seen(now.timestamp()))
+        begin = min([(begun or now).timestamp(), *times]) if forecast is None else None
         return DeliveryJob(
             composition=composition,
             scenario=region,
@@ -142,21 +143,17 @@ def fly(
     _end(outcome, path, report, as_json=as_json)
 
 
-def _observed(
-    region: Scenario, given: list[str] | None, now: datetime, wind: str | None
-) -> tuple[WindObservation, ...]:
-    """Winds observed before the start; the scenario's own where nobody named any and the clock is that of now."""
-    from skyway.now import NOW_S, observed_now
+def _observed(region: Scenario, given: list[str] | None, now: datetime, wind: str | None) -> LiveWinds:
+    """Winds observed; the scenario's own where nobody named any and the clock is that of now."""
+    from skyway.now import NOW_S, LiveWinds
 
     if given and wind is not None:
         remedy = "leave one of them out: a constant wind knows of no other"
         raise InputError("--wind and --observed exclude each other", remedy=remedy)
     live = abs((now - datetime.now(UTC)).total_seconds()) <= NOW_S
     unasked = not given and live and wind is None
-    found, notes = observed_now(region, region.observed_wind if unasked else given or (), now, asked=not unasked)
-    for note in notes:
-        typer.echo(f"skyway: {note}", err=True)
-    return found
+    chosen = region.observed_wind if unasked else given or ()
+    return LiveWinds(region, chosen, now, asked=not unasked, tell=lambda note: typer.echo(f"skyway: {note}", err=True))
 
 
 def _flown(
