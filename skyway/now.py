@@ -124,22 +124,11 @@ def condition_forecast(
     return KnownWind(found, tuple(_wind_condition(one, depart) for one in chosen.winds), (*notes, *doubts))
 
 
-def observed_now(
-    scenario: Scenario, given: Sequence[str], now: datetime, *, asked: bool
-) -> tuple[tuple[WindObservation, ...], tuple[str, ...]]:
-    """Return the observed winds that count now, for a flight that conditions its forecast itself, and notes; see `condition_forecast`."""
-    found = observed_winds(scenario, given, now, missing_ok=not asked)
-    chosen = counted(found.winds, scenario.wind_sites, now.timestamp())
-    notes = found.notes + chosen.notes
-    if asked and given and not chosen.winds:
-        raise nothing_counts(found.winds, notes, now)
-    return tuple(one.observation for one in chosen.winds), notes
-
-
 class LiveWinds:
-    """Winds observed, for a flight: files that were handed over are read again whenever they have changed.
+    """Winds observed, for a flight that conditions its forecast itself: files are read again whenever they have changed.
 
-    A file that cannot be read then is told once, and what was read before counts on.
+    A file that cannot be read then is told once, and what was read before counts on. Where nothing that was handed over counts at the
+    start, an `InputError` says why; where nobody asked (`asked`), a note does.
     """
 
     def __init__(
@@ -148,7 +137,10 @@ class LiveWinds:
         self._scenario, self._given, self._tell = scenario, tuple(given), tell
         self._stamps = self._changed()
         self._found = observed_winds(scenario, given, now, missing_ok=not asked)
-        _, notes = observed_now(scenario, given, now, asked=asked)
+        chosen = counted(self._found.winds, scenario.wind_sites, now.timestamp())
+        notes = self._found.notes + chosen.notes
+        if asked and given and not chosen.winds:
+            raise nothing_counts(self._found.winds, notes, now)
         for note in notes:
             tell(note)
 

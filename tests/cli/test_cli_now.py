@@ -21,7 +21,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix, iso
 from skyway.models.composition.file import load
 from skyway.models.queues.pad_service import PadAnswer, StationStatus, decode_request, encode
-from skyway.now import HOW, LiveWinds, observed_now
+from skyway.now import HOW, LiveWinds
 from skyway.scenarios import load_scenario
 
 QUICK = ("--drone", "m200", "--planner", "pfs")
@@ -142,7 +142,7 @@ def test_what_a_drone_measured_is_taken_from_its_journal(tmp_path, refused):
     file, world, now = tmp_path / "flight.jsonl", load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
     measured = {"lat_deg": 40.8, "lon_deg": -73.9, "north_mps": 0.0, "east_mps": 9.0, "variance": 1.0, "height_m": 60.0}
     journal_with(file, [measured | {"time_s": now.timestamp() - age_s} for age_s in (1200.0, 1800.0, 30 * 3600.0)])
-    seen, _ = observed_now(world, [str(file)], now, asked=True)
+    seen = LiveWinds(world, [str(file)], now, asked=True, tell=lambda _: None)(now.timestamp())
     assert [(now.timestamp() - one.time_s, one.height_m, one.east_mps) for one in seen] == [
         (1200.0, 60.0, 9.0),
         (1800.0, 60.0, 9.0),
@@ -312,9 +312,9 @@ def test_a_broken_file_of_now_is_an_error(tmp_path):
 
 def test_a_flight_knows_what_was_observed(metars):
     world, now = load_scenario(None), datetime(2013, 7, 10, 18, tzinfo=UTC)
-    seen, _ = observed_now(world, [str(metars)], now, asked=True)
+    winds = LiveWinds(world, [str(metars)], now, asked=True, tell=lambda _: None)
     base = world.forecast(now - timedelta(hours=1), 12)
-    alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=lambda _: seen)
+    alone, told = WindBook(base, world.rules), WindBook(base, world.rules, at_stations=winds)
     place = SimpleNamespace(lat=40.6825, lon=-74.1694)  # Newark, 8.2 m/s from the west at 10 m
     before, after = (one.forecast_at(now.timestamp(), place.lat, place.lon, updated=True) for one in (alone, told))
     assert after.p90_mps - after.p10_mps < before.p90_mps - before.p10_mps
