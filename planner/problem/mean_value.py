@@ -8,14 +8,15 @@ are first in, first out is one again, so that the exact planner's proofs hold in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue
+from skyway.models.queues.sampling import expected_paths, no_queue
+from skyway.planner.problem.sampled_queues import AskedQueues
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
 
 
@@ -23,22 +24,13 @@ HOURS = 16.0
 """How far ahead speeds are worked out; beyond, the last hour holds on."""
 
 
-class ExpectedQueues(Mapping[int, QueuePath]):
+class ExpectedQueues(AskedQueues):
     """Expected wait at every station as a queue path, worked out for those that a search asks for."""
 
     def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+        super().__init__(problem)
         self._found: dict[int, QueuePath] = {}
         self._until: dict[int, float] = {}
-
-    def __getitem__(self, node: int) -> QueuePath:
-        return self.at([node])[0]
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(range(len(self)))
-
-    def __len__(self) -> int:
-        return len(self._problem.network)
 
     def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
         """Those of some nodes, for arrivals until some time; those behind it meet the last wait."""

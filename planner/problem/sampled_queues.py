@@ -1,8 +1,9 @@
-"""Sampled queues at every station of a problem, sampled for those that a search asks for."""
+"""Queues at every station of a problem, worked out, or sampled, for those that a search asks for."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -14,11 +15,15 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
 
 
-class SampledQueues(Mapping[int, QueuePath]):
-    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are asked for first."""
+class AskedQueues(Mapping[int, QueuePath], ABC):
+    """The queues of all nodes of a problem, worked out for those that are asked for."""
 
-    def __init__(self, problem: Problem, sample: int) -> None:
-        self._problem, self._sample = problem, sample
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+
+    @abstractmethod
+    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
+        """Those of some nodes, for arrivals until some time."""
 
     def __getitem__(self, node: int) -> QueuePath:
         return self.at([node])[0]
@@ -29,8 +34,17 @@ class SampledQueues(Mapping[int, QueuePath]):
     def __len__(self) -> int:
         return len(self._problem.network)
 
-    def at(self, nodes: Iterable[int], _until_s: float = math.inf) -> list[QueuePath]:
+
+class SampledQueues(AskedQueues):
+    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are asked for first."""
+
+    def __init__(self, problem: Problem, sample: int) -> None:
+        super().__init__(problem)
+        self._sample = sample
+
+    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
         """Those of some nodes, over the whole horizon."""
+        del until_s
         wanted = list(nodes)
         found = self._problem.queue_paths(wanted, self._sample)
         return [found[node] for node in wanted]
