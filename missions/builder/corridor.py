@@ -27,7 +27,6 @@ LatLon = tuple[float, float]
 DEFAULT_WIDTH_M = 400.0
 MAX_VERTICES = 70
 """What the smallest boards of both autopilots store with room to spare."""
-_M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 
 
 def corridor(
@@ -48,7 +47,7 @@ def corridor(
     if not 20.0 <= width_m <= 100_000.0:
         raise InputError(Fault("is not between 20 and 100000 m", field="corridor width", value=width_m))
     places = [*route, *(station for _, station in diverts)]
-    scale = _M_PER_DEG * math.cos(math.radians(min(max(abs(lat) for lat, _ in places), 89.0)))
+    scale = geodesy.M_PER_DEG * math.cos(math.radians(min(max(abs(lat) for lat, _ in places), 89.0)))
     west, east = min(lon for _, lon in places), max(lon for _, lon in places)
     if east - west > 180.0:
         raise InputError(
@@ -57,14 +56,14 @@ def corridor(
 
     def plane(points: Sequence[LatLon]) -> list[tuple[float, float]]:
         return [
-            (round((lon - west) * scale, 3), round(lat * _M_PER_DEG, 3)) for lat, lon in points
+            (round((lon - west) * scale, 3), round(lat * geodesy.M_PER_DEG, 3)) for lat, lon in points
         ]  # to the millimetre
 
     shapes: list[shapely.Geometry] = [_line(plane(route))]
     for part, station in diverts:
         shapes += [shapely.MultiPoint(plane([*pair, station])).convex_hull for pair in pairwise(part)]
     area = _outline(shapely.union_all(shapes), width_m / 2.0, max_vertices)
-    vertices = tuple(Point.of_degrees(y / _M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1])
+    vertices = tuple(Point.of_degrees(y / geodesy.M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1])
     return FencePolygon(vertices)
 
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 MAX_FINDINGS = 20
 _CIRCLE_CORNERS = 128
-_M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 
 
 def check_fence(document: MissionDocument, route: Route, autopilot: Family | None) -> Iterator[Finding]:
@@ -104,8 +103,8 @@ def _shape(area: FencePolygon | FenceCircle) -> shapely.Polygon:
     angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
     # corners of a polygon of the same area, so that it lies within 0.02 % of the radius of the circle
     radius = area.radius_m * math.sqrt(2 * np.pi / _CIRCLE_CORNERS / math.sin(2 * np.pi / _CIRCLE_CORNERS))
-    north = radius * np.cos(angle) / _M_PER_DEG
-    east = radius * np.sin(angle) / _M_PER_DEG / max(math.cos(math.radians(area.center.lat)), 1e-6)
+    north = radius * np.cos(angle) / geodesy.M_PER_DEG
+    east = radius * np.sin(angle) / geodesy.M_PER_DEG / max(math.cos(math.radians(area.center.lat)), 1e-6)
     return shapely.Polygon(np.column_stack((area.center.lon + east, area.center.lat + north)))
 
 

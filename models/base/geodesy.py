@@ -5,6 +5,7 @@ Source: C. F. F. Karney, "Algorithms for geodesics", J. Geodesy 87, 43-55 (2013)
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
 """Of the WGS-84 ellipsoid."""
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG), for bounding boxes and other coarse uses only."""
+M_PER_DEG = math.pi * EARTH_RADIUS_M / 180.0
+"""Metres of a degree of latitude on that sphere."""
 
 
 @cache

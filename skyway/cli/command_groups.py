@@ -19,6 +19,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "wind": "scenario",
         "forecast": "forecast",
         "network": "scenario",
+        "airspace": "scenario",
         "scenario": "scenario",
     },
     "Missions": {"mission": "mission", "check": "mission", "convert": "mission", "show": "mission"},

@@ -1,11 +1,12 @@
-"""Commands ``network``, ``wind``, ``scenario init`` and ``scenario check``."""
+"""Commands ``network``, ``airspace``, ``wind``, ``scenario init`` and ``scenario check``."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,7 +20,11 @@ from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
+    from skyway.models.airspace.reading import AirspaceFile
+    from skyway.models.airspace.zone import Zone
     from skyway.models.scenario.scenario import Scenario
+
+AIRSPACE_SCHEMA = "skyway.airspace/1"
 
 
 def network(
@@ -117,6 +122,108 @@ def _print_network(world: Scenario) -> None:
             f"still-air range {distance_text(drone.flight_range_m)} fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
             f"recharge {duration(drone.recharge_full_s)}",
         )
+
+
+def airspace(
+    files: Annotated[list[Path], typer.Argument(help="Airspace files: ED-269, ED-318, GeoJSON, OpenAir, KML, KMZ.")],
+    depart: Annotated[
+        str | None, typer.Option(help="Only zones that are active then: a time with UTC offset, or now.")
+    ] = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show what airspace files hold, and what was not understood.
+
+    Exit code 0: every zone can be placed; 1: some cannot, and the file is not used; 2: it is no airspace file.
+
+    Examples
+    --------
+      skyway airspace zones.json
+      skyway airspace national.json airspace.txt --depart 2026-08-05T14:00+02:00 --json
+    """
+    from skyway.models.airspace.reading import inspect_airspace
+
+    at_s = None if depart is None else _instant_s(depart)
+    found: list[AirspaceFile] = []
+    errors: list[Fault] = []
+    for file in files:
+        try:
+            found.append(inspect_airspace(file))
+        except InputError as error:
+            errors += error.faults
+    if errors:
+        raise InputError(errors)
+    if as_json:
+        typer.echo(json_text({"schema": AIRSPACE_SCHEMA, "files": [_file_json(one, at_s) for one in found]}, indent=1))
+    else:
+        for one in found:
+            _show_airspace(one, at_s)
+    if any(one.faults for one in found):
+        raise typer.Exit(1)
+
+
+def _instant_s(text: str) -> float:
+    from skyway.models.base.units import parse_instant
+
+    return parse_instant(text, field="--depart").timestamp()
+
+
+def _chosen(file: AirspaceFile, at_s: float | None) -> list[Zone]:
+    return [zone for zone in file.zones if at_s is None or zone.activation.spans(at_s, at_s)]
+
+
+def _show_airspace(file: AirspaceFile, at_s: float | None) -> None:
+    zones = _chosen(file, at_s)
+    say(f"{file.path}: {file.form}, {_counts(zones)}" + ("" if at_s is None else f", of {len(file.zones)} in all"))
+    left = ("id", "name", "kind", "floor to ceiling", "active")
+    sheet = Sheet([Column(name, justify="left") for name in left], names=2)
+    for zone in zones:
+        heights = "; ".join(dict.fromkeys(str(volume) for volume in zone.volumes))
+        sheet.add(zone.id, zone.name, zone.kind, heights, str(zone.activation))
+    if zones:
+        sheet.show()
+    for head, faults in (("not understood, so counted as closed", file.notes), ("cannot be placed", file.faults)):
+        if faults:
+            say(f"{head}: {len(faults)}")
+            for fault in faults:
+                say(f"  {fault}")
+    say("")
+
+
+def _counts(zones: list[Zone]) -> str:
+    kinds = Counter(zone.kind for zone in zones)
+    volumes = sum(len(zone.volumes) for zone in zones)
+    said = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+    return f"{len(zones)} zones with {volumes} volumes" + (f" ({said})" if said else "")
+
+
+def _file_json(file: AirspaceFile, at_s: float | None) -> dict[str, Any]:
+    import shapely
+
+    return {
+        "file": file.path,
+        "form": file.form,
+        "zones": [
+            {
+                "id": zone.id,
+                "name": zone.name,
+                "kind": zone.kind,
+                "active": str(zone.activation),
+                "message": zone.message,
+                "authority": zone.authority,
+                "volumes": [
+                    {
+                        "floor": str(volume.floor),
+                        "ceiling": str(volume.ceiling),
+                        "area": shapely.geometry.mapping(volume.area),
+                    }
+                    for volume in zone.volumes
+                ],
+            }
+            for zone in _chosen(file, at_s)
+        ],
+        "not_understood": [str(fault) for fault in file.notes],
+        "faults": [str(fault) for fault in file.faults],
+    }
 
 
 @with_groups

@@ -1,0 +1,171 @@
+"""When zones are active: spans of dates, and hours of days of the week in a time zone."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from email.utils import parsedate_to_datetime
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+Span = tuple[float, float]
+"""Begin and end, POSIX seconds; both belong to it."""
+DAY_S = 86_400.0
+EVERY_DAY = frozenset(range(7))
+_CLOCK = re.compile(r"T?(\d{1,2}):?(\d{2})(?::?(\d{2})(?:[.,]\d+)?)?\s*(Z|UTC|[+-]\d{2}:?\d{2}|[+-]\d{2})?")
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Hours of some days of the week.
+
+    Attributes
+    ----------
+    begin_s, end_s : float
+        Of the clock, seconds after midnight; an end that is not later than the begin is on the day after.
+    days : frozenset of int
+        On which it begins; Monday is 0.
+    zone : tzinfo
+        Of the clock and of the days.
+    """
+
+    begin_s: float
+    end_s: float
+    days: frozenset[int] = EVERY_DAY
+    zone: tzinfo = UTC
+
+    def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
+        """Yield what of it lies between two times."""
+        day = datetime.fromtimestamp(from_s, self.zone).date() - timedelta(days=2)
+        last = datetime.fromtimestamp(until_s, self.zone).date()
+        length = timedelta(days=1) if self.end_s <= self.begin_s else timedelta()
+        while day <= last:
+            if day.weekday() in self.days:
+                midnight = datetime(day.year, day.month, day.day)  # noqa: DTZ001  the clock of the zone, put to UTC below
+                ends = midnight + timedelta(seconds=self.begin_s), midnight + length + timedelta(seconds=self.end_s)
+                begin_s, end_s = (end.replace(tzinfo=self.zone).timestamp() for end in ends)
+                if begin_s <= until_s and end_s >= from_s:
+                    yield begin_s, end_s
+            day += timedelta(days=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """A span of dates, in all of which, or in whose windows, a zone is active."""
+
+    begin_s: float = -math.inf
+    end_s: float = math.inf
+    windows: tuple[Window, ...] = ()
+
+    def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
+        """Yield what of it lies between two times."""
+        begin_s, end_s = max(self.begin_s, from_s), min(self.end_s, until_s)
+        if begin_s > end_s:
+            return
+        if not self.windows:
+            yield begin_s, end_s
+        for window in self.windows:
+            for first, last in window.spans(begin_s, end_s):
+                if max(first, begin_s) <= min(last, end_s):
+                    yield max(first, begin_s), min(last, end_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Activation:
+    """When a zone is active: in any of some periods."""
+
+    periods: tuple[Period, ...] = (Period(),)
+
+    @property
+    def is_permanent(self) -> bool:
+        """Whether it is active at all times."""
+        return any(p.begin_s == -math.inf and p.end_s == math.inf and not p.windows for p in self.periods)
+
+    def spans(self, from_s: float, until_s: float) -> list[Span]:
+        """Return when it is active between two finite times, in order, joined where they touch."""
+        if self.is_permanent:
+            return [(from_s, until_s)]
+        joined: list[Span] = []
+        for begin_s, end_s in sorted(span for period in self.periods for span in period.spans(from_s, until_s)):
+            if joined and begin_s <= joined[-1][1]:
+                joined[-1] = joined[-1][0], max(joined[-1][1], end_s)
+            else:
+                joined.append((begin_s, end_s))
+        return joined
+
+    def __str__(self) -> str:
+        return "always" if self.is_permanent else "; ".join(_period_text(period) for period in self.periods) or "never"
+
+
+ALWAYS = Activation()
+_DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+
+
+def _period_text(period: Period) -> str:
+    dates = [
+        f"{word} {datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%MZ}"
+        for word, time_s in (("from", period.begin_s), ("until", period.end_s))
+        if math.isfinite(time_s)
+    ]
+    return " ".join([*dates, ", ".join(_window_text(window) for window in period.windows)]).strip()
+
+
+def _window_text(window: Window) -> str:
+    days = "daily" if window.days == EVERY_DAY else " ".join(_DAYS[day] for day in sorted(window.days))
+    clock = [f"{int(time_s // 3600):02d}:{int(time_s % 3600 // 60):02d}" for time_s in (window.begin_s, window.end_s)]
+    return f"{days} {clock[0]}-{clock[1]} {window.zone}"
+
+
+def clock_s(text: str) -> tuple[float, tzinfo | None] | None:
+    """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None where it has none.
+
+    None where it is no time of day.
+    """
+    found = _CLOCK.fullmatch(text.strip())
+    if found is None:
+        return None
+    hours, minutes, seconds = (int(part or 0) for part in found.groups()[:3])
+    if hours > 24 or minutes > 59 or seconds > 60 or (hours == 24 and minutes + seconds):
+        return None
+    zone = found.group(4)
+    if zone is None:
+        return hours * 3600.0 + minutes * 60.0 + seconds, None
+    if zone in ("Z", "UTC"):
+        return hours * 3600.0 + minutes * 60.0 + seconds, UTC
+    digits = zone[1:].replace(":", "").ljust(4, "0")
+    offset = timedelta(hours=int(digits[:2]), minutes=int(digits[2:]))
+    if offset >= timedelta(days=1):
+        return None
+    return hours * 3600.0 + minutes * 60.0 + seconds, timezone(-offset if zone[0] == "-" else offset)
+
+
+def instant_s(text: str, zone: tzinfo = UTC) -> float | None:
+    """Read a date with a time of day, by ISO 8601 or as in mails; without an offset it is that of the zone.
+
+    None where it is none.
+    """
+    for read in (datetime.fromisoformat, parsedate_to_datetime):
+        try:
+            instant = read(text.strip())
+            return (instant if instant.tzinfo else instant.replace(tzinfo=zone)).timestamp()
+        except (ValueError, TypeError, OverflowError, IndexError):
+            continue
+    return None
+
+
+def days_of(words: Sequence[object]) -> frozenset[int] | None:
+    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is no day."""
+    days: set[int] = set()
+    for word in words or ("",):
+        name = str(word or "").strip().title()[:3]
+        if name in ("", "Any"):
+            days |= EVERY_DAY
+        elif name in _DAYS:
+            days.add(_DAYS.index(name))
+        else:
+            return None
+    return frozenset(days)

@@ -1,0 +1,42 @@
+"""What was not understood of an airspace file, and how it counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from skyway.models.base.errors import Fault, one_line
+
+
+@dataclass(slots=True)
+class Notes:
+    """Collects what a reader does not understand, each with its place in the file.
+
+    Attributes
+    ----------
+    place : Fault
+        File, line and feature that is read now.
+    taken : list of Fault
+        What was understood in the stricter way: it closes more rather than less, and says so.
+    faults : list of Fault
+        What has no place, or no sense: such a file is not used.
+    """
+
+    place: Fault
+    taken: list[Fault] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+
+    def at(self, feature: str, line: int | None = None) -> None:
+        """Go on with another feature."""
+        self.place = replace(self.place, field=one_line(feature), line=line)
+
+    def closed(self, what: str, problem: str, value: object, counted: str) -> None:
+        """Note what is not understood, and what it counts as."""
+        self.taken.append(self._fault(what, problem, value, counted))
+
+    def wrong(self, what: str, problem: str, value: object = None, remedy: str | None = None) -> None:
+        """Note a fault."""
+        self.faults.append(self._fault(what, problem, value, remedy))
+
+    def _fault(self, what: str, problem: str, value: object, remedy: str | None) -> Fault:
+        parts = [part for part in (self.place.field, what) if part]
+        return replace(self.place, problem=problem, field=": ".join(parts) or None, value=value, remedy=remedy)
