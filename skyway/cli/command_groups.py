@@ -21,6 +21,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "network": "scenario",
         "airspace": "scenario",
         "scenario": "scenario",
+        "terrain": "terrain",
     },
     "Missions": {"mission": "mission", "check": "mission", "convert": "mission", "show": "mission"},
     "Vehicles": {

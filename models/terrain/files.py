@@ -1,0 +1,100 @@
+"""Terrain and obstacle files by their names: ``dem.tif``, and with what a file does not say ``dem.tif@ellipsoid`` or ``dem.tif@ft``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.terrain.geotiff import read_geotiff
+from skyway.models.terrain.hgt import is_hgt, read_hgt
+from skyway.models.terrain.obstacles import FOOT_M, Obstacles, joined, read_obstacles
+from skyway.models.terrain.raster import Raster, crs_name
+from skyway.models.terrain.terrain import COARSEST_M, Terrain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+DATUMS = {"egm96": "EGM96", "egm2008": "EGM2008", "msl": "mean sea level", "ellipsoid": "ellipsoid"}
+UNITS_M = {"m": 1.0, "ft": FOOT_M}
+SEA_LEVEL = ("EGM96", "EGM2008", "mean sea level")
+
+
+def split_name(text: str) -> tuple[Path, list[str]]:
+    """File of a name, and what is said of it behind ``@``."""
+    parts = text.split("@")
+    said: list[str] = []
+    while len(parts) > 1 and parts[-1].strip().lower() in (*DATUMS, *UNITS_M):
+        said.insert(0, parts.pop().strip().lower())
+    return Path("@".join(parts)), said
+
+
+def read_raster(text: str) -> Raster:
+    """Read one terrain file, with what its name says of it; an `InputError` says what is wrong."""
+    path, said = split_name(text)
+    if not path.exists():
+        raise InputError("no such file", str(path))
+    if path.is_dir():
+        raise InputError("is a folder, not a file", str(path), remedy="name its files")
+    raster = read_hgt(path) if is_hgt(path) else read_geotiff(path)
+    for word in said:
+        if word in DATUMS:
+            if raster.datum not in ("unknown", DATUMS[word]):
+                problem = f"counts from {raster.datum} by what the file says"
+                raise InputError(problem, str(path), value=f"@{word}", remedy=f"leave out @{word}")
+            raster = replace(raster, datum=DATUMS[word])
+        else:
+            if raster.unit_m not in (1.0, UNITS_M[word]):
+                raise InputError("is in another unit by what the file says", str(path), value=f"@{word}", remedy=f"leave out @{word}")  # fmt: skip
+            raster = replace(raster, unit_m=UNITS_M[word])
+    return raster
+
+
+def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terrain:
+    """Read what terrain and obstacle files say of themselves; heights are read when they are asked for.
+
+    An `InputError` lists every file that cannot be read, or of which a height says nothing about the ground below a leg.
+    """
+    faults: list[Fault] = []
+    rasters: list[Raster] = []
+    parts: list[Obstacles] = []
+    for text in terrain:
+        try:
+            raster = _fine_enough(read_raster(text))
+            rasters.append(raster)
+        except InputError as error:
+            faults += error.faults
+    for text in obstacles:
+        try:
+            parts.append(read_obstacles(Path(text)))
+        except InputError as error:
+            faults += [fault if fault.file else replace(fault, file=text) for fault in error.faults]
+    refuse(faults)
+    if obstacles and not rasters:
+        remedy = "give a terrain model too: heights above ground count from it"
+        raise InputError("obstacles stand on ground that is not known", str(obstacles[0]), remedy=remedy)
+    notes = [note for raster in rasters if (note := datum_note(raster)) is not None]
+    return Terrain(rasters, joined(parts), (*terrain, *obstacles), notes)
+
+
+def _fine_enough(raster: Raster) -> Raster:
+    """Refuse a model whose cells are wider than what a leg flies over."""
+    widest_m = max(raster.spacing_m())
+    if widest_m > COARSEST_M:
+        problem = f"has cells of {widest_m / 1000.0:.1f} km: they say nothing about the ground below a leg"
+        raise InputError(problem, raster.file, remedy="take a finer model, such as Copernicus GLO-30")
+    return raster
+
+
+def datum_note(raster: Raster) -> str | None:
+    """What a person should know of the vertical datum of a file; None where it counts from mean sea level, or is converted to it."""
+    name = Path(raster.file).name
+    if raster.datum == "unknown":
+        return (
+            f"{name} does not say what its heights count from: they are used as heights above mean sea level; "
+            f"if that is so, name it {name}@msl, else {name}@ellipsoid"
+        )
+    if raster.datum in (*SEA_LEVEL, "ellipsoid"):
+        return None
+    return f"the heights of {name} count from {crs_name(raster.datum)}: they are used as heights above mean sea level"

@@ -1,0 +1,171 @@
+"""Rasters: one file of heights each, what it says of itself, and windows of it in metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+WGS84 = "EPSG:4326"
+LOWEST_M, HIGHEST_M = -12_000.0, 9_500.0
+"""No ground is lower or higher, the sea floor included: such values are voids that nobody declared."""
+
+
+class Pixels(Protocol):
+    """What the pixels of a raster are read from."""
+
+    def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
+        """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN where there is none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raster:
+    """Heights on a grid, of one file.
+
+    Attributes
+    ----------
+    file, format : str
+        Name of the file and what it is: ``SRTM .hgt``, ``GeoTIFF``, ``BigTIFF``, …
+    rows, columns : int
+        Of heights.
+    origin : tuple of float
+        (x, y) of the first height: of its node, or of the centre of its cell.
+    step : tuple of float
+        (x, y) from one column, and from one row, to the next; y is negative where the first row is the northern one.
+    crs : str
+        Code of the coordinate reference system that x and y are in.
+    registration : str
+        ``node``: a height is that of a point; ``cell``: that of a cell about it.
+    datum : str
+        What the heights count from: ``EGM96``, ``EGM2008``, ``ellipsoid``, another name, or ``unknown``.
+    unit_m : float
+        Length of the unit of the heights.
+    pixels : Pixels
+        Where the heights are.
+    packed : str
+        How they are stored, in words.
+    """
+
+    file: str
+    format: str
+    rows: int
+    columns: int
+    origin: tuple[float, float]
+    step: tuple[float, float]
+    crs: str
+    registration: str
+    datum: str
+    unit_m: float
+    pixels: Pixels
+    packed: str
+
+    @property
+    def is_geographic(self) -> bool:
+        """Whether x and y are longitude and latitude in degrees."""
+        return bool(_crs(self.crs).is_geographic)
+
+    def at(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where places lie in the grid: (row, column); a whole number is a node or the centre of a cell."""
+        lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
+        if self.crs == WGS84:
+            x, y = lon, lat
+        else:
+            x, y = (np.asarray(one) for one in _transformer(self.crs).transform(lon, lat))
+        if self.is_geographic:
+            middle = self.origin[0] + 0.5 * self.step[0] * (self.columns - 1)
+            x = geodesy.about(x, middle)
+        return (y - self.origin[1]) / self.step[1], (x - self.origin[0]) / self.step[0]
+
+    def place(self, row: float, column: float) -> tuple[float, float]:
+        """Latitude and longitude of a place in the grid, degrees."""
+        x, y = self.origin[0] + column * self.step[0], self.origin[1] + row * self.step[1]
+        if self.crs == WGS84:
+            return y, geodesy.wrapped(x)
+        lon, lat = _transformer(self.crs).transform(x, y, direction="INVERSE")
+        return float(lat), float(lon)
+
+    def bounds(self) -> tuple[float, float, float, float]:
+        """South, west, north, east of the heights, degrees; of a projected grid those of its outline."""
+        rows = np.linspace(0.0, self.rows - 1.0, 9)
+        columns = np.linspace(0.0, self.columns - 1.0, 9)
+        edge = [(row, column) for row in rows for column in columns if row in (rows[0], rows[-1]) or column in (columns[0], columns[-1])]  # fmt: skip
+        lat, lon = np.array([self.place(row, column) for row, column in edge]).T
+        lon = geodesy.about(lon, float(lon[0]))
+        return float(lat.min()), float(lon.min()), float(lat.max()), float(lon.max())
+
+    def spacing_m(self) -> tuple[float, float]:
+        """Distance of neighbouring heights in the middle of the grid, metres: north to south, west to east."""
+        row, column = 0.5 * (self.rows - 1), 0.5 * (self.columns - 1)
+        here, below, beside = self.place(row, column), self.place(row + 1, column), self.place(row, column + 1)
+        return geodesy.distance_m(*here, *below), geodesy.distance_m(*here, *beside)
+
+    def heights_m(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
+        """Heights of rows and columns [from, to) in metres above the raster's datum; NaN where there is none."""
+        values = self.pixels.read(rows, columns)
+        if self.unit_m != 1.0:
+            values = values * np.float32(self.unit_m)
+        with np.errstate(invalid="ignore"):
+            wrong = ~((values >= LOWEST_M) & (values <= HIGHEST_M))
+        if wrong.any():
+            values = np.where(wrong, np.float32(np.nan), values)
+        return values
+
+
+@cache
+def _crs(code: str) -> Any:
+    import pyproj
+
+    return pyproj.CRS.from_user_input(code)
+
+
+@cache
+def _transformer(code: str) -> Any:
+    """From longitude and latitude, WGS-84, to the coordinates of a system, x first."""
+    import pyproj
+
+    return pyproj.Transformer.from_crs(WGS84, _crs(code), always_xy=True)
+
+
+def checked_crs(code: str, file: str) -> str:
+    """Return a code that pyproj knows; an `InputError` refuses another."""
+    import pyproj
+
+    try:
+        found = _crs(code)
+        if not (found.is_geographic or found.is_projected):
+            raise pyproj.exceptions.CRSError("neither geographic nor projected")
+        _transformer(code)
+    except pyproj.exceptions.ProjError as error:
+        remedy = "gdalwarp -t_srs EPSG:4326 writes it in longitude and latitude"
+        raise InputError(f"is in a coordinate system that is not known: {error}", file, value=code, remedy=remedy) from None  # fmt: skip
+    return code
+
+
+@cache
+def crs_name(code: str) -> str:
+    """Name of a coordinate reference system by its code; the code alone where it is not known."""
+    import pyproj
+
+    try:
+        return f"{_crs(code).name} ({code})"
+    except pyproj.exceptions.ProjError:
+        return code
+
+
+@cache
+def vertical_unit_m(code: int) -> float | None:
+    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is not known."""
+    import pyproj
+
+    try:
+        return float(_crs(f"EPSG:{code}").axis_info[-1].unit_conversion_factor)
+    except (pyproj.exceptions.ProjError, IndexError):
+        return None
