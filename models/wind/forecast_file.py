@@ -73,6 +73,15 @@ def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:
     return ForecastTable(times_s, slot_s, tuple(reader.members), north, east, weights)
 
 
+def site_names(path: Path) -> list[str]:
+    """Return the names of the sites of a forecast, in the order of the file."""
+    faults = FaultCollector(str(path))
+    chunks = read_table(path, _COLUMNS, faults, optional=("probability",))
+    found = dict.fromkeys(text.strip() for chunk in chunks for text in chunk.columns["site"])
+    faults.raise_if_any()
+    return list(found)
+
+
 def forecast_table(ensemble: WindEnsemble, site_ids: Sequence[str]) -> str:
     """Write an ensemble as a file that `read_forecast_table` reads; site ``j`` of the ensemble is ``site_ids[j]``."""
     speed, direction = speed_from(ensemble.north, ensemble.east)

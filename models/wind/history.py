@@ -52,6 +52,16 @@ class WindSite:
     """Its identifier in METARs; without one, its id, or that with a letter before it (EWR: KEWR)."""
 
 
+def station_places(sites: Sequence[WindSite]) -> dict[str, tuple[float, float]]:
+    """Places of sites by all names that bulletins have for them: the id, the identifier in METARs, or ``K`` and the id."""
+    found = {
+        name: (site.lat, site.lon) for site in sites if not site.icao and len(site.id) == 3 for name in (f"K{site.id}",)
+    }
+    for site in sites:
+        found.update({name: (site.lat, site.lon) for name in (site.icao, site.id) if name})
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class RowCounts:
     """Counts of a record's rows by how they were used."""

@@ -18,6 +18,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "evaluate": "plan",
         "wind": "scenario",
         "forecast": "forecast",
+        "weather": "forecast",
         "network": "scenario",
         "airspace": "scenario",
         "scenario": "scenario",

@@ -14,6 +14,10 @@ EXTRAS = {
     "pandas": "notebook",
     "numba": "jit",
     "llvmlite": "jit",
+    "eccodes": "weather",
+    "gribberish": "weather",
+    "h5netcdf": "weather",
+    "h5py": "weather",
 }
 """Extra of the distribution that installs each package."""
 

@@ -17,7 +17,7 @@ from skyway import __version__
 from skyway.cli import extras
 from skyway.cli.command_groups import GROUPS, GroupedCommands, add_command
 from skyway.cli.compiling import show_compiling
-from skyway.cli.typed_words import BARE, fill, with_new_names
+from skyway.cli.typed_words import BARE, fill, with_command, with_new_names
 from skyway.models.base.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -61,6 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit code; every error is one line per fault on stderr."""
     try:
         typed = with_new_names(sys.argv[1:] if arguments is None else arguments)
+        typed = with_command(typed, {"weather": ("show", "verify", "fetch")})
         code = app(fill(typed, BARE.get(typed[0], {}) if typed else {}), standalone_mode=False)
     except SkywayError as error:
         for line in str(error).splitlines():

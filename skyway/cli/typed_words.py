@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
 RENAMED = {
     "plan": {"--truth": "--actual-wind"},
@@ -17,6 +17,8 @@ RENAMED = {
     "bench": {"--keep": "--resume", "--out": "--output"},
 }
 """New name of each option by command and former name, which keeps working, hidden, for one release."""
+UNNAMED = {"weather": "show"}
+"""Command of a group that is meant where none is named: ``weather FILE`` is ``weather show FILE``."""
 BARE: Mapping[str, Mapping[str, str]] = {"sim": {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}}
 """What an option of a command means where it stands bare, ``--jitter`` for ``--jitter 0.01``: typer has no such options."""
 
@@ -26,6 +28,14 @@ def with_new_names(arguments: list[str]) -> list[str]:
     names = RENAMED.get(arguments[0], {}) if arguments else {}
     end = arguments.index("--") if "--" in arguments else len(arguments)
     return [_new(one, names) for one in arguments[:end]] + arguments[end:]
+
+
+def with_command(arguments: list[str], groups: Mapping[str, Collection[str]]) -> list[str]:
+    """Return a command line with the command of its group that is meant where none is named; `groups`: commands of each."""
+    meant = UNNAMED.get(arguments[0]) if len(arguments) > 1 else None
+    if meant is None or arguments[1] in (*groups[arguments[0]], "--help", "-h"):
+        return arguments
+    return [arguments[0], meant, *arguments[1:]]
 
 
 def _new(argument: str, names: dict[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""Command ``forecast``: update a forecast with winds measured by drones."""
+"""Commands ``forecast``, which updates a forecast with winds measured by drones, and ``weather``: what weather files hold."""
 
 from __future__ import annotations
 
@@ -157,3 +157,49 @@ def _distance_m(world: Scenario, one: WindObservation) -> float:
     from skyway.models.base.geodesy import distance_m
 
     return min(distance_m(one.lat_deg, one.lon_deg, site.lat, site.lon) for site in world.wind_sites)
+
+
+weather = typer.Typer(
+    help="Show, verify and fetch weather forecasts: GRIB, NetCDF, Open-Meteo, METAR and TAF, CSV.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+Files = Annotated[list[Path], typer.Argument(help="Weather files, of any form; what belongs together is put together.")]
+
+
+@weather.command("show")
+def show(
+    files: Files,
+    scenario: log_options.ScenarioName = None,
+    depart: Annotated[
+        str | None, typer.Option(help="Time that METARs and TAFs are near to: they tell no month. Without it: now.")
+    ] = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show what weather files hold: fields, heights, grid, members, issue and valid times, gaps.
+
+    ``skyway weather FILE …`` does the same. With a scenario grids are cut to its region.
+
+    Examples
+    --------
+      skyway weather hrrr.t12z.wrfsfcf0*.grib2
+      skyway weather ensemble.json --scenario my-scenario
+    """
+    from skyway.cli.views.weather import print_weather, weather_report
+    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.weather import Box
+    from skyway.models.wind.history import station_places
+
+    near_s = options.parse_depart(depart).timestamp()
+    box, stations = None, {}
+    if scenario is not None:
+        world = log_options.load_named(scenario)
+        box = Box.around(world.network.lat, world.network.lon)
+        stations = station_places(world.wind_sites)
+    found = read_weather(files, box, near_s=near_s, stations=stations)
+    report = weather_report(found)
+    if as_json:
+        typer.echo(json_text(report, indent=1))
+        return
+    print_weather(found, report)

@@ -1,0 +1,191 @@
+"""Output of what weather files hold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import distance_text, duration
+from skyway.models.base.units import from_posix, iso
+from skyway.models.weather.lags import Lag, lags
+from skyway.models.weather.weather import EAST, FROM, GUST, NORTH, SPEED, UNITS, FieldKey
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.weather.weather import Weather
+
+SHOWN_OTHERS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldReport:
+    """One quantity at one height."""
+
+    quantity: str
+    height_m: float
+    unit: str
+    least: float
+    mean: float
+    greatest: float
+    missing: float
+    """Share of its values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IssueReport:
+    """One issue of one model."""
+
+    files: tuple[str, ...]
+    form: str
+    model: str
+    observed: bool
+    issued: str | None
+    places: str
+    spacing_m: float
+    box: tuple[float, float, float, float] | None
+    """South, west, north, east."""
+    members: tuple[str, ...]
+    times: tuple[str, ...]
+    step_s: float
+    gaps_in_time: tuple[tuple[str, str], ...]
+    fields: tuple[FieldReport, ...]
+    others: tuple[str, ...]
+    notes: tuple[str, ...]
+    unusable: str | None
+    """Why no wind can be planned with; None: it can."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeatherReport:
+    """What weather files hold."""
+
+    schema: str = "skyway.weather/1"
+    issues: tuple[IssueReport, ...]
+    lags: tuple[Lag, ...]
+
+
+def weather_report(weathers: Sequence[Weather]) -> WeatherReport:
+    """Make the report of what was read."""
+    return WeatherReport(issues=tuple(_issue(one) for one in weathers), lags=tuple(lags(weathers)))
+
+
+def _issue(one: Weather) -> IssueReport:
+    box = one.places.box
+    try:
+        one.needs_wind()
+        unusable = None
+    except InputError as error:
+        unusable = error.faults[0].problem
+    steps = np.diff(one.times_s)
+    regular = len(steps) > 0 and not one.holds and not one.observed
+    wide = np.flatnonzero(steps > 1.5 * one.step_s).tolist() if regular else []
+    return IssueReport(
+        files=one.files,
+        form=one.form,
+        model=one.model,
+        observed=one.observed,
+        issued=iso(from_posix(one.issued_s)) if math.isfinite(one.issued_s) else None,
+        places=one.places.kind,
+        spacing_m=one.places.spacing_m,
+        box=None if box is None else (box.south, box.west, box.north, box.east),
+        members=one.members,
+        times=tuple(iso(from_posix(time)) for time in one.times_s),
+        step_s=one.step_s,
+        gaps_in_time=tuple((iso(from_posix(one.times_s[at])), iso(from_posix(one.times_s[at + 1]))) for at in wide),
+        fields=tuple(_field(one, key) for key in sorted(one.fields) if key.quantity != NORTH or not _pair(one, key)),
+        others=one.others,
+        notes=one.notes,
+        unusable=unusable,
+    )
+
+
+def _pair(one: Weather, key: FieldKey) -> bool:
+    return FieldKey(EAST, key.height_m) in one.fields
+
+
+def _field(one: Weather, key: FieldKey) -> FieldReport:
+    values, quantity = one.fields[key], key.quantity
+    if quantity == EAST and key.height_m in one.wind_heights_m:
+        values, quantity = np.hypot(values, one.fields[FieldKey(NORTH, key.height_m)]), "wind"
+    missing = float(np.isnan(values).mean()) if values.size else 1.0
+    known = values[np.isfinite(values)] if missing < 1.0 else np.array([math.nan])
+    least, mean, greatest = float(known.min()), float(known.mean()), float(known.max())
+    return FieldReport(
+        quantity=quantity, height_m=key.height_m, unit=UNITS.get(quantity, "m/s"), least=least, mean=mean, greatest=greatest, missing=missing
+    )  # fmt: skip
+
+
+def print_weather(weathers: Sequence[Weather], report: WeatherReport) -> None:
+    """Print what was read for people."""
+    for one, told in zip(weathers, report.issues, strict=True):
+        issued = "issue time not told" if told.issued is None else f"issued {_stamp(one.issued_s)}"
+        kind = "observed" if told.observed else issued
+        count = len(told.members)
+        courses = "1 course" if count == 1 else f"{count} members ({told.members[0]} to {told.members[-1]})"
+        say(f"{one.name}: {told.form}, {told.model}, {kind}, {courses}")
+        spacing = f", {distance_text(told.spacing_m)} apart" if math.isfinite(told.spacing_m) else ""
+        where = "place not told" if one.places.box is None else str(one.places.box)
+        say(f"  where: {told.places}{spacing}; {where}")
+        say(f"  when: {_when(one)}")
+        for begin, end in told.gaps_in_time:
+            say(f"  gap: nothing between {begin} and {end}")
+        if told.fields:
+            _print_fields(told)
+        if told.others:
+            more = f", and {len(told.others) - SHOWN_OTHERS} more" if len(told.others) > SHOWN_OTHERS else ""
+            say(f"  not used: {', '.join(told.others[:SHOWN_OTHERS])}{more}")
+        for note in told.notes:
+            say(f"  Note: {note}")
+        if told.unusable:
+            say(f"  Not for planning: {told.unusable}")
+        say("")
+    for lag in report.lags:
+        apart = duration(lag.later_s - lag.earlier_s)
+        say(
+            f"{lag.model}: from the issue of {_stamp(lag.earlier_s)} to the next one, {apart} later, the wind at {lag.height_m:g} m changed by "
+            f"{lag.rms_mps:.1f} m/s (root mean square over {lag.times} common times)"
+        )
+
+
+def _when(one: Weather) -> str:
+    times = one.times_s
+    if len(times) == 1:
+        return _stamp(times[0])
+    return f"{_stamp(times[0])} to {_stamp(times[-1])}, {len(times)} times, usually every {duration(one.step_s)}"
+
+
+def _stamp(posix_s: float) -> str:
+    return f"{from_posix(float(posix_s)):%Y-%m-%d %H:%MZ}"
+
+
+def _print_fields(told: IssueReport) -> None:
+    sheet = Sheet(
+        [
+            Column("  field", justify="left"),
+            Column("height", "m"),
+            Column("least"),
+            Column("mean"),
+            Column("greatest"),
+            Column("unit", justify="left"),
+            Column("missing"),
+        ]
+    )
+    for one in told.fields:
+        shown = {
+            SPEED: "speed, no direction",
+            FROM: "direction",
+            GUST: "gust",
+            EAST: "east wind",
+            NORTH: "north wind",
+        }.get(one.quantity, one.quantity)
+        digits = [
+            f"{value:.1f}" if math.isfinite(value) else "unknown" for value in (one.least, one.mean, one.greatest)
+        ]
+        sheet.add(f"  {shown}", f"{one.height_m:g}", *digits, one.unit, f"{100.0 * one.missing:.0f} %")
+    sheet.show()
