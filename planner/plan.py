@@ -11,7 +11,7 @@ import numpy as np
 
 from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
 from skyway.models.base.formatting import later_text, percent
-from skyway.models.base.units import S_PER_H
+from skyway.models.base.units import S_PER_H, from_posix, iso
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.drone_choice import candidates
 from skyway.planner.exact.exact import ExactSearch
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.outcome import Outcome
 
 
+LATE = 0.95
+"""So many deliveries have arrived when a plan is compared with the end of its forecast."""
 SMALL_NETWORK = 200
 """Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
 
@@ -231,7 +233,11 @@ def _doubts(
         )
     if not np.isfinite(schedule[-1, TOUCH_DOWN]) or schedule[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
         doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
-    return tuple(doubts)
+    wind = problem.forecast
+    if summary.quantile_s(LATE) > wind.known_until_s:
+        ends = iso(from_posix(wind.known_until_s))
+        doubts.append(f"the delivery may last longer than the forecast, which ends at {ends}: {wind.then}")
+    return (*doubts, *wind.notes)
 
 
 def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:

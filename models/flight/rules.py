@@ -17,7 +17,6 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, refuse
 from skyway.models.flight.heights import wind_factors
-from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,7 +98,7 @@ def air_over(
     _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     ground_m = network.ground_m[network.tail], network.ground_m[network.head]
-    weight = network.site_weights(wind.site_lat, wind.site_lon) * wind_factors(rules, ground_m)[:, None]
+    weight = network.site_weights(wind.site_lat, wind.site_lon, wind.lattice) * wind_factors(rules, ground_m)[:, None]
     air = _air(wind, weight, network.bearing_deg, network.distance_m, airspeed_mps, drone.max_ground_speed_mps)
     return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
 
@@ -119,7 +118,7 @@ def air_between(
     (`models.flight.heights.wind_factors`). Middles of the ways (lat, lon), degrees, their courses, lengths and factors
     have the shape (ways,) each.
     """
-    weight = idw_weights(*middle, wind.site_lat, wind.site_lon) * factor[:, None]
+    weight = wind.weights(*middle) * factor[:, None]
     return _air(wind, weight, bearing_deg, distance_m, airspeed_mps, max_ground_speed_mps)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-from skyway.models.wind.interpolation import idw_weights, weights_at
+from skyway.models.wind.interpolation import site_weights, weights_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -207,20 +207,24 @@ class Network:
         """(lat, lon) half-way along each segment, degrees, shape (segments,) each."""
         return geodesy.midpoint(self.lat[self.tail], self.lon[self.tail], self.bearing_deg, self.distance_m)
 
-    def site_weights(self, site_lat: NDArray[np.float64], site_lon: NDArray[np.float64]) -> NDArray[np.float64]:
+    def site_weights(
+        self,
+        site_lat: NDArray[np.float64],
+        site_lon: NDArray[np.float64],
+        lattice: tuple[int, int] | None = None,
+    ) -> NDArray[np.float64]:
         """Weights of wind sites half-way along each segment, shape (segments, sites), worked out once for these sites.
 
-        See `models.wind.interpolation.idw_weights`.
+        See `models.wind.interpolation.site_weights`.
         """
         sites = np.array((site_lat, site_lon), dtype=np.float64)
-        found = self._site_weights.get(sites.tobytes())
-        if found is None:
-            found = np.ascontiguousarray(idw_weights(*self.midpoints, *sites))
-            self._site_weights[sites.tobytes()] = found
-        return found
+        key = sites.tobytes(), lattice
+        if key not in self._site_weights:
+            self._site_weights[key] = np.ascontiguousarray(site_weights(*self.midpoints, site_lat, site_lon, lattice))
+        return self._site_weights[key]
 
     @cached_property
-    def _site_weights(self) -> dict[bytes, NDArray[np.float64]]:
+    def _site_weights(self) -> dict[tuple[bytes, tuple[int, int] | None], NDArray[np.float64]]:
         return {}
 
     @cached_property
@@ -338,8 +342,8 @@ class Network:
             zones=self.zones,
         )
         for key, weights in self._site_weights.items():  # what is known of the old segments need not be found again
-            sites = np.frombuffer(key).reshape(2, -1)
-            joined._site_weights[key] = np.concatenate((weights, star.site_weights(*sites)))[order]
+            sites = np.frombuffer(key[0]).reshape(2, -1)
+            joined._site_weights[key] = np.concatenate((weights, star.site_weights(sites[0], sites[1], key[1])))[order]
         return joined
 
     def _near(self, lat: float, lon: float) -> NDArray[np.int64]:

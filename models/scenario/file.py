@@ -86,6 +86,7 @@ class _Reader:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
         observed = self._observed(self.top.table("observed"))
+        forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)
@@ -99,6 +100,7 @@ class _Reader:
             timezone=timezone,
             **wind,
             **observed,
+            **forecast,
             path=str(self.file),
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),
@@ -224,6 +226,20 @@ class _Reader:
         if pads and not pads.startswith("tcp:"):
             pads = str(self.folder / pads)
         return {"observed_wind": tuple(str(self.folder / text) for text in wind), "observed_pads": pads or None}
+
+    def _forecast(self, table: Table, *, named: bool) -> dict[str, Any]:
+        """Read where forecasts are found; they change by the hour, are read when they are used, and are no part of the scenario."""
+        files, error = table.texts("files", ()), table.text("error", "")
+        for text in files:
+            if not text.strip() or one_line(text) != text:
+                table.fault("files", "must be names of files or folders", text)
+        table.finish()
+        if files and named:
+            table.fault("files", "[wind] names a forecast, too", remedy="keep one of them")
+        return {
+            "forecast_files": tuple(str(self.folder / text) for text in files),
+            "forecast_error": str(self.folder / error) if error else None,
+        }
 
     def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
         file = self._path(table, "file")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
@@ -12,8 +13,8 @@ from skyway.models.base.units import utc
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from datetime import date, datetime
-    from pathlib import Path
 
     from skyway.models.drones.drone import Drone
     from skyway.models.flight.rules import FlightRules
@@ -47,6 +48,10 @@ class Scenario:
         Height of those winds above ground.
     forecast_file : Path or None
         Forecast that is used instead of analogue days.
+    forecast_files : tuple of str
+        Weather files, of any form, that are used instead of analogue days.
+    forecast_error : str or None
+        File with the error of these forecasts by lead time (``skyway weather verify``).
     timezone : str
         IANA name of local time.
     season_days : int
@@ -70,6 +75,8 @@ class Scenario:
     wind_sites: tuple[WindSite, ...] = ()
     measured_at_m: float = 10.0
     forecast_file: Path | None = None
+    forecast_files: tuple[str, ...] = ()
+    forecast_error: str | None = None
     timezone: str = "UTC"
     season_days: int = 30
     observed_wind: tuple[str, ...] = ()
@@ -82,7 +89,7 @@ class Scenario:
         if self.history is not None:
             wind = "wind record of " + views.counted(len(self.wind_sites), "site")
         else:
-            wind = "forecast file" if self.forecast_file is not None else "no wind record"
+            wind = "forecast file" if self.has_forecast else "no wind record"
         parts = [
             views.counted(len(self.network), "station"),
             views.counted(len(self.network.tail), "segment"),
@@ -103,12 +110,44 @@ class Scenario:
         raise InputError("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}")
 
     def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
-        """Ensemble for a departure: the scenario's forecast file, else analogue days of its record.
+        """Ensemble for a departure: the scenario's forecast, else analogue days of its record.
 
         The days about `truth` (a local date) are left out.
         """
         if self.forecast_file is not None:
             return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
+        if self.forecast_files:
+            error = self.forecast_error
+            return self.forecast_from(
+                [Path(one) for one in self.forecast_files], depart, hours, error=error, truth=truth
+            )
+        return self.analogues(depart, hours, truth)
+
+    @property
+    def has_forecast(self) -> bool:
+        """Whether it names forecasts of its own."""
+        return self.forecast_file is not None or bool(self.forecast_files)
+
+    def forecast_from(
+        self,
+        files: Sequence[Path],
+        depart: datetime,
+        hours: int,
+        *,
+        error: str | Path | None = None,
+        truth: date | None = None,
+    ) -> WindEnsemble:
+        """Ensemble for a departure from weather files of any form; a folder stands for its files.
+
+        `error` names a file with the error of such forecasts by lead time. Where they end, the record goes on. One file of our own (CSV) is for the
+        scenario's wind sites, at the height of their instruments.
+        """
+        from skyway.models.weather.region_files import read_region
+
+        return read_region(self, files, utc(depart), hours, error=error, truth=truth)
+
+    def analogues(self, depart: datetime, hours: int, truth: date | None = None) -> WindEnsemble:
+        """Ensemble of analogue days of the record; the days about `truth` (a local date) are left out."""
         exclude = () if truth is None else (truth,)
         local = utc(depart).astimezone(ZoneInfo(self.timezone))
         return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)

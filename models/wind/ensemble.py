@@ -16,7 +16,7 @@ import numpy as np
 from skyway.models.base import views
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import iso
-from skyway.models.wind.interpolation import idw_weights
+from skyway.models.wind.interpolation import site_weights
 from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
@@ -47,6 +47,15 @@ class WindEnsemble:
         Name of each member, such as ``2013-07-04``.
     height_m : float
         Height above ground that the wind is for.
+    lattice : tuple of int, optional
+        (rows, columns) where the sites are the nodes of a lattice: then the wind between them is bilinear, else by the inverse square of the
+        distance (`models.wind.interpolation.site_weights`).
+    known_until_s : float
+        POSIX seconds at which what was forecast ends; infinite where nothing says so.
+    then : str
+        What the wind is from then on, for people.
+    notes : tuple of str
+        What a person should know of it.
 
     Raises
     ------
@@ -63,6 +72,10 @@ class WindEnsemble:
     probability: NDArray[np.float64]
     labels: tuple[str, ...]
     height_m: float
+    lattice: tuple[int, int] | None = None
+    known_until_s: float = math.inf
+    then: str = ""
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         members, slots, sites = self.north.shape
@@ -88,6 +101,8 @@ class WindEnsemble:
                 raise InputError("no time, length of time or height of a wind ensemble", field=name, value=value)
         if not (np.isfinite(self.site_lat).all() and np.isfinite(self.site_lon).all() and len(self.site_lat)):
             raise InputError("the sites of a wind ensemble must have places")
+        if self.lattice is not None and self.lattice[0] * self.lattice[1] != len(self.site_lat):
+            raise InputError("the lattice of a wind ensemble has another number of nodes than sites")
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -105,6 +120,12 @@ class WindEnsemble:
         """Return the wind at another height above ground, by the power law of `models.wind.triangle.height_factor`."""
         factor = height_factor(height_m, self.height_m, exponent)
         return replace(self, north=self.north * factor, east=self.east * factor, height_m=height_m)
+
+    def at_sites(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> WindEnsemble:
+        """Return the wind at places, degrees, as its sites; between these it is interpolated by their distance."""
+        weight = self.weights(lat, lon)
+        north, east = self.north @ weight.T, self.east @ weight.T
+        return replace(self, site_lat=lat, site_lon=lon, north=north, east=east, lattice=None)
 
     def member(self, number: int) -> WindEnsemble:
         """Return one member alone, certain."""
@@ -150,9 +171,13 @@ class WindEnsemble:
             labels=tuple(self.labels[number] for number in members),
         )
 
+    def weights(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
+        """Weights of the sites at points, degrees, shape (points, sites)."""
+        return site_weights(lat, lon, self.site_lat, self.site_lon, self.lattice)
+
     def wind_at(self, lat: float, lon: float, slot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Wind of every member at a place in a slot: (north, east), shape (members,) each."""
-        weights = idw_weights(lat, lon, self.site_lat, self.site_lon)[0]
+        weights = self.weights(lat, lon)[0]
         return self.north[:, slot] @ weights, self.east[:, slot] @ weights
 
     def at_times(
@@ -162,7 +187,7 @@ class WindEnsemble:
 
         Places have shape (n,), times (n,) or (members, n), POSIX seconds; a time that never comes counts as the first slot.
         """
-        weight = idw_weights(lat, lon, self.site_lat, self.site_lon)
+        weight = self.weights(lat, lon)
         slot = np.floor((np.broadcast_to(time_s, (len(self), len(lat))) - self.start_s) / self.slot_s)
         chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, self.slots - 1).astype(np.int64)
         member = np.arange(len(self))[:, None]

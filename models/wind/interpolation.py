@@ -1,4 +1,4 @@
-"""Interpolation of wind between its sites, by the inverse square of the distance."""
+"""Interpolation of wind between its sites: by the inverse square of the distance, or bilinear where they are the nodes of a lattice."""
 
 from __future__ import annotations
 
@@ -23,6 +23,38 @@ def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: A
     places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
     distance, _ = geodesy.inverse(*points, *places)
     return weights_at(distance)
+
+
+def site_weights(
+    lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike, lattice: tuple[int, int] | None = None
+) -> NDArray[np.float64]:
+    """Weights of sites at points, degrees, shape (points, sites); rows sum to 1.
+
+    Bilinear where the sites are the nodes of a `lattice` (rows, columns), row by row, latitude and longitude ascending: outside it the wind of
+    its edge goes on. Else by `idw_weights`.
+    """
+    if lattice is None:
+        return idw_weights(lat, lon, site_lat, site_lon)
+    rows, columns = lattice
+    lats = np.asarray(site_lat, dtype=np.float64).reshape(rows, columns)[:, 0]
+    lons = np.asarray(site_lon, dtype=np.float64).reshape(rows, columns)[0]
+    east = np.mod(np.atleast_1d(np.asarray(lon, dtype=np.float64)) - lons[0] + 180.0, 360.0) - 180.0
+    across = _hats(east, lons - lons[0])
+    along = _hats(np.atleast_1d(np.asarray(lat, dtype=np.float64)), lats)
+    return np.asarray((along[:, :, None] * across[:, None, :]).reshape(-1, rows * columns))
+
+
+def _hats(place: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights of ascending nodes at places on a line, shape (places, nodes)."""
+    if len(nodes) == 1:
+        return np.ones((len(place), 1))
+    below = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
+    share = np.clip((place - nodes[below]) / (nodes[below + 1] - nodes[below]), 0.0, 1.0)
+    found = np.zeros((len(place), len(nodes)))
+    row = np.arange(len(place))
+    found[row, below] = 1.0 - share
+    found[row, below + 1] = share
+    return found
 
 
 def weights_at(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,6 @@ import numpy as np
 
 from skyway.models.base.formatting import direction_text
 from skyway.models.base.statistics import weighted_quantile
-from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor, speed_from, vector
 
 if TYPE_CHECKING:
@@ -150,7 +149,7 @@ def summarise_wind(
     """
     factor = height_factor(height_m, ensemble.height_m, profile_exponent)
     lat, lon = [one.lat_deg for one in passages], [one.lon_deg for one in passages]
-    places = idw_weights(lat, lon, ensemble.site_lat, ensemble.site_lon)
+    places = ensemble.weights(lat, lon)
     total = sum(one.end_s - one.begin_s for one in passages)
     north, east, weight = [], [], []
     for one, place in zip(passages, places, strict=True):

@@ -18,7 +18,6 @@ from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, sampled_waits
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
-from skyway.models.wind.interpolation import idw_weights
 from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
@@ -239,7 +238,7 @@ class Problem:
         wind = self.ensemble
         ground_m = self.network.ground_m
         factor = wind_factors(self.rules, (ground_m, ground_m[d]))
-        weight = idw_weights(*middle, wind.site_lat, wind.site_lon) * factor[:, None]
+        weight = wind.weights(*middle) * factor[:, None]
         angle = np.radians(bearing)
         return self.air._replace(
             weight=np.ascontiguousarray(weight),

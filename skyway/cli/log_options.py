@@ -16,6 +16,8 @@ from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.link.logs.common.log import Log
     from skyway.models.drones.airspeed import AirspeedModel
     from skyway.models.drones.drag import DragModel
@@ -75,15 +77,15 @@ def load_named(name: str | None) -> Scenario:
 
 
 def log_forecast(
-    log: Log, wind: str | None, file: Path | None, scenario: str | None
+    log: Log, wind: str | None, file: Sequence[Path] | None, scenario: str | None
 ) -> tuple[Forecast | None, WindFilterSettings | None]:
     """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is not known."""
     if wind is not None:
-        if file is not None or scenario is not None:
+        if file or scenario is not None:
             raise InputError("--wind excludes --forecast and --scenario", remedy="give one of them")
         north, east = towards(wind)
         return (lambda *_: (north, east)), None
-    if file is None and scenario is None:
+    if not file and scenario is None:
         return None, None
     from skyway.models.base.units import from_posix
     from skyway.models.wind.estimation.live import forecast_of, settings_for

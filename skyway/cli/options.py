@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.estimation.filter import WindFilterSettings
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.models.wind.history import WindSite
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.objective import Objective
 
@@ -242,24 +241,26 @@ def wind_forecast(
     scenario: Scenario,
     depart: datetime,
     wind: str | None,
-    forecast: Path | None,
+    forecast: Sequence[Path] | None,
     truth: WindEnsemble | None,
     day: date | None,
+    error: Path | None = None,
 ) -> WindEnsemble:
-    """Wind that the planner knows: constant, from a file, or the scenario's analogue days (without the true one)."""
-    from skyway.models.wind.forecast import constant_wind, read_forecast
+    """Wind that the planner knows: constant, from weather files, or the scenario's analogue days (without the true one)."""
+    from skyway.models.wind.forecast import constant_wind
     from skyway.planner.problem.problem import HORIZON_H
 
-    if wind is not None and forecast is not None:
+    if wind is not None and forecast:
         raise InputError("--wind and --forecast exclude each other", remedy="give one of them")
     if wind is not None:
         speed, direction = parse_wind(wind)
         lat, lon = float(scenario.network.lat.mean()), float(scenario.network.lon.mean())
         return constant_wind(speed, direction, depart, HORIZON_H, lat, lon, scenario.rules.cruise_height_m)
-    if forecast is not None:
-        sites, height = _sites(scenario)
-        return read_forecast(forecast, sites, depart, HORIZON_H, height)
-    if scenario.history is None and scenario.forecast_file is None and truth is not None:
+    if error is not None and not forecast:
+        raise InputError("--forecast-error goes with --forecast", remedy="give the forecast, too")
+    if forecast:
+        return scenario.forecast_from(forecast, depart, HORIZON_H, error=error, truth=day)
+    if scenario.history is None and not scenario.has_forecast and truth is not None:
         return truth
     return scenario.forecast(depart, HORIZON_H, truth=day)
 
@@ -268,7 +269,6 @@ def true_wind(
     scenario: Scenario, depart: datetime, text: str | None, option: str = "--actual-wind"
 ) -> tuple[WindEnsemble | None, date | None]:
     """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
-    from skyway.models.wind.forecast import read_forecast
     from skyway.planner.problem.problem import HORIZON_H
 
     if text is None:
@@ -280,18 +280,8 @@ def true_wind(
         if not path.is_file():
             remedy = "a day of the record such as 2013-07-10, or a forecast file with one member"
             raise InputError("neither a date nor a file", field=option, value=text, remedy=remedy) from None
-        sites, height = _sites(scenario)
-        return read_forecast(path, sites, depart, HORIZON_H, height), None
+        return scenario.forecast_from([path], depart, HORIZON_H), None
     return scenario.truth(day, depart, HORIZON_H), day
-
-
-def _sites(scenario: Scenario) -> tuple[tuple[WindSite, ...], float]:
-    """Wind sites of the scenario and their height; one site amid the stations where it has none."""
-    from skyway.models.wind.history import WindSite
-
-    if scenario.wind_sites:
-        return scenario.wind_sites, scenario.measured_at_m
-    return (WindSite("site", float(scenario.network.lat.mean()), float(scenario.network.lon.mean())),), 10.0
 
 
 def check_planners(names: Sequence[str], option: str, among: Sequence[str] = PLANNERS) -> None:

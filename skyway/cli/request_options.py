@@ -25,6 +25,8 @@ OBSERVED_HELP = (
     "Wind observed before the departure: SITE=SPEED@FROM[@TIME] (m/s@degrees FROM, at the site's anemometer), or a file: METARs, a table, "
     "a journal of fly; repeatable."
 )
+FORECAST_HELP = "Weather forecast, of any form that skyway weather reads (GRIB, NetCDF, Open-Meteo, TAF, CSV), or a folder of them; repeatable."
+ERROR_HELP = "Error of such forecasts by lead time, from skyway weather verify -o. Without it: published figures."
 _PLACE = "station id, part of its name, or lat,lon."
 
 
@@ -77,9 +79,8 @@ class ConditionOptions:
     wind: Annotated[str | None, typer.Option(help="One constant wind at cruise height, m/s@degrees FROM: 8@270.")] = (
         None
     )
-    forecast: Annotated[Path | None, typer.Option(help="Forecast file: time, site, member, speed_mps, from_deg.")] = (
-        None
-    )
+    forecast: Annotated[list[Path] | None, typer.Option(help=FORECAST_HELP)] = None
+    forecast_error: Annotated[Path | None, typer.Option(help=ERROR_HELP)] = None
     truth: Annotated[
         str | None,
         typer.Option(
@@ -118,17 +119,22 @@ class ConditionOptions:
         if self.wind is not None and self.observed:
             remedy = "leave one of them out: a constant wind knows of no other"
             raise InputError("--wind and --observed exclude each other", remedy=remedy)
-        by_record = self.wind is None and self.forecast is None
+        by_record = self.wind is None and not self.forecast
         of_scenario = self.for_now and by_record and not self.observed
         given = scenario.observed_wind if of_scenario else tuple(self.observed or ())
 
         def forecast(begin: datetime, hours: int) -> WindEnsemble:
-            if by_record and scenario.forecast_file is None and (scenario.history is not None or true is None):
+            if by_record and not scenario.has_forecast and (scenario.history is not None or true is None):
                 return scenario.forecast(begin, hours, truth=day)
-            return options.wind_forecast(scenario, depart, self.wind, self.forecast, true, day)
+            if begin < depart and self.forecast:
+                try:  # observations before the departure are compared with the wind of their hour, where the forecast has it
+                    return scenario.forecast_from(self.forecast, begin, hours, error=self.forecast_error, truth=day)
+                except InputError:
+                    pass
+            return options.wind_forecast(scenario, depart, self.wind, self.forecast, true, day, self.forecast_error)
 
         if not given:
-            alone = of_scenario and true is None and scenario.forecast_file is None
+            alone = of_scenario and true is None and not scenario.has_forecast
             return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
         found = observed_winds(scenario, given, depart, missing_ok=of_scenario)
         return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true

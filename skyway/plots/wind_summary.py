@@ -10,7 +10,6 @@ import numpy as np
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
 from skyway.models.base.statistics import weighted_quantile
 from skyway.models.base.units import from_posix, iso
-from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.summary import summary_of
 from skyway.models.wind.triangle import speed_from
 
@@ -27,7 +26,7 @@ def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     network = scenario.network
     lon = wrapped(float(np.mean(about(network.lon, middle_longitude(network.lon)))))
-    weights = idw_weights(float(np.mean(network.lat)), lon, wind.site_lat, wind.site_lon)[0]
+    weights = wind.weights(float(np.mean(network.lat)), lon)[0]
     return wind.north @ weights, wind.east @ weights
 
 

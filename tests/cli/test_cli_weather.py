@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+import weather_files as wf
+
 from skyway.cli.main import main
 
 
@@ -56,3 +58,66 @@ def test_without_the_extra_one_line_names_it(capsys, shared_data, monkeypatch):
     code, _, err = run(capsys, "weather", str(shared_data / "forecast" / "ecmwf_ens51_z850_tiny.grib"))
     assert code == 2
     assert "this needs eccodes, which is not installed: pip install 'skyway-planner[weather]'" in err
+
+
+REQUEST = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.8", "--depart", "2013-07-10T10:30-04:00")
+
+
+@pytest.fixture(scope="module")
+def westerly(tmp_path_factory):
+    """Ten hours of 7 m/s from 270 degrees at 80 m over New York, by Open-Meteo in km/h."""
+    path = tmp_path_factory.mktemp("w") / "a.json"
+    columns = {"wind_speed_80m": [25.2] * 10, "wind_direction_80m": [270] * 10}
+    return wf.write_json(path, wf.open_meteo(columns, {"wind_speed_80m": "km/h", "wind_direction_80m": "°"}, hours=10))
+
+
+def test_every_command_flies_in_the_forecast_that_is_handed_over(capsys, tmp_path, westerly):
+    code, out, _ = run(capsys, "wind", *REQUEST[6:], "--forecast", str(westerly), "--hours", "3", "--json")
+    hours = json.loads(out)["hours"]
+    assert code == 0
+    assert [abs(one["from_deg"] - 270.0) < 15.0 and 6.0 < one["mean_mps"] < 8.5 for one in hours] == [True] * 3
+    code, out, err = run(capsys, "plan", *REQUEST, "--forecast", str(westerly), "-o", str(tmp_path / "p.json"))
+    assert code == 0, err
+    assert "Open-Meteo best match: its one course is given errors: published figures" in " ".join(out.split())
+    plan = json.loads((tmp_path / "p.json").read_text())
+    assert plan["legs"][0]["wind"]["from_deg"] == pytest.approx(270.0, abs=15.0)
+    code, out, err = run(capsys, "mission", str(tmp_path / "p.json"), "-o", str(tmp_path / "m.plan"))
+    assert code == 0, err
+    words = (
+        "check",
+        str(tmp_path / "m.plan"),
+        "--scenario",
+        "newyork",
+        "--depart",
+        REQUEST[-1],
+        "--payload",
+        "0.8",
+        "--drone",
+        "m300",
+    )
+    checked = {}
+    for name, more in (("record", ()), ("forecast", ("--forecast", str(westerly))), ("steady", ("--wind", "6.6@270"))):
+        code, out, err = run(capsys, *(words if name != "steady" else (*words[:4], *words[6:])), *more, "--json")
+        assert code == 0, err
+        checked[name] = json.loads(out)
+    assert checked["forecast"] != checked["record"]
+
+
+def test_a_scenario_flies_in_the_forecast_that_it_names(capsys, tmp_path, westerly):
+    folder = tmp_path / "s"
+    assert run(capsys, "scenario", "init", str(folder))[0] == 0
+    toml = folder / "scenario.toml"
+    toml.write_text(toml.read_text() + f'\n[forecast]\nfiles = ["{westerly}"]\n')
+    code, out, err = run(capsys, "wind", str(folder), "--depart", REQUEST[-1], "--hours", "2", "--json")
+    assert code == 2, out  # the template lies elsewhere
+    assert "does not cover the region" in err
+    toml.write_text(toml.read_text().replace("[forecast]", "[forecast]\nfile = 1"))
+    assert "forecast.file" in run(capsys, "scenario", "check", str(folder))[2]
+
+
+def test_a_forecast_for_drones_to_update_may_have_any_form(capsys, tmp_path, westerly):
+    table = tmp_path / "f.csv"
+    code, _, err = run(capsys, "forecast", "--forecast", str(westerly), *REQUEST[6:], "--hours", "3", "-o", str(table))
+    assert code == 0, err
+    code, out, _ = run(capsys, "wind", *REQUEST[6:], "--forecast", str(table), "--hours", "2", "--json")
+    assert (code, abs(json.loads(out)["hours"][0]["from_deg"] - 270.0) < 15.0) == (0, True)

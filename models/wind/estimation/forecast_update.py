@@ -18,7 +18,6 @@ import numpy as np
 
 from skyway.models.base.errors import InputError
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
-from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,7 +100,7 @@ def update_forecast(
     misses = _misses(ensemble, observations)
     noise = np.array([one.variance for one in observations])
     sites = np.zeros(len(ensemble.site_lat)), ensemble.site_lat, ensemble.site_lon
-    weight = idw_weights(where[1], where[2], *sites[1:])
+    weight = ensemble.weights(where[1], where[2])
     reach = weight @ model.covariance(sites, sites)  # of each observation with each site at the same time, m2/s2
     inverse = np.linalg.inv(reach @ weight.T * model.fade(where[0], where[0]) + np.diag(noise))
     pressed = np.einsum("kl,mlc->mkc", inverse, misses)

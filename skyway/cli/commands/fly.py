@@ -53,7 +53,12 @@ def fly(
     scenario: Annotated[
         Path | None, typer.Option(help="Scenario folder. Without it: the one named in the plan.")
     ] = None,
-    forecast: Annotated[Path | None, typer.Option(help="Forecast file. Without it: the scenario's forecast.")] = None,
+    forecast: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Weather forecast of any form, or a folder; repeatable. Without it: the scenario's forecast."
+        ),
+    ] = None,
     wind: Annotated[
         str | None, typer.Option(help="One constant wind at cruise height instead of a forecast: 8@270.")
     ] = None,
@@ -117,7 +122,7 @@ def fly(
     def job(now: datetime) -> DeliveryJob:
         seen = _observed(region, observed, now, wind)
         times = (one.time_s for one in seen(now.timestamp()))
-        begin = min([(begun or now).timestamp(), *times]) if forecast is None else None
+        begin = min([(begun or now).timestamp(), *times]) if not forecast else None
         return DeliveryJob(
             composition=composition,
             scenario=region,
@@ -224,7 +229,7 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
         raise InputError(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
 
 
-def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
+def _check_words(planner: str, wind: str | None, forecast: list[Path] | None) -> None:
     """Find out before a vehicle is spoken with what would fail in the midst of a delivery."""
     from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 
@@ -238,8 +243,9 @@ def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
         raise InputError(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}")
     if wind is not None:
         options.parse_wind(wind)
-    if forecast is not None and not forecast.is_file():
-        raise InputError("no such file", str(forecast), field="--forecast")
+    for one in forecast or ():
+        if not one.exists():
+            raise InputError("no such file", str(one), field="--forecast")
 
 
 def _clock(vehicle: Vehicle, console: Console) -> Clock:

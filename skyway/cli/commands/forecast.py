@@ -47,7 +47,11 @@ def forecast(
     logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drone.")] = None,
     scenario: log_options.ScenarioName = None,
     base: Annotated[
-        Path | None, typer.Option("--forecast", help="Forecast to update. Without it: made from the wind record.")
+        list[Path] | None,
+        typer.Option(
+            "--forecast",
+            help="Weather forecast to update, of any form; repeatable. Without it: made from the wind record.",
+        ),
     ] = None,
     depart: Annotated[str | None, typer.Option(help="Departure to plan for. Without it: the last measurement.")] = None,
     hours: Annotated[int, typer.Option(help="Hours after the departure.", min=1, max=48)] = 12,
@@ -123,10 +127,14 @@ def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> lis
 
 
 def _update(
-    world: Scenario, seen: list[WindObservation], instant: datetime | None, hours: int, base: Path | None, slot_s: float
+    world: Scenario,
+    seen: list[WindObservation],
+    instant: datetime | None,
+    hours: int,
+    base: list[Path] | None,
+    slot_s: float,
 ) -> Update:
     from skyway.models.wind.estimation.forecast_update import update_forecast
-    from skyway.models.wind.forecast import read_forecast
 
     if not seen and instant is None:
         raise InputError("no time is known for the forecast", remedy="give logs with measured wind, or --depart")
@@ -143,14 +151,24 @@ def _update(
     fresh = near
     begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
     span_h = hours + math.ceil((depart_s - begin.timestamp()) / 3600.0)
-    if base is not None:
-        before = read_forecast(base, world.wind_sites, begin, span_h, world.measured_at_m)
+    if base:
+        before = _at_sites(world, world.forecast_from(base, begin, span_h))
     else:
         day = from_posix(depart_s).astimezone(ZoneInfo(world.timezone)).date()
-        before = world.forecast(begin, span_h, truth=day)
+        before = _at_sites(world, world.forecast(begin, span_h, truth=day))
     exponent = world.rules.wind_profile_exponent
     level = tuple(one.at_height(before.height_m, exponent) for one in fresh)
     return Update(world, depart_s, before, update_forecast(before, level, slot_s=slot_s), level)
+
+
+def _at_sites(world: Scenario, ensemble: WindEnsemble) -> WindEnsemble:
+    """Return a forecast for the sites of a scenario, at the height of their instruments."""
+    import numpy as np
+
+    if ensemble.lattice is None:
+        return ensemble
+    lat, lon = (np.array([getattr(site, part) for site in world.wind_sites]) for part in ("lat", "lon"))
+    return ensemble.at_sites(lat, lon).at_height(world.measured_at_m, world.rules.wind_profile_exponent)
 
 
 def _distance_m(world: Scenario, one: WindObservation) -> float:

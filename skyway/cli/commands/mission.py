@@ -172,6 +172,10 @@ def check(
     depart: Annotated[
         str | None, typer.Option(help="First take-off, with UTC offset. With --scenario, its forecast is used.")
     ] = None,
+    forecast: Annotated[
+        list[Path] | None,
+        typer.Option(help="Weather forecast, as for skyway plan; repeatable. Goes with --scenario, --depart."),
+    ] = None,
     payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
@@ -192,7 +196,7 @@ def check(
 
     document = read(file)
     region = None if scenario is None else load_scenario(scenario)
-    conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
+    conditions = _conditions(region, drone, _weather(region, wind, depart, forecast), payload, soc, reserve)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,
@@ -208,20 +212,25 @@ def check(
         raise typer.Exit(1)
 
 
-def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
+def _weather(
+    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None
+) -> Weather | None:
     from skyway.missions import ForecastWind, SteadyWind
 
     if wind is not None:
-        if depart is not None:
+        if depart is not None or forecast:
             raise InputError("a steady wind and a forecast exclude each other", field="--wind, --depart")
         return SteadyWind(*options.parse_wind(wind))
+    if depart is None and forecast:
+        raise InputError("a forecast needs a departure", field="--forecast", remedy="give --depart, the first take-off")
     if depart is None:
         return None
     if region is None:
         raise InputError("a forecast needs a scenario", field="--depart", remedy="give --scenario too, or --wind")
     start = parse_instant(depart, field="--depart")
     rules = region.rules
-    return ForecastWind(region.forecast(start, 24), start.timestamp(), rules.wind_profile_exponent)
+    found = region.forecast_from(forecast, start, 24) if forecast else region.forecast(start, 24)
+    return ForecastWind(found, start.timestamp(), rules.wind_profile_exponent)
 
 
 def _conditions(

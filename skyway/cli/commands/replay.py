@@ -49,7 +49,9 @@ def replay(
     vehicle: log_options.VehicleKind = None,
     follow: Annotated[str | None, typer.Option(help="Print events as they happen: wind,battery,mission.")] = None,
     wind: Annotated[str | None, typer.Option(help="Forecast wind, m/s@degrees FROM: 8@270.")] = None,
-    forecast: Annotated[Path | None, typer.Option(help="Forecast file, as for skyway plan.")] = None,
+    forecast: Annotated[
+        list[Path] | None, typer.Option(help="Weather forecast, as for skyway plan; repeatable.")
+    ] = None,
     scenario: log_options.ScenarioName = None,
     drag: log_options.Drag = None,
     drone: Annotated[

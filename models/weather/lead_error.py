@@ -1,0 +1,191 @@
+"""How far forecasts of the wind are off, by lead time, and members that stray so far.
+
+A forecast without members, or with members that lie too close together, gets courses about it: a Gaussian error that keeps its
+sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead.
+
+Sources of `PUBLISHED`: PredictWind, "Model Validation Technical Report" (82,000 comparisons on land: the mean absolute error of ECMWF's wind speed is 2.6 kn
+on day 1, which is 1.7 m/s root mean square for a Gaussian error); meteo.matrunich.com/benchmark (2026, 30 days: root mean square errors of the
+speed at 10 m of twelve models of 1.5 to 2.6 m/s). They say nothing of each hour: that the error grows by `GROWTH_MPS_DAY` a day is assumed.
+Members: T. Gneiting and others, "Calibrated Probabilistic Forecasting Using Ensemble Model Output Statistics and Minimum CRPS Estimation",
+Mon. Wea. Rev. 133 (2005), 1098-1118; B. Van Schaeybroeck and S. Vannitsem, "Ensemble post-processing using member-by-member approaches",
+Q. J. R. Meteorol. Soc. 141 (2015), 807-818: each member keeps its course, its distance from the mean is stretched.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import read_text
+from skyway.models.base.json_text import json_text
+from skyway.models.wind.estimation.field import ResidualModel
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+SCHEMA = "skyway.forecast-error/1"
+PUBLISHED_MPS = 1.6
+GROWTH_MPS_DAY = 0.3
+MOST_MPS = 3.5
+"""No forecast is worse than none: the standard deviation of a component of the wind itself."""
+AT_M = 10.0
+MAX_BYTES = 1_000_000
+_RESIDUAL = ResidualModel()
+
+
+class LeadError(msgspec.Struct, frozen=True, kw_only=True):
+    """The error of forecasts by lead time, for the height of the observations that it was learnt from."""
+
+    schema: str = SCHEMA
+    source: str
+    """Where the figures are from, for people."""
+    height_m: float
+    lead_h: tuple[float, ...]
+    """Ascending; before the first and after the last the value next to it holds."""
+    sigma_mps: tuple[float, ...]
+    """Standard deviation of a component that the wind has about the forecast's mean, without bias."""
+    bias_mps: tuple[tuple[float, float], ...] = ()
+    """(north, east) of the forecast, to be taken off; empty: none."""
+    spread_factor: tuple[float, ...] = ()
+    """What the members' distance from their mean is to be multiplied by; empty: 1."""
+    tau_s: float = _RESIDUAL.tau_s
+    """In which errors fade."""
+    pairs: int = 0
+    """Forecasts compared with observations; 0: from publications."""
+
+    def at(self, values: tuple[float, ...], lead_s: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
+        """One of the series at leads, shape (leads,)."""
+        if not values:
+            return np.full(len(lead_s), otherwise)
+        return np.asarray(np.interp(lead_s / 3600.0, self.lead_h, values))
+
+
+PUBLISHED = LeadError(
+    source="published figures (docs/reference/files.md#forecast-errors)",
+    height_m=AT_M,
+    lead_h=(0.0, 24.0, 24.0 * (MOST_MPS - PUBLISHED_MPS) / GROWTH_MPS_DAY),
+    sigma_mps=(PUBLISHED_MPS, PUBLISHED_MPS + GROWTH_MPS_DAY, MOST_MPS),
+)
+
+
+def read_lead_error(path: Path) -> LeadError:
+    """Read a file of errors, as ``skyway weather verify -o`` writes it; an `InputError` says what is wrong with it."""
+    remedy = "write one with skyway weather verify FORECAST --observed FILE -o FILE.json"
+    text = read_text(path, max_bytes=MAX_BYTES)
+    try:
+        found = msgspec.json.decode(text, type=LeadError)
+    except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"is no file of forecast errors: {error}", str(path), remedy=remedy) from error
+    count = len(found.lead_h)
+    numbers = [*found.lead_h, *found.sigma_mps, *found.spread_factor, *(one for pair in found.bias_mps for one in pair)]
+    sound = (
+        found.schema == SCHEMA
+        and count > 0
+        and len(found.sigma_mps) == count
+        and all(len(one) in (0, count) for one in (found.bias_mps, found.spread_factor))
+        and all(math.isfinite(one) for one in numbers)
+        and all(low < high for low, high in zip(found.lead_h, found.lead_h[1:], strict=False))
+        and all(0.0 < one <= 30.0 for one in found.sigma_mps)
+        and all(0.0 <= one <= 30.0 for one in found.spread_factor)
+        and 0.0 < found.height_m <= 1000.0
+        and 0.0 < found.tau_s <= 30 * 86_400.0
+    )
+    if not sound:
+        raise InputError(Fault("figures are missing, or cannot be", str(path), remedy=remedy))
+    return found
+
+
+def lead_error_text(error: LeadError) -> str:
+    """Return the file of errors."""
+    return json_text(error, indent=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Courses:
+    """Courses of the wind of one model, shape (members, slots, places) each, and what was added to them."""
+
+    north: NDArray[np.float64]
+    east: NDArray[np.float64]
+    note: str
+
+
+def with_errors(
+    north: NDArray[np.float64],
+    east: NDArray[np.float64],
+    lead_s: NDArray[np.float64],
+    distance_m: NDArray[np.float64],
+    error: LeadError,
+    *,
+    factor: float,
+    slot_s: float,
+    members: int,
+    seed: int,
+) -> Courses:
+    """Give courses the error that such forecasts have.
+
+    Parameters
+    ----------
+    north, east : ndarray, shape (members, slots, places)
+        As forecast.
+    lead_s : ndarray, shape (slots,)
+        From the issue on.
+    distance_m : ndarray, shape (places, places)
+        Between the places.
+    error : LeadError
+        How large.
+    factor : float
+        Of the wind at the height of the courses over that at the height of the errors.
+    slot_s : float
+        Length of a slot.
+    members : int
+        So many courses are made of a single one.
+    seed : int
+        Of the random numbers.
+    """
+    given = len(north)
+    wanted = factor * error.at(error.sigma_mps, lead_s, 0.0)
+    if error.bias_mps:
+        off = [factor * error.at(tuple(pair[part] for pair in error.bias_mps), lead_s, 0.0) for part in (0, 1)]
+        north, east = north - off[0][None, :, None], east - off[1][None, :, None]
+    stretch = error.at(error.spread_factor, lead_s, 1.0)[None, :, None]
+    mean = north.mean(axis=0), east.mean(axis=0)
+    variance = np.zeros(north.shape[1:])
+    if given > 1:
+        north, east = (middle + stretch * (part - middle) for part, middle in zip((north, east), mean, strict=True))
+        variance = 0.5 * (north.var(axis=0, ddof=1) + east.var(axis=0, ddof=1))
+        missing = np.sqrt(np.maximum(wanted[:, None] ** 2 - variance, 0.0))
+        count, note = given, "members spread so far that they err as such forecasts do"
+    else:
+        missing = np.broadcast_to(wanted[:, None], north.shape[1:])
+        count = max(2 * (members // 2), 2) if wanted.any() else 1
+        note = "its one course is given errors"
+        north, east = np.repeat(north, count, axis=0), np.repeat(east, count, axis=0)
+    noise = _noise(count, north.shape[1:], distance_m, error.tau_s, slot_s, seed)
+    note = f"{note}: {error.source}, {wanted[0]:.1f} m/s a component at first"
+    return Courses(north + missing * noise[0], east + missing * noise[1], note)
+
+
+def _noise(
+    count: int, shape: tuple[int, ...], distance_m: NDArray[np.float64], tau_s: float, slot_s: float, seed: int
+) -> NDArray[np.float64]:
+    """Errors of variance 1, alike nearby and for a while, in pairs of opposite sign, shape (2, members, slots, places)."""
+    slots, places = shape
+    rng = np.random.default_rng(seed)
+    alike = np.exp(-distance_m / _RESIDUAL.length_m) + 1e-9 * np.eye(places)
+    root = np.linalg.cholesky(alike)
+    half = (count + 1) // 2
+    fresh = rng.standard_normal((slots, 2, half, places)) @ root.T
+    keep = math.exp(-slot_s / tau_s)
+    found = np.empty_like(fresh)
+    found[0] = fresh[0]
+    for slot in range(1, slots):
+        found[slot] = keep * found[slot - 1] + math.sqrt(1.0 - keep**2) * fresh[slot]
+    both = np.concatenate((found, -found), axis=2)[:, :, :count]
+    return np.moveaxis(both, 0, 2)

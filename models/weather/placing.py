@@ -1,0 +1,125 @@
+"""Values at the points of a grid, or of stations, carried to other places."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import distance_text
+from skyway.models.base.geodesy import inverse
+from skyway.models.weather.weather import Box
+from skyway.models.wind.interpolation import weights_at
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.weather.weather import Weather
+
+STATION_FAR_M = 80_000.0
+"""A station, or a single point of a model, says little of the wind farther away."""
+M_PER_DEG = 111_195.0
+
+
+class Placing:
+    """Weights of a series' points at places, degrees, shape (places, points); linear on triangles between the points of a grid.
+
+    Triangles serve any grid, however it is turned or thinned. Between stations the inverse square of the distance counts. An `InputError`
+    says that the places lie outside.
+    """
+
+    def __init__(self, weather: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64], region: Box) -> None:
+        places = weather.places
+        known = np.isfinite(places.lat) & np.isfinite(places.lon)
+        if not known.any():
+            raise _elsewhere(weather, region, lat, lon) if len(places) == 0 else _nowhere(weather)
+        used = np.flatnonzero(known & _measured(weather))
+        if not len(used):
+            raise _elsewhere(weather, region, lat, lon)
+        middle = float(lat.mean()), float(lon.mean())
+        points, wanted = _plane(places.lat[used], places.lon[used], middle), _plane(lat, lon, middle)
+        self.used = used
+        on_grid = self._on_grid(points, wanted, places.spacing_m)
+        if on_grid is not None:
+            self.weights = on_grid
+        else:
+            distance, _ = inverse(lat[:, None], lon[:, None], places.lat[used][None], places.lon[used][None])
+            limit = max(STATION_FAR_M, 1.5 * np.nan_to_num(places.spacing_m))
+            if float(distance.min(axis=1).max()) > limit:
+                raise _elsewhere(weather, region, lat, lon)
+            self.weights = weights_at(distance)
+
+    @staticmethod
+    def _on_grid(
+        points: NDArray[np.float64], wanted: NDArray[np.float64], spacing_m: float
+    ) -> NDArray[np.float64] | None:
+        """Weights by triangles; None where there are none, or a place lies farther outside than the points are apart."""
+        from scipy.spatial import Delaunay, QhullError
+
+        if not np.isfinite(spacing_m) or len(points) < 3:
+            return None
+        try:
+            triangles = Delaunay(points, qhull_options="Qbb Qc Qz QJ" if len(points) < 5 else "Qbb Qc Qz Q12")
+        except QhullError:
+            return None
+        number = triangles.find_simplex(wanted, tol=1e-9)
+        found = np.zeros((len(wanted), len(points)))
+        inside = np.flatnonzero(number >= 0)
+        affine = triangles.transform[number[inside]]
+        first = np.einsum("pij,pj->pi", affine[:, :2], wanted[inside] - affine[:, 2])
+        parts = np.column_stack((first, 1.0 - first.sum(axis=1)))
+        rows = found[inside]
+        np.put_along_axis(rows, triangles.simplices[number[inside]], parts, axis=1)
+        found[inside] = rows
+        for row in np.flatnonzero(number < 0):
+            away = np.hypot(*(points - wanted[row]).T)
+            if away.min() > 1.5 * spacing_m:
+                return None
+            found[row, int(np.argmin(away))] = 1.0
+        return found
+
+    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Carry values, shape (…, points), to the places, shape (…, places); a gap counts as long as half of the weight is known."""
+        part = values[..., self.used]
+        if not np.isnan(part).any():
+            return np.asarray(part @ self.weights.T)
+        known = np.isfinite(part).astype(np.float64) @ self.weights.T
+        total = np.nan_to_num(part) @ self.weights.T
+        return np.where(known >= 0.5, total / np.where(known >= 0.5, known, 1.0), np.nan)
+
+
+def _measured(weather: Weather) -> NDArray[np.bool_]:
+    """Points that have a value at all: grids of the sea have none on land."""
+    found = np.zeros(len(weather.places), dtype=bool)
+    for values in weather.fields.values():
+        found |= np.isfinite(values).any(axis=(0, 1))
+    return found
+
+
+def _plane(lat: NDArray[np.float64], lon: NDArray[np.float64], middle: tuple[float, float]) -> NDArray[np.float64]:
+    """Metres (east, north) from the middle of a region, good enough to triangulate, shape (places, 2)."""
+    east = (np.mod(lon - middle[1] + 180.0, 360.0) - 180.0) * np.cos(np.radians(middle[0]))
+    return M_PER_DEG * np.column_stack((east, lat - middle[0]))
+
+
+def _nowhere(weather: Weather) -> InputError:
+    names = ", ".join(weather.places.names) or weather.model
+    problem = f"does not tell where {names} is"
+    return InputError(
+        problem, weather.name, remedy="name it in [[wind.sites]] with its identifier (icao), latitude and longitude"
+    )
+
+
+def _elsewhere(weather: Weather, wanted: Box, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> InputError:
+    box = weather.places.box
+    where = "the wind there is missing" if box is None else f"it covers {box}"
+    problem = f"does not cover the region ({wanted}); {where}"
+    if box is not None and box.north - box.south < 90.0:
+        swapped = Box(box.west, box.south, box.east, box.north).wider(1.0)
+        if abs(box.west) <= 90.0 and swapped.holds(lat, lon).all():
+            return InputError(problem, weather.name, remedy="its lat and lon look swapped")
+        if box.single:
+            away = float(inverse(lat, lon, np.full(len(lat), box.south), np.full(len(lon), box.west))[0].max())
+            problem += f", up to {distance_text(away)} away"
+    return InputError(problem, weather.name, remedy="ask for a forecast of this region")
