@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.entries import Tracked
     from skyway.link.supervisor.journal.file import Record
     from skyway.models.composition.composition import Composition
+    from skyway.models.flight.way_heights import Over
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.request import Request
 
@@ -29,12 +30,16 @@ FAR_S = 300.0
 """A vehicle whose clock is so far from ours is simulated, or replayed: then its time is taken."""
 
 
-def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
+def scenario_of(
+    composition: Composition, folder: Path | None, terrain: list[str] | None = None, obstacles: list[str] | None = None
+) -> Scenario:
     """Read the scenario that a plan was made in, or the one named; stations of the plan that it lacks are added.
+
+    It lies over the terrain that is named, else over that of the plan.
 
     An `InputError` says that it cannot be found, or has changed since the plan was made.
     """
-    from skyway.scenarios import BUILT_IN, load_scenario
+    from skyway.scenarios import BUILT_IN, load_scenario, with_terrain
 
     path = composition.scenario_path
     if folder is None and path not in (None, BUILT_IN):
@@ -47,12 +52,51 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
     if planned is not None and found is not None and planned != found:
         remedy = "plan again, or give its scenario with --scenario"
         raise InputError("the scenario differs from that of the plan", scenario.path, remedy=remedy)
+    if terrain or obstacles:
+        scenario = with_terrain(scenario, terrain, obstacles)
+    elif composition.terrain is not None:
+        scenario = over_plan(composition, scenario)
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]
             network = scenario.network.with_target(place.lat, place.lon, id=name)
             scenario = replace(scenario, network=network, load=scenario.load.extended(1))
     return scenario
+
+
+def over_plan(composition: Composition, scenario: Scenario) -> Scenario:
+    """Return a scenario over the terrain that a plan was made over, with what was kept over it."""
+    from skyway.models.scenario.ground import over_terrain
+
+    over = terrain_of(composition)
+    if over is None or (
+        scenario.network.over is not None and scenario.network.over.terrain.files == over.terrain.files
+    ):
+        return scenario
+    return over_terrain(replace(scenario, rules=replace(scenario.rules, clearance=over.clearance)), over.terrain)
+
+
+def terrain_of(
+    composition: Composition, terrain: list[str] | None = None, obstacles: list[str] | None = None
+) -> Over | None:
+    """Terrain that the missions of a plan are made over: as named, else that of the plan; None without any."""
+    from skyway.models.flight.clearance import Clearance
+    from skyway.models.flight.way_heights import Over
+    from skyway.models.terrain.files import read_named, read_terrain
+
+    planned = composition.terrain
+    clearance = Clearance() if planned is None else planned.clearance
+    if terrain or obstacles:
+        found = read_terrain(terrain or (), obstacles or ())
+    elif planned is None:
+        return None
+    else:
+        try:
+            found = read_named(planned.files)
+        except InputError as error:
+            faults = [replace(one, remedy="give the terrain of the plan with --terrain") for one in error.faults]
+            raise InputError(faults) from None
+    return Over(found, clearance, composition.cruise_height_m)
 
 
 def request_of(composition: Composition, scenario: Scenario) -> Request:

@@ -63,7 +63,9 @@ def corridor(
     for part, station in diverts:
         shapes += [shapely.MultiPoint(plane([*pair, station])).convex_hull for pair in pairwise(part)]
     area = _outline(shapely.union_all(shapes), width_m / 2.0, max_vertices)
-    vertices = tuple(Point.of_degrees(y / geodesy.M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1])
+    vertices = tuple(
+        Point.of_degrees(y / geodesy.M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1]
+    )
     return FencePolygon(vertices)
 
 

@@ -1,8 +1,7 @@
 """Builder of the items, fence and rally points of one leg, for one autopilot.
 
-A leg is as high as `models.flight.heights` says: the vehicle climbs straight above the station that it leaves, passes each
-station as high as both neighbouring segments want, changes height linearly between, and lands straight down. Heights in
-items count from home: the site of the last arming.
+A leg is as high as `models.flight.way_heights` says: the vehicle climbs straight above the station that it leaves, flies from
+knot to knot, and lands straight down. Heights in items count from home: the site of the last arming.
 """
 
 from __future__ import annotations
@@ -11,6 +10,8 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from skyway.missions.builder.corridor import corridor
 from skyway.missions.builder.mission_options import MAX_GROUND_SPEED_MPS
@@ -23,9 +24,10 @@ from skyway.missions.items.geofence import Geofence
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.missions.items.parameters import FlightNeeds
 from skyway.missions.items.rally import RallyPoint, RallyPoints
+from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.formatting import speed_text
-from skyway.models.flight.heights import cleared_grounds_m
+from skyway.models.base.formatting import place_text, speed_text
+from skyway.models.flight.way_heights import Knot, level_over_m, level_within_m, way_heights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.composition.composition import Composition, DroneService, Place
+    from skyway.models.flight.way_heights import Over, WayHeights
 
 MAV_TYPE_QUADROTOR = 2
 GROUND_SPEED = 1.0
@@ -54,6 +57,20 @@ class LegBuilder:
         self.max_speed_mps = min(
             options.max_ground_speed_mps or math.inf, composition.max_ground_speed_mps, MAX_GROUND_SPEED_MPS
         )
+        self.over = self._terrain()
+
+    def _terrain(self) -> Over | None:
+        """Terrain model with what is kept over it: in the wider of its corridor and the fence."""
+        over, planned = self.options.over, self.composition.terrain
+        if over is None:
+            if planned is None:
+                return None
+            problem = "the plan was made over a terrain model, which is not given"
+            files = ", ".join(planned.files)
+            raise InputError(Fault(problem, field="terrain", value=files, remedy="give it with --terrain"))
+        clearance = over.clearance if planned is None else planned.clearance
+        wide = max(clearance.corridor_width_m, self.options.corridor_width_m or 0.0)
+        return replace(over, clearance=replace(clearance, corridor_width_m=wide), cruise_height_m=self.cruise_height_m)
 
     def place(self, station: str) -> Place:
         """Return where a station is."""
@@ -62,6 +79,10 @@ class LegBuilder:
     def ground_m(self, station: str) -> float:
         """Ground height of a station; refuses to guess."""
         known = self.options.elevation_m.get(station, self.place(station).elevation_m)
+        if known is None and self.over is not None:
+            place = self.place(station)
+            found = float(self.over.terrain.ground_m(np.array([place.lat]), np.array([place.lon]))[0])
+            known = found if math.isfinite(found) else None
         if known is None:
             raise InputError(
                 Fault(
@@ -104,14 +125,20 @@ class LegBuilder:
             z=round(height_m, 2),
         )
 
-    def flying_heights_m(self, service: DroneService) -> tuple[float, ...]:
-        """Height above sea level at each station of a leg: the higher that a neighbouring segment wants."""
-        grounds = [self.ground_m(station) for station in (service.origin, *service.via, service.destination)]
-        return tuple(ground + self.cruise_height_m for ground in cleared_grounds_m(grounds))
+    def heights(self, service: DroneService) -> WayHeights:
+        """Heights that a leg flies; an `InputError` says where the ground below is not known."""
+        stations = (service.origin, *service.via, service.destination)
+        places = [(self.place(station).lat, self.place(station).lon) for station in stations]
+        found = way_heights(places, [self.ground_m(station) for station in stations], self.cruise_height_m, self.over)
+        if found.unknown is not None:
+            problem = f"leg {service.origin} to {service.destination}: the ground is not known"
+            remedy = "a void of the terrain model, or beyond it: give a model that covers the leg"
+            raise InputError(Fault(problem, field="terrain", value=place_text(*found.unknown), remedy=remedy))
+        return found
 
     def above(self, service: DroneService, home_ground_m: float) -> MissionItem:
         """Return the waypoint that ends the climb, straight above the origin."""
-        height = self.flying_heights_m(service)[0] - home_ground_m
+        height = self.heights(service).knots[0].height_m - home_ground_m
         return self.position(Command.NAV_WAYPOINT, service.origin, height)
 
     def speed(self, speed_mps: float) -> MissionItem:
@@ -123,15 +150,32 @@ class LegBuilder:
     def way(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
         """Speed item, overflown stations and approach, then LAND."""
         items = [self.speed(self.speed_mps(service))]
-        heights = [height - home_ground_m for height in self.flying_heights_m(service)]
-        for segment, (from_m, to_m) in zip(self._segments(service), pairwise(heights), strict=True):
-            items += [
-                self._positioned(Command.NAV_WAYPOINT, lat, lon, from_m + fraction * (to_m - from_m))
-                for lat, lon, fraction in segment
-            ]
+        segments = list(self._segments(service))
+        before, *knots = self.heights(service).knots
+        for knot in knots:
+            if knot.segment != before.segment:
+                before = Knot(knot.segment, 0.0, before.height_m)
+            from_m, to_m = before.height_m - home_ground_m, knot.height_m - home_ground_m
+            span = knot.share - before.share
+            for lat, lon, share in segments[knot.segment]:
+                if before.share < share < knot.share:
+                    height = from_m + (share - before.share) / span * (to_m - from_m)
+                    items.append(self._positioned(Command.NAV_WAYPOINT, lat, lon, height))
+            if knot != before:
+                items.append(self._positioned(Command.NAV_WAYPOINT, *self._at(service, knot), to_m))
+            before = knot
         land_height = self.ground_m(service.destination) - home_ground_m
         items.append(self.position(Command.NAV_LAND, service.destination, land_height))
         return items
+
+    def _at(self, service: DroneService, knot: Knot) -> tuple[float, float]:
+        """Where a knot of a leg is."""
+        stations = (service.origin, *service.via, service.destination)
+        start, end = (self.place(one) for one in stations[knot.segment : knot.segment + 2])
+        if knot.share in (0.0, 1.0):
+            return (start.lat, start.lon) if knot.share == 0.0 else (end.lat, end.lon)
+        length, bearing = geodesy.inverse(start.lat, start.lon, end.lat, end.lon)
+        return geodesy.direct(start.lat, start.lon, float(bearing), knot.share * float(length))
 
     def _segments(self, service: DroneService) -> Iterator[list[tuple[float, float, float]]]:
         """Yield the points along each segment of a leg, the end included, with the fraction of its length."""
@@ -173,6 +217,10 @@ class LegBuilder:
         lat, lon, height_m = here
         # above home as well: the vehicle may still climb there, or have sunk towards a lower destination
         top = max(height_m, max(ground, 0.0) + self.cruise_height_m)
+        if self.over is not None:
+            place = np.array([self.place(station).lat]), np.array([self.place(station).lon])
+            level = float(level_over_m((lat, lon), *place, self.over)[0]) - home_ground_m
+            top = max(top, level) if math.isfinite(level) else top  # over unknown ground there is nothing better
         items = [
             self._positioned(Command.NAV_WAYPOINT, lat, lon, top),
             self.speed(min(speed_mps, self.max_speed_mps)),
@@ -211,17 +259,32 @@ class LegBuilder:
 
         A vehicle may turn to one from anywhere on a leg: the way there clears both ends of the leg too.
         """
-        grounds: dict[str, float] = {}
-        for service in services:
-            ends = max(self.ground_m(name) for name in (service.origin, *service.via, service.destination))
-            for station in service.diverts:
-                grounds[station] = max(grounds.get(station, -math.inf), ends, self.ground_m(station))
+        levels = self._divert_levels_m(services)
         points = []
-        for station, ground in grounds.items():
+        for station, level in levels.items():
             place = self.place(station)
-            height = round(ground + self.cruise_height_m - lowest_home_m, 2)
-            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), height))
+            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), round(level - lowest_home_m, 2)))
         return RallyPoints(tuple(points))
+
+    def _divert_levels_m(self, services: Sequence[DroneService]) -> dict[str, float]:
+        """Height above sea level that clears the ways from anywhere on these legs to each of their divert stations."""
+        levels: dict[str, float] = {}
+        for service in services:
+            stations = (service.origin, *service.via, service.destination)
+            ends = max(self.ground_m(name) for name in stations)
+            for divert in service.diverts:
+                level = max(ends, self.ground_m(divert)) + self.cruise_height_m
+                for pair in pairwise(stations):
+                    level = max(level, self._level_within_m((*pair, divert)))
+                levels[divert] = max(levels.get(divert, -math.inf), level)
+        return levels
+
+    def _level_within_m(self, stations: Sequence[str]) -> float:
+        """Height above sea level that clears any straight way between these stations; no height where it is not known."""
+        if self.over is None:
+            return -math.inf
+        level = level_within_m([(self.place(one).lat, self.place(one).lon) for one in stations], self.over)
+        return level if math.isfinite(level) else -math.inf
 
     def home(self, station: str) -> Home:
         """Return the home of a mission that begins at a station."""
@@ -246,12 +309,16 @@ class LegBuilder:
             self.ground_m(station) for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
         ]
         commands = [item.command for item in document.mission.items]
+        highest = max(grounds) + self.cruise_height_m
+        if self.over is not None:
+            ways = [self._level_within_m((s.origin, *s.via, s.destination)) for s in services]
+            highest = max(highest, *ways, *self._divert_levels_m(services).values())
         landing = commands.index(Command.NAV_LAND) if Command.NAV_LAND in commands else len(commands)
         return FlightNeeds(
             ground_speed_mps=max(self.speed_mps(service) for service in services),
             climb_rate_mps=self.climb_rate_mps,
             descent_rate_mps=self.descent_rate_mps,
-            return_height_m=math.ceil(max(grounds) - min(grounds) + self.cruise_height_m),
+            return_height_m=math.ceil(highest - min(grounds)),
             fenced=bool(document.fence),
             has_rally_points=len(document.rally) > 0,
             continues_after_landing=landing < len(commands) - 1,

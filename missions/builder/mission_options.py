@@ -11,6 +11,8 @@ from skyway.models.base.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from skyway.models.flight.way_heights import Over
+
 MAX_GROUND_SPEED_MPS = 20.0
 """Neither autopilot accepts more."""
 
@@ -36,6 +38,8 @@ class MissionOptions:
         Number of the gripper.
     elevation_m : mapping
         Ground heights of stations for which the composition has none.
+    over : Over or None
+        Terrain model that the legs are flown over; needed where the composition was planned over one.
     """
 
     cruise_height_m: float | None = None
@@ -46,6 +50,7 @@ class MissionOptions:
     release: Release = "gripper"
     gripper: int = 1
     elevation_m: Mapping[str, float] = field(default_factory=dict)
+    over: Over | None = None
 
     def __post_init__(self) -> None:
         limits = {

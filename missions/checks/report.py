@@ -20,6 +20,7 @@ from skyway.missions.checks.limits import (
 )
 from skyway.missions.checks.route import fly
 from skyway.missions.checks.structure import check_structure
+from skyway.missions.checks.terrain import check_terrain
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Route
+    from skyway.models.composition.heights import LegHeights
+    from skyway.models.flight.way_heights import Over
     from skyway.models.network.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
@@ -49,6 +52,8 @@ class CheckReport:
     """Errors first, then warnings, then information; each in the order of items."""
     legs: tuple[LegEnergy, ...]
     """Flights, in order; their distances alone where no vehicle was judged."""
+    heights: tuple[LegHeights | None, ...] = ()
+    """Of each flight over the terrain model; empty without one."""
     vehicle_judged: bool = field(metadata=HIDDEN)
     """False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown."""
 
@@ -59,6 +64,7 @@ def check(
     dialect: Family | None = None,
     conditions: FlightConditions | None = None,
     zones: NoFlyZones | None = None,
+    over: Over | None = None,
 ) -> CheckReport:
     """Check any mission: is it complete, can the autopilot fly it, does the battery last, does it stay in its fence.
 
@@ -73,6 +79,8 @@ def check(
         do is a warning then.
     zones : NoFlyZones, optional
         No-fly zones.
+    over : Over, optional
+        Terrain model that it is flown over; without one the ground is known at home, landings and stations alone.
     """
     if isinstance(document, Mission):
         document = MissionDocument(document)
@@ -81,6 +89,7 @@ def check(
     autopilot = dialect or family_of(mission.firmware)
     route = fly(mission, autopilot=autopilot)
     legs = leg_energies(mission, route, flown_by)
+    heights: tuple[LegHeights | None, ...] = ()
     findings = [
         *check_structure(mission, route),
         *check_home_distance(mission, route),
@@ -94,8 +103,13 @@ def check(
             Finding("warning", None, "not-for-the-air", message, "name the drone that flies it, if one does")
         )
     else:
-        findings += check_heights(mission, route, flown_by.stations)
-        findings += check_clearance(mission, route, flown_by.stations)
+        above_home = check_heights(mission, route, flown_by.stations)
+        findings += [one for one in above_home if over is None or one.code != "high"]
+        if over is None:
+            findings += check_clearance(mission, route, flown_by.stations)
+        else:
+            told, heights = check_terrain(mission, route, over, flown_by.stations)
+            findings += told
         if judged:
             findings += _of_the_vehicle(mission, route, legs, flown_by)
         else:
@@ -109,7 +123,9 @@ def check(
     if not judged:
         legs = tuple(replace(leg, time_s=None, energy_wh=None, soc_end=None, p_reserve=None) for leg in legs)
     ok = not any(finding.severity == "error" or finding.code == BATTERY_EMPTY for finding in findings)
-    return CheckReport(ok=ok, findings=tuple(_without_floods(findings)), legs=legs, vehicle_judged=judged)
+    return CheckReport(
+        ok=ok, findings=tuple(_without_floods(findings)), legs=legs, heights=heights, vehicle_judged=judged
+    )
 
 
 def _of_the_vehicle(

@@ -81,6 +81,15 @@ def direct(lat: float, lon: float, bearing: float, length_m: float) -> tuple[flo
     return float(lat2), float(lon2)
 
 
+def ahead(
+    lat: ArrayLike, lon: ArrayLike, bearing: ArrayLike, length_m: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points reached from places along geodesics, arrays of one shape (points,); (lat, lon) in degrees."""
+    a, b, c, d = (np.asarray(one, dtype=np.float64) for one in (lat, lon, bearing, length_m))
+    lon2, lat2, _ = _wgs84().fwd(b, a, c, d)
+    return np.asarray(lat2), np.asarray(lon2)
+
+
 def along(lat1: float, lon1: float, lat2: float, lon2: float, count: int) -> list[tuple[float, float]]:
     """Return `count` points that divide the geodesic evenly, end points excluded, as (lat, lon)."""
     if count < 1:

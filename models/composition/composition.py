@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from skyway.models.base.statistics import Figure
     from skyway.models.composition.conditions import Condition
+    from skyway.models.composition.heights import LegHeights, TerrainUse
     from skyway.models.network.network import Station
     from skyway.models.wind.summary import Wind
 
@@ -106,6 +107,8 @@ class DroneService:
         those in it. None is unknown.
     diverts : tuple of str
         Stations that stay in reach along the flight, nearest first.
+    heights : LegHeights or None
+        Heights flown over a terrain model; None without one.
     """
 
     id: str
@@ -129,6 +132,7 @@ class DroneService:
     p_hold_room: float | None = None
     segments: tuple[LegSegment, ...] = ()
     course_wind: Wind | None = None
+    heights: LegHeights | None = None
 
     @property
     def flight_time_s(self) -> float:
@@ -258,6 +262,8 @@ class Composition:
         Parameters of planners that were not at their defaults, as they are typed after ``--set``.
     conditions : tuple of Condition
         Winds and pads observed at the time of planning that the promise rests on.
+    terrain : TerrainUse or None
+        Terrain that the legs are flown over; None where the ground is known at stations alone.
     """
 
     id: str
@@ -289,6 +295,7 @@ class Composition:
     on_time: Figure | None = None
     parameters: Mapping[str, str] = field(default_factory=dict)
     conditions: tuple[Condition, ...] = ()
+    terrain: TerrainUse | None = None
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""

@@ -29,6 +29,8 @@ from skyway.models.composition.composition import (
     Stop,
 )
 from skyway.models.composition.conditions import Condition
+from skyway.models.composition.heights import LegHeights, NearObstacle, TerrainUse
+from skyway.models.flight.clearance import Clearance
 from skyway.models.wind.summary import Wind
 
 if TYPE_CHECKING:
@@ -48,6 +50,10 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
     Stop: schema.Stop,
     ArrivalDistribution: schema.Arrival,
     Condition: schema.Condition,
+    LegHeights: schema.LegHeights,
+    NearObstacle: schema.NearObstacle,
+    Clearance: schema.Clearance,
+    TerrainUse: schema.TerrainUse,
     Composition: schema.Composition,
 }
 """What each class is in the file."""
@@ -60,8 +66,12 @@ def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     document: dict[str, Any] = _plain(composition)
-    if not composition.conditions:
-        del document["conditions"]
+    for name in ("conditions", "terrain"):
+        if not document[name]:
+            del document[name]
+    for leg in document["legs"]:
+        if leg["heights"] is None:
+            del leg["heights"]
     return document | {"schema": SCHEMA, "scenario": scenario}
 
 
@@ -177,6 +187,15 @@ def _check_references(raw: schema.Composition, file: str) -> None:
         for i, leg in enumerate(raw.services)
         if leg.segments and [one.head for one in leg.segments] != [*leg.via, leg.destination]
         for segment in leg.segments[:1]
+    ]
+    faults += [
+        Fault("has lists of different lengths", file, field=f"legs[{i}].heights")
+        for i, leg in enumerate(raw.services)
+        if leg.heights is not None
+        and (
+            not len(leg.heights.along_m) == len(leg.heights.ground_m) == len(leg.heights.top_m) > 0
+            or not len(leg.heights.path_along_m) == len(leg.heights.path_height_m) > 0
+        )
     ]
     faults += [
         Fault("must be one line of plain text", file, field="stations", value=key)

@@ -92,6 +92,8 @@ class Leg(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination":
     crosswind_mps: float = 0.0
     segments: list[Segment] = []
     diverts: list[str] = []
+    heights: LegHeights | None = None
+    """Left out where there is none."""
 
 
 class Stop(msgspec.Struct, kw_only=True):
@@ -134,6 +136,43 @@ class Condition(msgspec.Struct, kw_only=True):
     busy: Annotated[int, msgspec.Meta(ge=0)] | None = None
 
 
+class NearObstacle(msgspec.Struct, kw_only=True):
+    """An obstacle in the corridor of a leg."""
+
+    name: str
+    along_m: float
+    top_m: float
+
+
+class LegHeights(msgspec.Struct, kw_only=True):
+    """Heights of a leg over a terrain model."""
+
+    along_m: list[float]
+    ground_m: list[float]
+    top_m: list[float]
+    path_along_m: list[float]
+    path_height_m: list[float]
+    least_m: float
+    least_along_m: float
+    obstacles: list[NearObstacle] = []
+
+
+class Clearance(msgspec.Struct, kw_only=True):
+    """What is kept over terrain and obstacles."""
+
+    least_m: _Positive
+    corridor_width_m: _Positive
+    position_error_m: _NotNegative
+    max_height_m: _Positive
+
+
+class TerrainUse(msgspec.Struct, kw_only=True):
+    """Terrain that the plan was made over."""
+
+    files: list[str]
+    clearance: Clearance
+
+
 class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
     """The whole file."""
 
@@ -173,4 +212,5 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     notes: list[str] = []
     parameters: dict[str, str] = {}
     conditions: list[Condition] = []
-    """Left out where there are none."""
+    terrain: TerrainUse | None = None
+    """Both left out where there are none."""

@@ -44,5 +44,10 @@ def wind_factors(
     top = np.maximum(first, last)
     begin, end = (top, top) if cleared_m is None else (np.asarray(one, dtype=np.float64) for one in cleared_m)
     height_m = rules.cruise_height_m + 0.5 * ((begin - first) + (end - last))
+    return above_factors(rules, height_m)
+
+
+def above_factors(rules: FlightRules, height_m: ArrayLike) -> NDArray[np.float64]:
+    """Wind at mean heights above the ground, over that at the cruise height; 1 where the height is not known (NaN)."""
     height_m = np.where(np.isfinite(height_m), height_m, rules.cruise_height_m)
     return np.asarray(height_factor(height_m, rules.cruise_height_m, rules.wind_profile_exponent))

@@ -10,18 +10,25 @@ leaving later (FIFO).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from skyway.models.base.errors import Fault, refuse
+<<<<<<< HEAD
 from skyway.models.flight.heights import wind_factors
+=======
+from skyway.models.flight.clearance import Clearance
+from skyway.models.flight.heights import above_factors, wind_factors
+from skyway.models.wind.interpolation import idw_weights
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.drones.drone import Drone
+    from skyway.models.flight.energy import FlightPower
     from skyway.models.network.network import Network
     from skyway.models.wind.forecast import WindEnsemble
 
@@ -38,12 +45,15 @@ class FlightRules:
         Vertical speeds of take-off and landing.
     wind_profile_exponent : float
         Of the power law that carries wind to cruise height.
+    clearance : Clearance
+        What is kept over terrain and obstacles, where a terrain model is known (`models.flight.way_heights`).
     """
 
     cruise_height_m: float = 60.0
     climb_rate_mps: float = 5.0
     descent_rate_mps: float = 3.0
     wind_profile_exponent: float = 0.2
+    clearance: Clearance = field(default_factory=Clearance)
 
     @property
     def climb_s(self) -> float:
@@ -88,8 +98,12 @@ def air_over(
     rules: FlightRules,
     *,
     airspeed_mps: float | None = None,
+    power: FlightPower | None = None,
 ) -> SegmentWind:
     """Lay the ensemble's wind, carried to the height at which each is flown, over the segments of a network.
+
+    Over a terrain model segments are longer by what is climbed and descended beyond the cruise height, see `lifts_s`: as far as
+    is flown meanwhile at the drone's greatest ground speed, so that no wind makes it take less.
 
     Without a planned airspeed it is the drone's for cruising. An `InputError` refuses a speed, height or length that is
     not finite and above 0: kernels would never end, or read beyond their arrays.
@@ -97,10 +111,39 @@ def air_over(
     airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
     _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
+<<<<<<< HEAD
     ground_m = network.ground_m[network.tail], network.ground_m[network.head]
     weight = network.site_weights(wind.site_lat, wind.site_lon, wind.lattice) * wind_factors(rules, ground_m)[:, None]
     air = _air(wind, weight, network.bearing_deg, network.distance_m, airspeed_mps, drone.max_ground_speed_mps)
+=======
+    factors = segment_factors(network, rules, np.arange(len(network.tail)))
+    weight = network.site_weights(wind.site_lat, wind.site_lon) * factors[:, None]
+    distance_m = network.distance_m
+    if network.flown is not None:
+        extra_m = network.flown.up_m - rules.cruise_height_m, network.flown.down_m - rules.cruise_height_m
+        distance_m = distance_m + drone.max_ground_speed_mps * lifts_s(rules, *extra_m, power)
+    air = _air(wind, weight, network.bearing_deg, distance_m, airspeed_mps, drone.max_ground_speed_mps)
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
     return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
+
+
+def segment_factors(network: Network, rules: FlightRules, segments: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Wind on segments as high as they are flown, over that at the cruise height, shape (segments,)."""
+    if network.flown is not None:
+        return above_factors(rules, network.flown.mean_above_m[segments])
+    ground_m = network.ground_m
+    return wind_factors(rules, (ground_m[network.tail[segments]], ground_m[network.head[segments]]))
+
+
+def lifts_s(
+    rules: FlightRules, up_m: NDArray[np.float64], down_m: NDArray[np.float64], power: FlightPower | None = None
+) -> NDArray[np.float64]:
+    """Seconds of cruise that climbs and descents stand for: their time, or where more, the time in which a cruise takes their energy."""
+    climb_s, descent_s = np.maximum(up_m, 0.0) / rules.climb_rate_mps, np.maximum(down_m, 0.0) / rules.descent_rate_mps
+    if power is None:
+        return climb_s + descent_s
+    as_cruise_s = (power.climb_w * climb_s + power.descent_w * descent_s) / power.cruise_w
+    return np.maximum(climb_s + descent_s, as_cruise_s)
 
 
 def air_between(

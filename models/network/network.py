@@ -14,7 +14,12 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
+<<<<<<< HEAD
 from skyway.models.wind.interpolation import site_weights, weights_at
+=======
+from skyway.models.flight.way_heights import segment_heights
+from skyway.models.wind.interpolation import idw_weights, weights_at
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
+    from skyway.models.flight.way_heights import Over, SegmentHeights
     from skyway.models.network.zones import NoFlyZones
 
 
@@ -97,6 +103,8 @@ class Network:
         The rule the segments were made by; None where they were given.
     zones : NoFlyZones or None
         Polygons that no segment crosses.
+    over : Over or None
+        Terrain model that segments are flown over; None where the ground is known at stations alone.
     """
 
     stations: tuple[Station, ...]
@@ -106,6 +114,7 @@ class Network:
     bearing_deg: NDArray[np.float64]
     rule: ConnectionRule | None = None
     zones: NoFlyZones | None = None
+    over: Over | None = None
 
     @classmethod
     def from_pairs(
@@ -175,10 +184,16 @@ class Network:
         return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 
     def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
-        """Ground at places, metres above mean sea level, shape (places,): between the stations whose ground is known, as wind is.
+        """Ground at places, metres above mean sea level, shape (places,): of the terrain model, else between the stations whose ground is known, as wind is.
 
         NaN where none is known.
         """
+        if self.over is not None:
+            here, there = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in (lat, lon))
+            found = self.over.terrain.ground_m(here, there)
+            if np.isfinite(found).all():
+                return found
+            return np.where(np.isfinite(found), found, replace(self, over=None).ground_at_m(here, there))
         known = np.flatnonzero(np.isfinite(self.ground_m))
         if not len(known):
             return np.full(np.shape(np.atleast_1d(lat)), math.nan)
@@ -186,6 +201,34 @@ class Network:
         places = zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True)
         distance_m = [geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]) for place in places]
         return np.asarray(lowest + weights_at(np.array(distance_m)) @ (self.ground_m[known] - lowest))
+
+    @cached_property
+    def flown(self) -> SegmentHeights | None:
+        """Heights at which the segments are flown over the terrain model; None without one."""
+        if self.over is None:
+            return None
+        pairs = np.column_stack((self.tail, self.head))
+        return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over)
+
+    def over_terrain(self, over: Over) -> Network:
+        """Return the same over a terrain model: grounds that stations lack are filled in, segments over unknown ground left out."""
+        found = over.terrain.ground_m(self.lat, self.lon)
+        stations = tuple(
+            replace(one, elevation_m=round(float(ground), 2))
+            if one.elevation_m is None and math.isfinite(ground)
+            else one
+            for one, ground in zip(self.stations, found, strict=True)
+        )
+        whole = replace(self, stations=stations, over=over)
+        flown = whole.flown
+        known = np.isfinite(flown.up_m) if flown is not None else np.ones(len(self.tail), dtype=bool)
+        if flown is None or known.all():
+            return whole
+        kept = replace(
+            whole, tail=self.tail[known], head=self.head[known], distance_m=self.distance_m[known], bearing_deg=self.bearing_deg[known],
+        )  # fmt: skip
+        kept.__dict__["flown"] = type(flown)(*(values[known] for values in flown))
+        return kept
 
     @cached_property
     def pads(self) -> NDArray[np.int64]:
@@ -329,6 +372,8 @@ class Network:
         node = np.full(len(near), len(self.stations))
         pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))
         star = Network.from_pairs((*self.stations, target), pairs, zones=self.zones)
+        if self.over is not None:
+            star = star.over_terrain(self.over)
         tail = np.concatenate((self.tail, star.tail))
         head = np.concatenate((self.head, star.head))
         order = np.lexsort((head, tail))
@@ -340,7 +385,13 @@ class Network:
             bearing_deg=np.concatenate((self.bearing_deg, star.bearing_deg))[order],
             rule=self.rule,
             zones=self.zones,
+            over=self.over,
         )
+        if (
+            self.flown is not None and star.flown is not None
+        ):  # what is known of the old segments need not be found again
+            both = (np.concatenate(parts)[order] for parts in zip(self.flown, star.flown, strict=True))
+            joined.__dict__["flown"] = type(self.flown)(*both)
         for key, weights in self._site_weights.items():  # what is known of the old segments need not be found again
             sites = np.frombuffer(key[0]).reshape(2, -1)
             joined._site_weights[key] = np.concatenate((weights, star.site_weights(sites[0], sites[1], key[1])))[order]

@@ -18,6 +18,7 @@ from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import SPEED_UNITS_MPS
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.drones.fleet import read_fleet
+from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import RULES, build_network
 from skyway.models.network.files import STATION_FIELDS, read_segments, read_stations
@@ -26,7 +27,9 @@ from skyway.models.network.zones import read_zones
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
 from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults
+from skyway.models.scenario.ground import over_terrain
 from skyway.models.scenario.scenario import Scenario
+from skyway.models.terrain.files import read_terrain, split_name
 from skyway.models.wind.columns import WindColumns
 from skyway.models.wind.forecast_file import read_forecast_table
 from skyway.models.wind.history import WindSite, read_history
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from skyway.models.network.network import Station
+    from skyway.models.terrain.terrain import Terrain
 
 SCHEMA = "skyway.scenario/1"
 FILE = "scenario.toml"
@@ -58,6 +62,18 @@ def read_scenario(path: str | PathLike[str]) -> Scenario:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", str(path), remedy=remedy) from error
     return _Reader(file).read()
+
+
+def _clearance(table: Table, default: Clearance) -> Clearance:
+    """Read what is kept over terrain and obstacles."""
+    read = Clearance(
+        least_m=table.number("least_m", default.least_m, low=1, high=500),
+        corridor_width_m=table.number("corridor_width_m", default.corridor_width_m, low=20, high=10_000),
+        position_error_m=table.number("position_error_m", default.position_error_m, low=0, high=500),
+        max_height_m=table.number("max_height_m", default.max_height_m, low=20, high=10_000),
+    )
+    table.finish()
+    return read
 
 
 class _Reader:
@@ -86,12 +102,16 @@ class _Reader:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
         observed = self._observed(self.top.table("observed"))
+<<<<<<< HEAD
         forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
+=======
+        terrain = self._terrain()
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)
         self.warnings += fit_warnings(network, wind["wind_sites"])
-        return Scenario(
+        scenario = Scenario(
             name=name,
             network=network,
             drones=drones,
@@ -105,6 +125,23 @@ class _Reader:
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),
         )
+        return scenario if terrain is None else over_terrain(scenario, terrain)
+
+    def _terrain(self) -> Terrain | None:
+        """Read the terrain and obstacle files that are named."""
+        named: list[list[str]] = []
+        for key in ("terrain", "obstacles"):
+            found = []
+            for text in self.top.texts(key, ()):
+                path, said = split_name(text)
+                whole = self.folder / path
+                if not whole.is_file():
+                    self.top.fault(key, "no such file", text)
+                    continue
+                self._add_to_digest(whole)
+                found.append("@".join((str(whole), *said)))
+            named.append(found)
+        return self._try(lambda _: read_terrain(*named), self.file) if any(named) else None
 
     def _timezone(self) -> str:
         name = self.top.text("timezone", "UTC")
@@ -160,6 +197,7 @@ class _Reader:
             climb_rate_mps=table.number("climb_rate_mps", default.climb_rate_mps, low=0.1, high=30),
             descent_rate_mps=table.number("descent_rate_mps", default.descent_rate_mps, low=0.1, high=30),
             wind_profile_exponent=table.number("wind_profile_exponent", default.wind_profile_exponent, low=0, high=1),
+            clearance=_clearance(table.table("clearance"), default.clearance),
         )
         table.finish()
         return rules

@@ -58,24 +58,44 @@ def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terra
     """
     faults: list[Fault] = []
     rasters: list[Raster] = []
-    parts: list[Obstacles] = []
     for text in terrain:
         try:
             raster = _fine_enough(read_raster(text))
             rasters.append(raster)
         except InputError as error:
             faults += error.faults
-    for text in obstacles:
-        try:
-            parts.append(read_obstacles(Path(text)))
-        except InputError as error:
-            faults += [fault if fault.file else replace(fault, file=text) for fault in error.faults]
+    parts = _obstacles(obstacles, faults)
     refuse(faults)
     if obstacles and not rasters:
         remedy = "give a terrain model too: heights above ground count from it"
         raise InputError("obstacles stand on ground that is not known", str(obstacles[0]), remedy=remedy)
     notes = [note for raster in rasters if (note := datum_note(raster)) is not None]
     return Terrain(rasters, joined(parts), (*terrain, *obstacles), notes)
+
+
+def _obstacles(files: Sequence[str], faults: list[Fault]) -> list[Obstacles]:
+    """Read obstacle files; what is wrong with them joins the faults."""
+    parts: list[Obstacles] = []
+    for text in files:
+        try:
+            parts.append(read_obstacles(Path(text)))
+        except InputError as error:
+            faults += [fault if fault.file else replace(fault, file=text) for fault in error.faults]
+    return parts
+
+
+def read_named(files: Sequence[str]) -> Terrain:
+    """Read terrain models and obstacles named together, told apart by what they are."""
+    standing = [text for text in files if Path(text).suffix.lower() in (".csv", ".geojson", ".json")]
+    return read_terrain([text for text in files if text not in standing], standing)
+
+
+def with_obstacles(terrain: Terrain, files: Sequence[str]) -> Terrain:
+    """Return a terrain model with more obstacles; an `InputError` lists what is wrong with their files."""
+    faults: list[Fault] = []
+    parts = _obstacles(files, faults)
+    refuse(faults)
+    return Terrain(terrain.rasters, joined([terrain.obstacles, *parts]), (*terrain.files, *files), terrain.notes)
 
 
 def _fine_enough(raster: Raster) -> Raster:

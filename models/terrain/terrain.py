@@ -62,6 +62,11 @@ class Terrain:
         """Least distance of neighbouring heights in any of the files."""
         return min(min(raster.spacing_m()) for raster in self.rasters)
 
+    def raster_box(self) -> Box:
+        """South, west, north and east of all terrain models together, degrees."""
+        boxes = np.array([raster.bounds() for raster in self.rasters])
+        return float(boxes[:, 0].min()), float(boxes[:, 1].min()), float(boxes[:, 2].max()), float(boxes[:, 3].max())
+
     def ground_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
         """Height of the ground at places, shape (places,): bilinear between those of the model; NaN where it has none."""
         patch = self._over(lat, lon, 0.0)
@@ -94,6 +99,10 @@ class Terrain:
             ground_m = self.ground_m(self.obstacles.lat[new], self.obstacles.lon[new])
             self._standing_m[new] = self.obstacles.tops_m(new, ground_m)
         return self.obstacles.highest(near, lat, lon, radius_m, self._standing_m)
+
+    def standing_m(self, obstacle: int) -> float:
+        """Top above mean sea level of an obstacle that `obstacles_near` named."""
+        return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
         """Highest ground within a radius of each height of a patch; NaN where one of them is not known."""

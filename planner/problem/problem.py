@@ -100,7 +100,10 @@ class Problem:
         else:
             self.origin = self._node(state.station or "", "state.station")
         self.destination = self._node(request.destination, "destination")
-        self.air: SegmentWind = air_over(self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps)
+        power = FlightPower.of(drone, request.payload_kg)
+        self.air: SegmentWind = air_over(
+            self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps, power=power
+        )
         self.probability = ensemble.probability
         self.soc_per_s, self.soc_fixed = self._flight_cost(request.payload_kg)
         if not (0.0 < self.soc_per_s < math.inf and math.isfinite(self.soc_fixed)):

@@ -49,19 +49,20 @@ def divert_cover(
     """
     points = _points(way, every_m or reach.parameters.point_every_m)
     places = [place for place, _ in points]
-    begins = time_s + reach.rules.climb_s
+    (climb_s, climb_soc), (descent_s, descent_soc) = reach.ends(way)
+    begins = time_s + climb_s
     high = reach.flying_over(float(reach.network.ground_at_m(*np.array(way).T).max()))
     flown = high.along(places, begins)
     spent, used = np.zeros((2, len(reach.wind), len(points)))
     spent[:, 1:] = flown.time_s
     used[:, 1:] = flown.soc
-    used += reach.soc_climb
+    used += climb_soc
     ends_at = reach.network.index[destination]
     left_out = {ends_at, *(reach.network.index[station] for station in not_at)}
     nodes = np.array([n for n in reach.pads_near(places, soc) if n not in left_out], dtype=np.int64)
     safe = np.zeros((len(points), len(nodes)), dtype=bool)
     nearest = np.zeros(len(points), dtype=bool)
-    at_end = used[:, -1:] + reach.soc_descent
+    at_end = used[:, -1:] + descent_soc
     keeps = reach.p_below(soc, at_end, reserve_soc)[0] <= epsilon
     flown_on = reach if keeps else _not_hopeless(reach, soc, at_end, reserve_soc)
     mean_s = reach.expected(spent)
@@ -69,7 +70,7 @@ def divert_cover(
         if not len(nodes):
             break
         flight = high.to_stations(place, begins + float(mean_s[row]), nodes)
-        left_s = float(mean_s[-1] - mean_s[row]) + reach.descent_s
+        left_s = float(mean_s[-1] - mean_s[row]) + descent_s
         nearest[row] = reach.network.pads[ends_at] > 0 and left_s <= float(reach.expected(flight.time_s).min())
         cost = used[:, row, None] + flight.soc
         sure = reach.p_below(soc, cost, floor_soc) <= epsilon

@@ -13,9 +13,10 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
-from skyway.models.flight.heights import cleared_grounds_m, wind_factors
+from skyway.models.flight.heights import above_factors, cleared_grounds_m, wind_factors
 from skyway.models.flight.kernels import airborne_times
 from skyway.models.flight.rules import air_between
+from skyway.models.flight.way_heights import level_over_m, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
 
@@ -37,6 +38,9 @@ MIN_LOAD = 0.6
 """Power over that of hover is nowhere less in forward flight (`models.drones.airspeed_load`)."""
 NEAREST = 60
 """So many stations about a place are looked at."""
+_NO_LIFT = np.zeros(1), np.zeros(1)
+_NEVER_SOC = 10.0
+"""Ten full batteries: what a way over unknown ground is taken to cost."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -146,8 +150,27 @@ class Reach:
         ground_m = self.network.ground_at_m(*here), self.network.ground_m[nodes]
         above_m = np.maximum(np.maximum(*ground_m), self.cleared_m)
         factor = wind_factors(self.rules, ground_m, (above_m, above_m))
+        over, lift = self.network.over, _NO_LIFT
+        if over is not None:  # climbs to the least level that clears the way, and goes on at it
+            level_m = np.maximum(level_over_m(here, lat, lon, over), self.cleared_m + over.cruise_height_m)
+            factor = above_factors(self.rules, level_m - 0.5 * (ground_m[0] + ground_m[1]))
+            lift = self._lift(
+                level_m - ground_m[0] - over.cruise_height_m, level_m - ground_m[1] - over.cruise_height_m
+            )
         flown = self._cruise(start, bearing, length, time_s, factor, in_turn=False)
-        return Flown(flown.time_s + self.descent_s, flown.soc + self.soc_descent)
+        return Flown(flown.time_s + self.descent_s + lift[0], flown.soc + self.soc_descent + lift[1])
+
+    def _lift(
+        self, up_m: NDArray[np.float64], down_m: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Seconds and charge of climbs and descents beyond those of the cruise height; over unknown ground nothing can be flown."""
+        climb_s, descent_s = (
+            np.maximum(up_m, 0.0) / self.rules.climb_rate_mps,
+            np.maximum(down_m, 0.0) / self.rules.descent_rate_mps,
+        )
+        time_s = np.nan_to_num(climb_s + descent_s)
+        soc = self.power.climb_w * climb_s + self.power.descent_w * descent_s
+        return time_s, np.nan_to_num(soc / self.power.battery_j, nan=_NEVER_SOC)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
         """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
@@ -155,15 +178,32 @@ class Reach:
         length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
         ground_m = self.network.ground_at_m(*places.T)
         above_m = np.maximum(cleared_grounds_m(ground_m.tolist()), self.cleared_m)
-        factor = wind_factors(self.rules, (ground_m[:-1], ground_m[1:]), (above_m[:-1], above_m[1:]))
+        factor, lift = wind_factors(self.rules, (ground_m[:-1], ground_m[1:]), (above_m[:-1], above_m[1:])), _NO_LIFT
+        if self.network.over is not None:
+            steps = way_steps(points, self.network.over)
+            factor, lift = above_factors(self.rules, steps.mean_above_m), self._lift(steps.up_m, steps.down_m)
         flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True)
-        return Flown(np.cumsum(flown.time_s, axis=1), np.cumsum(flown.soc, axis=1))
+        return Flown(np.cumsum(flown.time_s + lift[0], axis=1), np.cumsum(flown.soc + lift[1], axis=1))
+
+    def ends(self, way: Sequence[Place]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Seconds and charge of the climb with which a way begins on the ground, and of the descent with which it ends."""
+        begin_s, begin_soc, end_s, end_soc = self.rules.climb_s, self.soc_climb, self.descent_s, self.soc_descent
+        if self.network.over is not None:
+            steps = way_steps(way, self.network.over)
+            cruise_m = self.network.ground_at_m(*np.array((way[0], way[-1])).T) + self.network.over.cruise_height_m
+            lift_s, lift_soc = self._lift(
+                np.array([steps.begin_m - cruise_m[0], 0.0]), np.array([0.0, steps.end_m - cruise_m[1]])
+            )
+            begin_s, begin_soc = begin_s + float(lift_s[0]), begin_soc + float(lift_soc[0])
+            end_s, end_soc = end_s + float(lift_s[1]), end_soc + float(lift_soc[1])
+        return (begin_s, begin_soc), (end_s, end_soc)
 
     def to_the_end(self, way: Sequence[Place], time_s: float, *, climbs: bool = False) -> Flown:
         """Fly a way to touch-down at its end, shape (members,): with a climb first where it begins on the ground."""
-        climb_s, climb_soc = (self.rules.climb_s, self.soc_climb) if climbs else (0.0, 0.0)
+        begin, (descent_s, descent_soc) = self.ends(way)
+        climb_s, climb_soc = begin if climbs else (0.0, 0.0)
         flown = self.along(way, time_s + climb_s)
-        return Flown(flown.time_s[:, -1] + climb_s + self.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent)
+        return Flown(flown.time_s[:, -1] + climb_s + descent_s, flown.soc[:, -1] + climb_soc + descent_soc)
 
     def ground_speed_mps(self, way: Sequence[Place], distance_m: float, time_s: float) -> float:
         """Mean ground speed of the planned airspeed along a way of a length, at most the drone's greatest."""

@@ -189,9 +189,8 @@ class _Audit:
             raise self._differ(number, "flight", "flown", "a segment is closed by the wind")
         flown_s = left_s - over_s
         if flown_s > 0.0:
-            self._near(
-                number, "ground speed, m/s", service.ground_speed_mps, service.distance_m / flown_s, SPEED_TOLERANCE_MPS
-            )
+            length_m = sum(float(self.problem.air.distance_m[segment]) for segment in leg.segments)
+            self._near(number, "ground speed, m/s", service.ground_speed_mps, length_m / flown_s, SPEED_TOLERANCE_MPS)
         down_s = left_s + rules.descent_s
         soc -= climb * rules.climb_s + cruise * flown_s + descent * rules.descent_s
         spot_s = down_s

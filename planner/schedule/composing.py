@@ -17,7 +17,9 @@ from skyway.models.composition.composition import (
     Place,
     Stop,
 )
-from skyway.models.flight.heights import wind_factors
+from skyway.models.composition.heights import LegHeights, TerrainUse
+from skyway.models.flight.rules import segment_factors
+from skyway.models.flight.way_heights import way_heights
 from skyway.models.wind.summary import Passage, Wind, WindSummary, summarise_wind
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.reach.diverts import divert_cover
@@ -98,7 +100,8 @@ def compose(
         scenario_sha256=problem.scenario.sha256,
         success_probability=result.p_success,
         success=None if result.crossed is None else result.success,
-        notes=notes,
+        notes=notes if network.over is None else (*notes, *network.over.notes),
+        terrain=None if network.over is None else TerrainUse.of(network.over.terrain, network.over.clearance),
     )
 
 
@@ -161,7 +164,18 @@ def _service(
         segments=tuple(each),
         course_wind=_course_wind(problem, member, parts),
         diverts=_diverts(problem, reach, nodes, (off, soc_off)),
+        heights=_heights(problem, nodes),
     )
+
+
+def _heights(problem: Problem, nodes: list[int]) -> LegHeights | None:
+    """Heights of a leg over the terrain model."""
+    network = problem.network
+    if network.over is None:
+        return None
+    places = [(float(network.lat[node]), float(network.lon[node])) for node in nodes]
+    found = way_heights(places, network.ground_m[nodes].tolist(), network.over.cruise_height_m, network.over)
+    return LegHeights.of(found, network.over.terrain)
 
 
 def _winds(
@@ -173,7 +187,7 @@ def _winds(
     lat, lon = geodesy.midpoint(
         network.lat[tail], network.lon[tail], network.bearing_deg[segments], network.distance_m[segments]
     )
-    factors = wind_factors(problem.rules, (network.ground_m[tail], network.ground_m[network.head[segments]]))
+    factors = segment_factors(network, problem.rules, segments)
     passages = []
     now = off_s + problem.air.climb_s
     for number, segment in enumerate(segments):

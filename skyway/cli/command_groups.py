@@ -34,7 +34,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "params": "parameters",
     },
     "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
-    "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench", "settings": "settings"},
+    "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench", "settings": "bench"},
 }
 """Headings; under each its commands in order, with the module of `skyway.cli.commands` that holds them."""
 _HEAD, _SHOWN_HEAD = "Examples\n    --------\n", "\b\n    Examples:\n"

@@ -47,6 +47,14 @@ Settings = Annotated[
     )
 ]  # fmt: skip
 
+TERRAIN_HELP = (
+    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. What a file does not say follows its name: FILE@ellipsoid, FILE@msl, "
+    "FILE@ft."
+)
+OBSTACLES_HELP = "Obstacles: CSV or GeoJSON; repeatable."
+TerrainFiles = Annotated[list[str] | None, typer.Option("--terrain", help=TERRAIN_HELP)]
+ObstacleFiles = Annotated[list[str] | None, typer.Option("--obstacles", help=OBSTACLES_HELP)]
+
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
 

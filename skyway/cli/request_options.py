@@ -11,7 +11,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.models.base.errors import InputError
-from skyway.scenarios import load_scenario
+from skyway.scenarios import load_scenario, with_terrain
 
 if TYPE_CHECKING:
     from skyway.models.composition.composition import Recharge as RechargeMode
@@ -94,9 +94,12 @@ class ConditionOptions:
         typer.Option(help=OBSERVED_HELP),
     ] = None
 
+    terrain: options.TerrainFiles = None
+    obstacles: options.ObstacleFiles = None
+
     def loaded(self) -> Scenario:
-        """Return the scenario."""
-        return load_scenario(self.scenario)
+        """Return the scenario, over the terrain that is named."""
+        return with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
 
     @property
     def instant(self) -> datetime:

@@ -14,6 +14,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, duration, from_to, headline
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
 from skyway.plots.charge import draw_charge
+from skyway.plots.heights import HEIGHTS_IN, draw_heights
 from skyway.plots.pictures import (
     CALM,
     INK,
@@ -79,13 +80,17 @@ def plot_composition(
     lon, lat = np.array(shown).T
     frame = _frame(lon, lat, 0.9, least=0.15)
     tall = _height_in(frame)
-    figure = new_figure(WIDTH_IN, tall + _CHARGE_IN + 1.2)
-    upper, lower = figure.subplots(2, 1, height_ratios=(tall, _CHARGE_IN))
+    heights = [service.heights for service in composition.services]
+    parts = (tall, _CHARGE_IN, HEIGHTS_IN) if any(heights) else (tall, _CHARGE_IN)
+    figure = new_figure(WIDTH_IN, sum(parts) + 1.2)
+    upper, lower, *below = figure.subplots(len(parts), 1, height_ratios=parts)
     zone = ZoneInfo(scenario.timezone)
     _draw_network(upper, scenario, frame, segment_alpha=0.25)
     draw_charge(lower, composition, zone, band)
     upper.set_title(_headline(composition, zone), color=INK, loc="left", fontsize=11)
     _draw_route(upper, composition, scenario, frame)
+    for axes in below:
+        draw_heights(axes, heights, [composition.origin, *(service.destination for service in composition.services)])
     return save_figure(figure, path)
 
 

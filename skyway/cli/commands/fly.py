@@ -71,6 +71,8 @@ def fly(
     elevation: Annotated[
         list[str] | None, typer.Option(help="STATION=METRES: ground height that the plan lacks; repeatable.")
     ] = None,
+    terrain: options.TerrainFiles = None,
+    obstacles: options.ObstacleFiles = None,
     keep_parameters: Annotated[
         bool, typer.Option("--keep-parameters", help="Set no parameters; stop if one is unsuitable.")
     ] = False,
@@ -110,13 +112,13 @@ def fly(
     parameters = options.planner_parameters(settings)
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
-    region = flying.scenario_of(composition, scenario)
+    region = flying.scenario_of(composition, scenario, terrain, obstacles)
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)
     service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     request = flying.request_of(composition, region)
-    how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation))
+    how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation), over=region.network.over)
     drag_model = None if drag is None else read_drag(drag)
 
     def job(now: datetime) -> DeliveryJob:

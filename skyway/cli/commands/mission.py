@@ -16,6 +16,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
+from skyway.models.composition.heights import least_words
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.weather import Weather
     from skyway.missions.items.document import MissionDocument
     from skyway.models.drones.drone import Drone
+    from skyway.models.flight.way_heights import Over
     from skyway.models.scenario.scenario import Scenario
 
 
@@ -58,6 +60,8 @@ def mission(
     elevation: Annotated[
         list[str] | None, typer.Option(help="Ground height of a station that lacks it: ID=METRES; repeatable.")
     ] = None,
+    terrain: options.TerrainFiles = None,
+    obstacles: options.ObstacleFiles = None,
     force: options.Force = False,
 ) -> None:
     """Turn a composition into missions for a ground station, with fence, rally points and parameters.
@@ -68,7 +72,7 @@ def mission(
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
     """
-    from skyway.flying import heights
+    from skyway.flying import heights, terrain_of
     from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
@@ -77,10 +81,11 @@ def mission(
     if leg is not None and (whole or armed_hold):
         other = "--whole" if whole else "--armed-hold"
         raise InputError("one leg and all legs exclude each other", field=f"--leg, {other}")
-    how = MissionOptions(
-        cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation)
-    )
     composition, flown_by = load(plan), family_named(autopilot)
+    how = MissionOptions(
+        cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation),
+        over=terrain_of(composition, terrain, obstacles),
+    )  # fmt: skip
     if leg is not None:
         export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, how)
     elif armed_hold:
@@ -179,7 +184,14 @@ def check(
     payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
+    terrain: options.TerrainFiles = None,
+    obstacles: options.ObstacleFiles = None,
+    clearance: Annotated[
+        float | None, typer.Option(help="Clearance over terrain and obstacles, m. Without it: the scenario's, or 30.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the heights over the terrain: FILE.png or FILE.svg.")] = None,
     as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
     """Check any mission file: structure, flyability, fence, wind and battery.
 
@@ -190,19 +202,35 @@ def check(
       skyway check survey.plan
       skyway check delivery.plan --drone m200-v2 --wind 8@270 --payload 1
       skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
+      skyway check survey.plan --terrain S36E149.hgt.zip --obstacles towers.csv --plot heights.png
     """
     from skyway.missions import check as check_mission
     from skyway.missions import family_named, read
 
+    options.check_picture(plot)
+    options.refuse_overwriting(plot, force=force)
     document = read(file)
     region = None if scenario is None else load_scenario(scenario)
+<<<<<<< HEAD
     conditions = _conditions(region, drone, _weather(region, wind, depart, forecast), payload, soc, reserve)
+=======
+    over = _over(region, terrain, obstacles, clearance)
+    if plot is not None and over is None:
+        raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
+    conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,
         conditions=conditions,
         zones=region.network.zones if region else None,
+        over=over,
     )
+    if plot is not None:
+        from skyway.plots.heights import plot_heights
+
+        plot_heights(report.heights, plot, title=file.name)
+        options.say_written(plot)
     if as_json:
         typer.echo(json_text(report, indent=1))
     else:
@@ -212,9 +240,40 @@ def check(
         raise typer.Exit(1)
 
 
+<<<<<<< HEAD
 def _weather(
     region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None
 ) -> Weather | None:
+=======
+def _over(
+    region: Scenario | None, terrain: list[str] | None, obstacles: list[str] | None, clearance_m: float | None
+) -> Over | None:
+    """Terrain that a mission is checked over, and what it keeps."""
+    from dataclasses import replace
+
+    from skyway.models.flight.rules import FlightRules
+    from skyway.models.flight.way_heights import Over
+    from skyway.models.terrain.files import read_terrain
+    from skyway.scenarios import with_terrain
+
+    if region is not None:
+        over = with_terrain(region, terrain, obstacles).network.over
+    elif terrain or obstacles:
+        rules = FlightRules()
+        over = Over(read_terrain(terrain or (), obstacles or ()), rules.clearance, rules.cruise_height_m)
+    else:
+        over = None
+    if clearance_m is None:
+        return over
+    if not 0.0 <= clearance_m <= 1000.0:
+        raise InputError("is not between 0 and 1000 m", field="--clearance", value=clearance_m)
+    if over is None:
+        raise InputError("needs a terrain model", field="--clearance", remedy="give --terrain too")
+    return replace(over, clearance=replace(over.clearance, least_m=clearance_m))
+
+
+def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
+>>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
     from skyway.missions import ForecastWind, SteadyWind
 
     if wind is not None:
@@ -303,6 +362,8 @@ def _print_report(report: CheckReport) -> None:
         elif report.vehicle_judged:
             cells.append("no end, or cannot be flown")
         typer.echo(", ".join(cells))
+        if number <= len(report.heights) and (heights := report.heights[number - 1]) is not None:
+            typer.echo(f"  {least_words(heights)}")
     typer.echo(_verdict(report))
 
 

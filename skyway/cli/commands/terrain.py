@@ -15,16 +15,10 @@ from skyway.models.base.json_text import json_text
 if TYPE_CHECKING:
     from skyway.models.terrain.contents import ObstacleContents, TerrainContents
 
-TERRAIN_HELP = (
-    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. What a file does not say follows its name: FILE@ellipsoid, FILE@msl, "
-    "FILE@ft."
-)
-OBSTACLES_HELP = "Obstacles: CSV or GeoJSON; repeatable."
-
 
 def terrain(
-    files: Annotated[list[str] | None, typer.Argument(metavar="FILE...", help=TERRAIN_HELP)] = None,
-    obstacles: Annotated[list[str] | None, typer.Option(help=OBSTACLES_HELP)] = None,
+    files: Annotated[list[str] | None, typer.Argument(metavar="FILE...", help=options.TERRAIN_HELP)] = None,
+    obstacles: options.ObstacleFiles = None,
     at: Annotated[
         list[str] | None, typer.Option(help="LAT,LON: ground there, and the highest within 200 m; repeatable.")
     ] = None,

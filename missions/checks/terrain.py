@@ -1,0 +1,186 @@
+"""Check of heights over a terrain model: does a mission touch the ground or an obstacle, and what does it keep."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.missions.checks.limits import USUAL_CEILING_M
+from skyway.missions.checks.near_stations import NearStations
+from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
+from skyway.missions.items.finding import Finding
+from skyway.models.base import geodesy
+from skyway.models.base.formatting import height_text, place_text
+from skyway.models.composition.heights import LegHeights, NearObstacle, obstacles_told
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.missions.checks.route import Route, RouteLeg
+    from skyway.missions.items.mission import Mission
+    from skyway.models.flight.way_heights import Over
+    from skyway.models.network.network import Station
+
+DIFFER_M = 15.0
+"""Heights of home and of the terrain there that differ by more are told."""
+SLACK_M = 1.0
+"""Heights are rounded, and so are terrain models."""
+MAX_SAMPLES = 200_000
+_COLUMN_M = 0.5
+
+
+class _Way(NamedTuple):
+    """A flight sampled along its way; heights above mean sea level."""
+
+    lat: NDArray[np.float64]
+    lon: NDArray[np.float64]
+    along_m: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    item: NDArray[np.int64]
+    path: list[tuple[float, float]]
+    """(along, height) of the points that the mission gives."""
+
+
+def check_terrain(
+    mission: Mission, route: Route, over: Over, stations: Sequence[Station]
+) -> tuple[list[Finding], tuple[LegHeights | None, ...]]:
+    """Judge every flight of a route over a terrain model; returns findings, and the heights of each flight for pictures."""
+    findings: list[Finding] = []
+    heights: list[LegHeights | None] = []
+    near = NearStations(stations)
+    zero_m = math.nan
+    moved = True
+    for number, leg in enumerate(route.legs):
+        if moved:
+            zero_m, told = _home_m(mission, leg, over, near, first=number == 0)
+            findings += told
+        way = _way(mission, leg, over, zero_m)
+        moved = leg.ground_hold_s is None
+        if way is None:
+            heights.append(None)
+            continue
+        ground = over.terrain.ground_m(way.lat, way.lon)
+        every_m = max(over.terrain.spacing_m, 5.0)
+        top = over.terrain.top_m(way.lat, way.lon, over.clearance.radius_m + 0.5 * every_m)
+        findings += _judged(way, ground, top, over)
+        _, obstacle = over.terrain.obstacles_near(way.lat, way.lon, over.clearance.radius_m + 0.5 * every_m)
+        heights.append(_told(way, ground, top, obstacles_told(way.along_m, obstacle, ground, over.terrain)))
+    return findings, tuple(heights)
+
+
+def _home_m(
+    mission: Mission, leg: RouteLeg, over: Over, near: NearStations, *, first: bool
+) -> tuple[float, list[Finding]]:
+    """Height above sea level that a flight counts from, and what is to be told of it.
+
+    The file's home, or the station there; where the terrain model contradicts it by much, the terrain.
+    """
+    if leg.start is None:
+        return math.nan, []
+    ground = float(over.terrain.ground_m(np.array([leg.start.lat]), np.array([leg.start.lon]))[0])
+    home = mission.home.altitude_m if first and mission.home is not None else None
+    said = near.ground_m(leg.start) if home is None else home
+    if said is None or (math.isnan(ground) and home is None):
+        return (ground if said is None else said), []
+    if math.isnan(ground) or abs(said - ground) <= DIFFER_M:
+        return said, []
+    message = f"home is at {height_text(said)} by the file, and the ground there at {height_text(ground)} by the terrain model: the terrain model counts"  # fmt: skip
+    feet = abs(said * 0.3048 - ground) <= DIFFER_M or abs(said - ground * 0.3048) <= DIFFER_M
+    remedy = "is one of them in feet?" if feet else "correct the height of home, or the terrain model"
+    return ground, [Finding("warning", None, "home-off-terrain", message, remedy)]
+
+
+def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
+    """Sample a flight: climbs and descents straight up and down are left out; None where nothing can be said of it."""
+    if leg.start is None or not leg.steps or math.isnan(zero_m):
+        return None
+    every_m = max(over.terrain.spacing_m, 5.0)
+    at, height_m, flown_m = leg.start, math.nan, 0.0
+    parts: list[tuple[NDArray[np.float64], ...]] = []
+    path: list[tuple[float, float]] = []
+    for step in leg.steps:
+        command = mission.items[step.item].command
+        above = mission.items[step.item].frame in TERRAIN_FRAMES
+        length, bearing = (float(one) for one in geodesy.inverse(at.lat, at.lon, step.point.lat, step.point.lon))
+        level = step.height_m + (0.0 if above else zero_m)
+        begin, end = height_m, level
+        if command in TAKEOFF_COMMANDS or math.isnan(begin):
+            begin = level  # straight up first
+        elif command in LAND_COMMANDS:
+            end = begin  # straight down at the end
+        if length > _COLUMN_M and math.isfinite(begin + end):
+            count = min(math.ceil(length / every_m) + 1, MAX_SAMPLES)
+            share = np.linspace(0.0, 1.0, count)
+            lat, lon = geodesy.ahead(
+                np.full(count, at.lat), np.full(count, at.lon), np.full(count, bearing), share * length
+            )
+            heights = begin + share * (end - begin)
+            if above:
+                heights = step.height_m + over.terrain.ground_m(lat, lon)
+            parts.append((lat, lon, flown_m + share * length, heights, np.full(count, float(step.item))))
+            path += [(flown_m, float(heights[0])), (flown_m + length, float(heights[-1]))]
+        flown_m += length
+        at = step.point
+        height_m = float(parts[-1][3][-1]) if above and parts else level
+    if not parts or sum(len(part[0]) for part in parts) > 5 * MAX_SAMPLES:
+        return None
+    lat, lon, along, heights, item = (np.concatenate(one) for one in zip(*parts, strict=True))
+    return _Way(lat, lon, along, heights, item.astype(np.int64), path)
+
+
+def _judged(way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], over: Over) -> Iterator[Finding]:
+    """Judge a flight: what it touches, what is not known, and where it keeps less than the clearance."""
+    unknown = np.flatnonzero(np.isnan(ground))
+    if len(unknown):
+        k = int(unknown[0])
+        message = f"the ground is not known at {_place(way, k)}: a void of the terrain model, or beyond it"
+        yield Finding(
+            "error", int(way.item[k]), "terrain-unknown", message, "give a terrain model that covers the flight"
+        )
+    above = np.where(np.isnan(ground), -np.inf, way.height_m - ground)
+    highest = int(np.argmax(above))
+    if above[highest] > USUAL_CEILING_M + SLACK_M:
+        message = f"{height_text(float(above[highest]))} above the ground at {_place(way, highest)}: most countries allow {height_text(USUAL_CEILING_M)}"
+        yield Finding("info", int(way.item[highest]), "high", message, "needs a permit")
+    obstacle, which = over.terrain.obstacles_near(way.lat, way.lon, over.clearance.position_error_m + 5.0)
+    solid = np.fmax(ground, obstacle)
+    left = np.where(np.isnan(solid), np.inf, way.height_m - solid)
+    worst = int(np.argmin(left))
+    if left[worst] <= 0.0:
+        what = "the ground"
+        if np.isfinite(obstacle[worst]) and obstacle[worst] > ground[worst]:
+            what = f"the obstacle {over.terrain.obstacles.names[int(which[worst])]}"
+        message = f"touches {what} at {_place(way, worst)}: flies at {height_text(float(way.height_m[worst]))}, and its top is at {height_text(float(solid[worst]))} above sea level"  # fmt: skip
+        fly = height_text(math.ceil(over.clearance.least_m - float(left[worst])))
+        yield Finding("error", int(way.item[worst]), "below-terrain", message, f"fly {fly} higher there")
+        return
+    over_top = np.where(np.isnan(top), np.inf, way.height_m - top)
+    worst = int(np.argmin(over_top))
+    if over_top[worst] < over.clearance.least_m - SLACK_M:
+        radius = height_text(over.clearance.radius_m)
+        message = f"is {_over_words(float(over_top[worst]))} the highest ground or obstacle within {radius} of {_place(way, worst)}"
+        fly = height_text(math.ceil(over.clearance.least_m - float(over_top[worst])))
+        remedy = f"fly {fly} higher there, for a clearance of {height_text(over.clearance.least_m)}"
+        yield Finding("warning", int(way.item[worst]), "below-terrain-clearance", message, remedy)
+
+
+def _over_words(metres: float) -> str:
+    return f"{height_text(abs(metres))} {'above' if metres >= 0.0 else 'below'}"
+
+
+def _place(way: _Way, k: int) -> str:
+    return f"{place_text(float(way.lat[k]), float(way.lon[k]))}, {way.along_m[k] / 1000.0:.1f} km along"
+
+
+def _told(
+    way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], obstacles: tuple[NearObstacle, ...]
+) -> LegHeights | None:
+    """What is told of a flight; None over unknown ground."""
+    if np.isnan(ground).any() or np.isnan(top).any():
+        return None
+    return LegHeights.sampled(way.along_m, ground, top, way.height_m, way.path, obstacles)

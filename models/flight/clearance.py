@@ -1,0 +1,32 @@
+"""How far flights stay above the ground and what stands on it, where the terrain is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """What a flight keeps over terrain and obstacles.
+
+    Attributes
+    ----------
+    least_m : float
+        Above the highest ground and obstacle in the corridor.
+    corridor_width_m : float
+        Half of it on either side of the way counts.
+    position_error_m : float
+        How far beyond the corridor the vehicle may be.
+    max_height_m : float
+        Above the ground below: a flight steps down rather than be higher, as far as the clearance lets it.
+    """
+
+    least_m: float = 30.0
+    corridor_width_m: float = 400.0
+    position_error_m: float = 10.0
+    max_height_m: float = 120.0
+
+    @property
+    def radius_m(self) -> float:
+        """How far from the way ground and obstacles count."""
+        return 0.5 * self.corridor_width_m + self.position_error_m

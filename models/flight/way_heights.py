@@ -1,0 +1,381 @@
+"""Which heights a way is flown at: one answer, for plans, checks, missions, flights and reports.
+
+Without a terrain model it is the rule of `models.flight.heights`: the cruise height above the higher ground next to each
+station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
+nowhere lower than the clearance over anything in the corridor, and no higher above the ground than the clearance's greatest height as
+far as that lets it. The vehicle climbs and descends straight up and down at the steps, so that what a step costs does not depend on
+the wind. Steps are as few as can be: each level goes on as long as one height serves, and is the nearest to the level before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.flight.heights import cleared_grounds_m
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.clearance import Clearance
+    from skyway.models.terrain.terrain import Terrain
+
+Place = tuple[float, float]
+STEP_M = 0.1
+"""Levels are rounded up to this: missions round heights to centimetres."""
+
+
+TURN_EVERY_M = 150.0
+"""Ways of turns and diverts, which are many, are looked at so far apart, and as much wider."""
+SLACK_M = 20.0
+"""Where the clearance alone is above the greatest height, a level may be so much higher: else every fold of the ground is a step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Over:
+    """A terrain model, what is kept over it, and the cruise height above the ground."""
+
+    terrain: Terrain
+    clearance: Clearance
+    cruise_height_m: float
+    notes: tuple[str, ...] = ()
+    """What plans over it tell."""
+
+
+class Knot(NamedTuple):
+    """A point of a flown way."""
+
+    segment: int
+    """Which segment of the way it is on."""
+    share: float
+    """How far along that segment, 0 to 1."""
+    height_m: float
+    """Flown there, above mean sea level."""
+
+
+@dataclass(frozen=True, eq=False)
+class WayHeights:
+    """Heights of a way over some places, from the end of the climb at the first to the beginning of the descent at the last.
+
+    Attributes
+    ----------
+    knots : tuple of Knot
+        In order, straight lines between; two of one place are a climb or descent there.
+    up_m, down_m : float
+        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is not known.
+    mean_above_m : float
+        Mean height above the ground below; NaN where it is not known.
+    along_m, ground_m, top_m, height_m : ndarray, shape (samples,)
+        Distance along the way, and there: ground below, the highest in the corridor, and the height flown; empty without
+        a terrain model.
+    obstacle : ndarray of int, shape (samples,)
+        Number of the highest obstacle in the corridor there; -1 where there is none.
+    segment_m : ndarray, shape (segments,)
+        Length of each segment; empty without a terrain model.
+    unknown : Place or None
+        Where on the way the ground is not known, first.
+    """
+
+    knots: tuple[Knot, ...]
+    up_m: float
+    down_m: float
+    mean_above_m: float
+    along_m: NDArray[np.float64]
+    ground_m: NDArray[np.float64]
+    top_m: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    obstacle: NDArray[np.int64]
+    segment_m: NDArray[np.float64]
+    unknown: Place | None = None
+
+    @property
+    def top_height_m(self) -> float:
+        """The greatest height flown."""
+        return max(knot.height_m for knot in self.knots)
+
+
+def way_heights(
+    places: Sequence[Place],
+    ground_m: Sequence[float],
+    cruise_height_m: float,
+    over: Over | None = None,
+) -> WayHeights:
+    """Heights of a way straight from place to place.
+
+    Parameters
+    ----------
+    places : sequence of (lat, lon)
+        Begin, stations overflown, end; degrees.
+    ground_m : sequence of float
+        Above mean sea level, at each place; NaN where it is not known and the terrain tells it.
+    cruise_height_m : float
+        Above the ground; over a terrain model its own counts.
+    over : Over, optional
+        The terrain model; without one the ground is taken to be linear between the places.
+    """
+    if over is None:
+        return _over_stations(ground_m, cruise_height_m)
+    lat, lon = np.array(places, dtype=np.float64).T
+    found = _samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
+    below = np.array(ground_m, dtype=np.float64)
+    missing = np.isnan(below)
+    if missing.any():
+        below[missing] = over.terrain.ground_m(lat[missing], lon[missing])
+    parts = [_stepped(found, number, below[number : number + 2], over) for number in range(len(lat) - 1)]
+    return _joined(found, parts, below)
+
+
+class SegmentHeights(NamedTuple):
+    """Heights of many segments, each flown alone, shape (segments,) each."""
+
+    up_m: NDArray[np.float64]
+    down_m: NDArray[np.float64]
+    mean_above_m: NDArray[np.float64]
+    """As in `WayHeights`; NaN where the ground is not known throughout."""
+
+
+def segment_heights(
+    lat: NDArray[np.float64],
+    lon: NDArray[np.float64],
+    ground_m: NDArray[np.float64],
+    pairs: NDArray[np.int64],
+    over: Over,
+) -> SegmentHeights:
+    """Heights of the segments of a network over a terrain model: those of `way_heights` for each.
+
+    `lat`, `lon` and `ground_m` are those of nodes, `pairs` has begin and end of each segment, shape (segments, 2). Both directions
+    of a segment are worked out from one set of samples.
+    """
+    ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    a, b = ends.T
+    found = _samples(lat[a], lon[a], lat[b], lon[b], over)
+    out = np.full((3, len(pairs)), np.nan)
+    turned = pairs[:, 0] > pairs[:, 1]
+    both: dict[tuple[int, bool], tuple[float, float, float]] = {}
+    for row, (number, back) in enumerate(zip(which.ravel().tolist(), turned.tolist(), strict=True)):
+        if (number, back) not in both:
+            part = _stepped(found, number, ground_m[ends[number]], over, back=back)
+            both[number, back] = (part.up_m, part.down_m, part.mean_above_m)
+        out[:, row] = both[number, back]
+    return SegmentHeights(*out)
+
+
+class WaySteps(NamedTuple):
+    """Steps of a way with many points, flown as one segment, by the pieces between its points."""
+
+    up_m: NDArray[np.float64]
+    down_m: NDArray[np.float64]
+    mean_above_m: NDArray[np.float64]
+    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is not known."""
+    begin_m: float
+    end_m: float
+    """Heights at which it begins and ends, above mean sea level."""
+
+
+def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
+    """Steps of a way over a terrain model, by the pieces between its points."""
+    lat, lon = np.array(places, dtype=np.float64).T
+    found = _samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
+    begin = np.concatenate(([0.0], np.cumsum(found.length_m)))
+    count = np.diff(found.first)
+    piece = np.repeat(np.arange(len(count)), count)
+    along = (begin[piece] + found.share * found.length_m[piece]) / max(float(begin[-1]), 1e-9)
+    whole = found._replace(share=along, first=np.array([0, len(along)]))
+    part = _stepped(whole, 0, found.ground_m[[0, -1]], over)
+    up, down = np.zeros(len(count)), np.zeros(len(count))
+    if part.unknown is not None:
+        nothing = np.full(len(count), math.nan)
+        return WaySteps(nothing, nothing, nothing, math.nan, math.nan)
+    for (share, before), (_, after) in pairwise(part.knots):
+        at = min(int(np.searchsorted(begin, share * begin[-1], side="right")) - 1, len(count) - 1)
+        (up if after > before else down)[at] += abs(after - before)
+    above = np.add.reduceat(part.level_m - found.ground_m, found.first[:-1]) / count
+    return WaySteps(up, down, above, part.knots[0][1], part.knots[-1][1])
+
+
+def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> NDArray[np.float64]:
+    """Least height at which straight ways from a place to others are flown level, shape (places,); NaN where the ground is not known.
+
+    That of diverts and of turns in flight.
+    """
+    length, bearing = geodesy.inverse(*here, lat, lon)
+    count = np.ceil(length / TURN_EVERY_M).astype(np.int64) + 1
+    first = np.concatenate(([0], np.cumsum(count)))
+    of = np.repeat(np.arange(len(length)), count)
+    share = (np.arange(first[-1]) - first[of]) / np.maximum(count - 1, 1)[of]
+    start = np.full(len(of), here[0]), np.full(len(of), here[1])
+    floor = _floor_m(*geodesy.ahead(*start, bearing[of], share * length[of]), over, TURN_EVERY_M)
+    return np.asarray(np.maximum.reduceat(floor, first[:-1]))
+
+
+def level_within_m(corners: Sequence[Place], over: Over) -> float:
+    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is not known."""
+    import shapely
+
+    lat, lon = np.array(corners, dtype=np.float64).T
+    middle = geodesy.middle_longitude(lon)
+    hull = shapely.MultiPoint(np.column_stack((geodesy.about(lon, middle), lat))).convex_hull
+    west, south, east, north = hull.bounds
+    step = TURN_EVERY_M / 111_000.0
+    wide = step / math.cos(math.radians(min(max(abs(south), abs(north)), 88.0)))
+    x, y = np.meshgrid(np.arange(west, east + wide, wide), np.arange(south, north + step, step))
+    inside = shapely.dwithin(shapely.points(x.ravel(), y.ravel()), hull, wide)
+    points = y.ravel()[inside], x.ravel()[inside]
+    return float(_floor_m(*points, over, 1.5 * TURN_EVERY_M).max())
+
+
+def _floor_m(lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over, every_m: float) -> NDArray[np.float64]:
+    """Least height at places, and half as far as `every_m` about them, at which they are flown over; NaN where unknown."""
+    top = over.terrain.top_m(lat, lon, over.clearance.radius_m + 0.5 * every_m)
+    return np.maximum(top + over.clearance.least_m, over.terrain.ground_m(lat, lon) + over.cruise_height_m)
+
+
+def _over_stations(ground_m: Sequence[float], cruise_height_m: float) -> WayHeights:
+    """Heights without a terrain model."""
+    heights = [ground + cruise_height_m for ground in cleared_grounds_m(ground_m)]
+    knots = [Knot(0, 0.0, heights[0]), *(Knot(number, 1.0, height) for number, height in enumerate(heights[1:]))]
+    rises = [after - before for before, after in pairwise(heights)]
+    up = heights[0] - ground_m[0] + sum(max(rise, 0.0) for rise in rises)
+    down = heights[-1] - ground_m[-1] + sum(max(-rise, 0.0) for rise in rises)
+    above = [
+        0.5 * (h0 - g0 + h1 - g1) for (h0, h1), (g0, g1) in zip(pairwise(heights), pairwise(ground_m), strict=True)
+    ]
+    none = np.empty(0)
+    return WayHeights(
+        tuple(knots), up, down, math.fsum(above) / len(above), none, none, none, none, np.empty(0, dtype=np.int64), none
+    )
+
+
+class _Samples(NamedTuple):
+    """Points along segments, one segment after the other, and what the terrain is there."""
+
+    lat: NDArray[np.float64]
+    lon: NDArray[np.float64]
+    share: NDArray[np.float64]
+    first: NDArray[np.int64]
+    """Where each segment begins, shape (segments + 1,)."""
+    length_m: NDArray[np.float64]
+    """Of each segment, shape (segments,)."""
+    ground_m: NDArray[np.float64]
+    top_m: NDArray[np.float64]
+    obstacle: NDArray[np.int64]
+
+
+def _samples(
+    lat1: NDArray[np.float64], lon1: NDArray[np.float64], lat2: NDArray[np.float64], lon2: NDArray[np.float64],
+    over: Over,
+) -> _Samples:  # fmt: skip
+    every_m = max(over.terrain.spacing_m, 5.0)
+    length, bearing = geodesy.inverse(lat1, lon1, lat2, lon2)
+    count = np.ceil(length / every_m).astype(np.int64) + 1
+    first = np.concatenate(([0], np.cumsum(count)))
+    of = np.repeat(np.arange(len(length)), count)
+    share = (np.arange(first[-1]) - first[of]) / np.maximum(count - 1, 1)[of]
+    lat, lon = geodesy.ahead(lat1[of], lon1[of], bearing[of], share * length[of])
+    # half of the distance between two samples lies beyond each
+    radius_m = over.clearance.radius_m + 0.5 * every_m
+    top, (_, obstacle) = over.terrain.top_m(lat, lon, radius_m), over.terrain.obstacles_near(lat, lon, radius_m)
+    return _Samples(lat, lon, share, first, length, over.terrain.ground_m(lat, lon), top, obstacle)
+
+
+class _Part(NamedTuple):
+    """One segment in level steps."""
+
+    knots: tuple[tuple[float, float], ...]
+    """(share, height) in order."""
+    level_m: NDArray[np.float64]
+    """At each sample."""
+    up_m: float
+    down_m: float
+    mean_above_m: float
+    unknown: Place | None
+
+
+def _stepped(found: _Samples, number: int, ends_m: NDArray[np.float64], over: Over, *, back: bool = False) -> _Part:
+    """Steps of a segment between two stations whose ground is `ends_m`; `back`: flown from the second to the first."""
+    these = slice(int(found.first[number]), int(found.first[number + 1]))
+    ground, top, share = found.ground_m[these], found.top_m[these], found.share[these]
+    clearance, cruise_height_m = over.clearance, over.cruise_height_m
+    floor = np.maximum(top + clearance.least_m, ground + cruise_height_m)
+    floor[[0, -1]] = np.fmax(floor[[0, -1]], ends_m + cruise_height_m)
+    missing = np.flatnonzero(np.isnan(floor) | np.isnan(ground))
+    if len(missing) or np.isnan(ends_m).any() or not np.isfinite(floor).all():
+        at = int(missing[0]) if len(missing) else int(np.argmax(~np.isfinite(floor)))
+        place = float(found.lat[these][at]), float(found.lon[these][at])
+        return _Part((), np.full(len(floor), np.nan), math.nan, math.nan, math.nan, place)
+    ceiling = np.maximum(floor + SLACK_M, ground + clearance.max_height_m)
+    order = np.s_[::-1] if back else np.s_[:]
+    begin_m, end_m = (float(one) for one in ends_m[order])
+    levels = _levels(floor[order], ceiling[order])
+    share = share if not back else 1.0 - share[order]
+    knots = [(0.0, levels[0][1])]
+    level_m = np.empty(len(floor))
+    for (start, level), (until, following) in pairwise([*levels, (len(floor), math.nan)]):
+        level_m[start:until] = level
+        if until < len(floor):  # up before what is higher begins, down when it has ended
+            step = float(share[until - 1 if following > level else until])
+            knots += [(step, level), (step, following)]
+    knots.append((1.0, levels[-1][1]))
+    rises = np.diff([height for _, height in knots])
+    up = levels[0][1] - begin_m + float(np.maximum(rises, 0.0).sum())
+    down = levels[-1][1] - end_m + float(np.maximum(-rises, 0.0).sum())
+    above = float((level_m - ground[order]).mean())
+    return _Part(tuple(knots), level_m, up, down, above, None)
+
+
+def _levels(floor: NDArray[np.float64], ceiling: NDArray[np.float64]) -> list[tuple[int, float]]:
+    """Fewest levels between a floor and a ceiling: where each begins, and its height.
+
+    A level goes on until the greatest floor since its beginning is above the least ceiling.
+    """
+    levels: list[tuple[int, float]] = []
+    begin = 0
+    while begin < len(floor):
+        low, high = np.maximum.accumulate(floor[begin:]), np.minimum.accumulate(ceiling[begin:])
+        over = np.flatnonzero(low > high)
+        length = int(over[0]) if len(over) else len(low)
+        least, most = float(low[length - 1]), float(high[length - 1])
+        wanted = least if not levels else min(max(levels[-1][1], least), most)
+        levels.append((begin, math.ceil(round(wanted / STEP_M, 6)) * STEP_M))
+        begin += length
+    return levels
+
+
+def _joined(found: _Samples, parts: Sequence[_Part], ground_m: NDArray[np.float64]) -> WayHeights:
+    """One way of segments flown one after the other; over a station between two the height changes at once."""
+    unknown = next((part.unknown for part in parts if part.unknown is not None), None)
+    begin_m = np.concatenate(([0.0], np.cumsum(found.length_m)))
+    along = found.share * np.repeat(found.length_m, np.diff(found.first)) + np.repeat(
+        begin_m[:-1], np.diff(found.first)
+    )
+    flown = np.concatenate([part.level_m for part in parts])
+    if unknown is not None:
+        nan = math.nan
+        return WayHeights(
+            (), nan, nan, nan, along, found.ground_m, found.top_m, flown, found.obstacle, found.length_m, unknown
+        )
+    knots = [Knot(number, share, height) for number, part in enumerate(parts) for share, height in part.knots]
+    rises = np.diff([knot.height_m for knot in knots])
+    up = knots[0].height_m - ground_m[0] + np.maximum(rises, 0.0).sum()
+    down = knots[-1].height_m - ground_m[-1] + np.maximum(-rises, 0.0).sum()
+    weight = found.length_m / max(float(found.length_m.sum()), 1e-9)
+    above = float(weight @ np.array([part.mean_above_m for part in parts]))
+    return WayHeights(
+        tuple(knots),
+        float(up),
+        float(down),
+        above,
+        along,
+        found.ground_m,
+        found.top_m,
+        flown,
+        found.obstacle,
+        found.length_m,
+    )

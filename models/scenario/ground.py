@@ -1,0 +1,90 @@
+"""A scenario over a terrain model: grounds filled in and compared, and what does not fit together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import height_text, place_text
+from skyway.models.flight.way_heights import Over
+from skyway.models.terrain.obstacles import FOOT_M
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from skyway.models.network.network import Network
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.terrain.terrain import Terrain
+
+DIFFER_M = 15.0
+"""Grounds of a station and of the terrain model that differ by more are told: a roof, or another datum or unit."""
+FEW = 4
+"""So many stations at least must differ alike before their unit is doubted."""
+
+
+def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
+    """Return a scenario that is flown over a terrain model; an `InputError` says that it lies elsewhere.
+
+    Grounds that stations lack are filled in. What differs, what is not known, and segments that are left out for it are told in
+    its warnings.
+    """
+    network = scenario.network
+    ground_m = terrain.ground_m(network.lat, network.lon)
+    if not np.isfinite(ground_m).any():
+        raise InputError(_elsewhere(network, terrain))
+    flown = network.over_terrain(Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m))
+    notes = (*terrain.notes, *_unknown(network, flown, ground_m))
+    flown = replace(flown, over=Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m, notes))
+    warnings = (*scenario.warnings, *notes, *_differences(network, ground_m))
+    return replace(scenario, network=flown, warnings=warnings)
+
+
+def _elsewhere(network: Network, terrain: Terrain) -> Fault:
+    """What is wrong where a terrain model has no height at any station."""
+    south, west, north, east = terrain.raster_box()
+    here = place_text(float(np.median(network.lat)), float(np.median(network.lon)))
+    box = f"{south:g} to {north:g} N, {west:g} to {east:g} E"
+    swapped = terrain.ground_m(*(np.clip(one, -90.0, 90.0) for one in (network.lon, network.lat)))
+    remedy = f"take the tiles about {here}"
+    if np.isfinite(swapped).any():
+        remedy = "lat and lon of the stations look swapped"
+    return Fault(
+        f"no height at any station: the terrain model reaches over {box}", terrain.files[0], value=here, remedy=remedy
+    )
+
+
+def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
+    """Tell of stations whose ground is not that of the terrain model."""
+    off = network.ground_m - ground_m
+    known = np.isfinite(off)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = network.ground_m[known] / ground_m[known]
+    high = ratio[np.abs(ground_m[known]) > 2.0 * DIFFER_M]
+    if len(high) >= FEW:
+        for name, factor, where in (("stations", 1.0 / FOOT_M, "elevation_m"), ("terrain", FOOT_M, "FILE@ft says so")):
+            if abs(float(np.median(high)) / factor - 1.0) < 0.1:
+                yield f"the grounds of the {name} look like feet taken for metres ({where})"
+                return
+    if int(known.sum()) >= FEW and float(np.ptp(off[known])) < DIFFER_M < abs(float(np.median(off[known]))):
+        shift = height_text(abs(float(np.median(off[known]))))
+        yield f"all stations are {'above' if np.median(off[known]) > 0 else 'below'} the terrain by about {shift}: does one of them count from the ellipsoid?"  # fmt: skip
+        return
+    for node in np.flatnonzero(known & (np.abs(off) > DIFFER_M)):
+        station = network.stations[node]
+        yield f"station {station.id}: ground {height_text(station.elevation_m)}, and {height_text(float(ground_m[node]))} by the terrain model"  # fmt: skip
+
+
+def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
+    """Tell of stations and segments over ground that is not known."""
+    missing = [network.stations[node].id for node in np.flatnonzero(np.isnan(ground_m))]
+    if missing:
+        some = ", ".join(missing[:4]) + (", …" if len(missing) > 4 else "")
+        yield f"{len(missing)} stations lie over a void of the terrain model, or beyond it: {some}"
+    lost = len(network.tail) - len(flown.tail)
+    if lost:
+        yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are left out"
