@@ -104,9 +104,11 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
                 seed=region.seed + number,
             )
             notes.append(f"{one.model}: {courses.note}")
-            if len(courses.north) > len(labels):
-                labels = tuple(str(member) for member in range(len(courses.north)))
-                weight = np.full(len(labels), 1.0 / len(labels))
+            if courses.each > 1:
+                labels = tuple(
+                    f"{name}.{number}".lstrip(".") for name in labels for number in range(1, courses.each + 1)
+                )
+                weight = np.repeat(weight / courses.each, courses.each)
             north, east = courses.north, courses.east
         parts.append(
             (

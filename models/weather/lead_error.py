@@ -55,6 +55,8 @@ class LeadError(msgspec.Struct, frozen=True, kw_only=True):
     """(north, east) of the forecast, to be taken off; empty: none."""
     spread_factor: tuple[float, ...] = ()
     """What the members' distance from their mean is to be multiplied by; empty: 1."""
+    added_mps: tuple[float, ...] = ()
+    """Standard deviation of a component that each member is given besides; empty: what is missing to `sigma_mps`."""
     tau_s: float = _RESIDUAL.tau_s
     """In which errors fade."""
     pairs: int = 0
@@ -84,16 +86,22 @@ def read_lead_error(path: Path) -> LeadError:
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"is no file of forecast errors: {error}", str(path), remedy=remedy) from error
     count = len(found.lead_h)
-    numbers = [*found.lead_h, *found.sigma_mps, *found.spread_factor, *(one for pair in found.bias_mps for one in pair)]
+    numbers = [
+        *found.lead_h,
+        *found.sigma_mps,
+        *found.spread_factor,
+        *found.added_mps,
+        *(one for pair in found.bias_mps for one in pair),
+    ]
     sound = (
         found.schema == SCHEMA
         and count > 0
         and len(found.sigma_mps) == count
-        and all(len(one) in (0, count) for one in (found.bias_mps, found.spread_factor))
+        and all(len(one) in (0, count) for one in (found.bias_mps, found.spread_factor, found.added_mps))
         and all(math.isfinite(one) for one in numbers)
         and all(low < high for low, high in zip(found.lead_h, found.lead_h[1:], strict=False))
         and all(0.0 < one <= 30.0 for one in found.sigma_mps)
-        and all(0.0 <= one <= 30.0 for one in found.spread_factor)
+        and all(0.0 <= one <= 30.0 for one in (*found.spread_factor, *found.added_mps))
         and 0.0 < found.height_m <= 1000.0
         and 0.0 < found.tau_s <= 30 * 86_400.0
     )
@@ -113,6 +121,8 @@ class Courses:
 
     north: NDArray[np.float64]
     east: NDArray[np.float64]
+    each: int
+    """So many in a row are of one member."""
     note: str
 
 
@@ -145,7 +155,7 @@ def with_errors(
     slot_s : float
         Length of a slot.
     members : int
-        So many courses are made of a single one.
+        About so many courses are made, of each member as many; never fewer than there are.
     seed : int
         Of the random numbers.
     """
@@ -161,31 +171,43 @@ def with_errors(
         north, east = (middle + stretch * (part - middle) for part, middle in zip((north, east), mean, strict=True))
         variance = 0.5 * (north.var(axis=0, ddof=1) + east.var(axis=0, ddof=1))
         missing = np.sqrt(np.maximum(wanted[:, None] ** 2 - variance, 0.0))
-        count, note = given, "members spread so far that they err as such forecasts do"
+        if error.added_mps:
+            missing = np.repeat(factor * error.at(error.added_mps, lead_s, 0.0)[:, None], north.shape[2], axis=1)
+        each = max(round(members / given), 1) if missing.any() else 1
+        note = "its members are spread so far that they err as such forecasts do"
     else:
         missing = np.broadcast_to(wanted[:, None], north.shape[1:])
-        count = max(2 * (members // 2), 2) if wanted.any() else 1
+        each = max(2 * (members // 2), 2) if wanted.any() else 1
         note = "its one course is given errors"
-        north, east = np.repeat(north, count, axis=0), np.repeat(east, count, axis=0)
-    noise = _noise(count, north.shape[1:], distance_m, error.tau_s, slot_s, seed)
+    north, east = np.repeat(north, each, axis=0), np.repeat(east, each, axis=0)
+    noise = _noise(given, each, north.shape[1:], distance_m, error.tau_s, slot_s, seed)
     note = f"{note}: {error.source}, {wanted[0]:.1f} m/s a component at first"
-    return Courses(north + missing * noise[0], east + missing * noise[1], note)
+    return Courses(north + missing * noise[0], east + missing * noise[1], each, note)
 
 
 def _noise(
-    count: int, shape: tuple[int, ...], distance_m: NDArray[np.float64], tau_s: float, slot_s: float, seed: int
+    given: int,
+    each: int,
+    shape: tuple[int, ...],
+    distance_m: NDArray[np.float64],
+    tau_s: float,
+    slot_s: float,
+    seed: int,
 ) -> NDArray[np.float64]:
-    """Errors of variance 1, alike nearby and for a while, in pairs of opposite sign, shape (2, members, slots, places)."""
+    """Errors of variance 1, alike nearby and for a while, shape (2, members, slots, places).
+
+    They come in pairs of opposite sign, of neighbours: what is made of one member has its course on average.
+    """
     slots, places = shape
     rng = np.random.default_rng(seed)
     alike = np.exp(-distance_m / _RESIDUAL.length_m) + 1e-9 * np.eye(places)
     root = np.linalg.cholesky(alike)
-    half = (count + 1) // 2
-    fresh = rng.standard_normal((slots, 2, half, places)) @ root.T
+    count = given * each
+    fresh = rng.standard_normal((slots, 2, (count + 1) // 2, places)) @ root.T
     keep = math.exp(-slot_s / tau_s)
     found = np.empty_like(fresh)
     found[0] = fresh[0]
     for slot in range(1, slots):
         found[slot] = keep * found[slot - 1] + math.sqrt(1.0 - keep**2) * fresh[slot]
-    both = np.concatenate((found, -found), axis=2)[:, :, :count]
+    both = np.stack((found, -found), axis=3).reshape(slots, 2, -1, places)[:, :, :count]
     return np.moveaxis(both, 0, 2)

@@ -264,8 +264,6 @@ def wind_forecast(
         speed, direction = parse_wind(wind)
         lat, lon = float(scenario.network.lat.mean()), float(scenario.network.lon.mean())
         return constant_wind(speed, direction, depart, HORIZON_H, lat, lon, scenario.rules.cruise_height_m)
-    if error is not None and not forecast:
-        raise InputError("--forecast-error goes with --forecast", remedy="give the forecast, too")
     if forecast:
         return scenario.forecast_from(forecast, depart, HORIZON_H, error=error, truth=day)
     if scenario.history is None and not scenario.has_forecast and truth is not None:

@@ -122,6 +122,9 @@ class ConditionOptions:
         if self.wind is not None and self.observed:
             remedy = "leave one of them out: a constant wind knows of no other"
             raise InputError("--wind and --observed exclude each other", remedy=remedy)
+        if self.forecast_error is not None and not self.forecast:
+            remedy = "give the forecast, too; for a scenario's own: [forecast] error"
+            raise InputError("goes with --forecast", field="--forecast-error", remedy=remedy)
         by_record = self.wind is None and not self.forecast
         of_scenario = self.for_now and by_record and not self.observed
         given = scenario.observed_wind if of_scenario else tuple(self.observed or ())

@@ -4,7 +4,6 @@ import json
 import sys
 
 import pytest
-
 import weather_files as wf
 
 from skyway.cli.main import main
@@ -121,3 +120,35 @@ def test_a_forecast_for_drones_to_update_may_have_any_form(capsys, tmp_path, wes
     assert code == 0, err
     code, out, _ = run(capsys, "wind", *REQUEST[6:], "--forecast", str(table), "--hours", "2", "--json")
     assert (code, abs(json.loads(out)["hours"][0]["from_deg"] - 270.0) < 15.0) == (0, True)
+
+
+def test_verify_learns_an_error_that_plan_uses(capsys, tmp_path, westerly):
+    seen = tmp_path / "seen.csv"
+    rows = [
+        f"2013-07-10T{hour}:{minute}0Z,JFK,{5 + hour % 3},{260 + minute}"
+        for hour in range(12, 21)
+        for minute in range(6)
+    ]
+    seen.write_text("time,site,speed_mps,from_deg\n" + "\n".join(rows))
+    learnt, picture = tmp_path / "e.json", tmp_path / "e.svg"
+    words = ("weather", "verify", str(westerly), "--observed", str(seen), "-o", str(learnt), "--plot", str(picture))
+    code, out, err = run(capsys, *words)
+    assert code == 0, err
+    assert "bias" in out
+    assert picture.stat().st_size > 2000
+    code, out, err = run(capsys, *words, "--force", "--json")
+    assert (code, json.loads(out)["learnt"]["pairs"]) == (0, 54)
+    code, out, err = run(
+        capsys,
+        "wind",
+        *REQUEST[6:],
+        "--forecast",
+        str(westerly),
+        "--forecast-error",
+        str(learnt),
+        "--json",
+        "--hours",
+        "2",
+    )
+    assert code == 0, err
+    assert run(capsys, "wind", *REQUEST[6:], "--forecast-error", str(learnt))[0] == 2

@@ -221,3 +221,100 @@ def show(
         typer.echo(json_text(report, indent=1))
         return
     print_weather(found, report)
+
+
+@weather.command("verify")
+def verify(
+    files: Files,
+    observed: Annotated[
+        str | None,
+        typer.Option(
+            help="What was observed: METARs, or a table as for plan --observed. Without it: the scenario's wind record."
+        ),
+    ] = None,
+    scenario: log_options.ScenarioName = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Write the learnt error by lead time, for plan --forecast-error: FILE.json."
+        ),
+    ] = None,
+    plot: options.Plot = None,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
+) -> None:
+    """Compare forecasts with what was observed, by lead time, and learn their error from it.
+
+    Bias, RMSE, CRPS, and the spread of members against the error of their mean. What is learnt is a calibration of the members (EMOS).
+
+    Examples
+    --------
+      skyway weather verify forecasts/ --observed metars.txt --scenario my-scenario -o error.json --plot error.svg
+      skyway plan my-scenario --forecast forecasts/ --forecast-error error.json --from depot --to clinic --payload 1.2
+    """
+    from skyway.cli.views.weather import VerificationReport, print_verification
+    from skyway.models.base.files import write_atomically
+    from skyway.models.weather.lead_error import lead_error_text
+    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.region_files import listed
+    from skyway.models.weather.verification import learn, pairs_of, scores
+    from skyway.models.wind.history import station_places
+
+    options.refuse_overwriting(output, plot, force=force)
+    options.check_picture(plot)
+    world = log_options.load_named(scenario)
+    paths = listed(files)
+    found = read_weather(
+        paths, near_s=_near_s(observed), stations=station_places(world.wind_sites), height_m=world.measured_at_m
+    )
+    seen = _seen(world, observed, float(found[0].times_s[0]))
+    pairs = pairs_of([one for one in found if one.form != "METAR"], seen, world.rules.wind_profile_exponent)
+    source = f"learnt from {len(pairs):,} comparisons ({', '.join(dict.fromkeys(one.model for one in found))})"
+    heights = [one.height_m for one in seen if math.isfinite(one.height_m)]
+    learnt = learn(pairs, source, heights[0] if heights else world.measured_at_m)
+    report = VerificationReport(pairs=len(pairs), leads=tuple(scores(pairs)), learnt=learnt)
+    if output is not None:
+        write_atomically(output, lead_error_text(learnt), force=force)
+    if plot is not None:
+        from skyway.plots.verification import plot_verification
+
+        plot_verification(report.leads, plot)
+    options.say_written(output, plot)
+    if as_json:
+        typer.echo(json_text(report, indent=1))
+        return
+    print_verification(report)
+
+
+def _near_s(observed: str | None) -> float | None:
+    """What TAFs without a month are near to: the date that a file of observations begins with, else now."""
+    if observed is None or not Path(observed).is_file():
+        return None
+    from skyway.models.base.files import read_text
+    from skyway.models.base.units import parse_instant
+
+    for word in read_text(Path(observed), max_bytes=4 * 1024 * 1024)[:4000].replace(",", " ").split():
+        try:
+            return parse_instant(word).timestamp()
+        except InputError:
+            continue
+    return None
+
+
+def _seen(world: Scenario, observed: str | None, near_s: float) -> list[WindObservation]:
+    """What was observed: in a file, or the scenario's record."""
+    from skyway.models.wind.estimation.field import WindObservation
+    from skyway.models.wind.observed.reading import read_observed
+
+    if observed is not None:
+        told = read_observed(observed, world.wind_sites, world.measured_at_m, near_s)
+        return [one.observation for one in told.winds if one.from_deg is not None]
+    record = world.history
+    if record is None:
+        raise InputError(
+            "the scenario has no wind record", world.path, remedy="hand over what was observed with --observed"
+        )
+    return [
+        WindObservation(record.start_s + slot * record.slot_s, site.lat, site.lon, float(record.north[slot, k]), float(record.east[slot, k]), 1.0, record.measured_at_m)
+        for slot in range(len(record)) if record.complete[slot] for k, site in enumerate(record.sites)
+    ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Output of what weather files hold."""
+"""Output of what weather files hold, and of how forecasts compare with observations."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from skyway.models.weather.weather import EAST, FROM, GUST, NORTH, SPEED, UNITS,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.models.weather.lead_error import LeadError
+    from skyway.models.weather.verification import LeadScore
     from skyway.models.weather.weather import Weather
 
 SHOWN_OTHERS = 8
@@ -189,3 +191,37 @@ def _print_fields(told: IssueReport) -> None:
         ]
         sheet.add(f"  {shown}", f"{one.height_m:g}", *digits, one.unit, f"{100.0 * one.missing:.0f} %")
     sheet.show()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerificationReport:
+    """Forecasts compared with observations."""
+
+    schema: str = "skyway.weather-verification/1"
+    pairs: int
+    leads: tuple[LeadScore, ...]
+    learnt: LeadError
+
+
+def print_verification(report: VerificationReport) -> None:
+    """Print the scores by lead for people."""
+    several = bool(report.learnt.spread_factor)
+    sheet = Sheet(
+        [
+            Column("lead", "h", words="lead {} h"), Column("pairs"), Column("bias", "m/s"), Column("RMSE", "m/s"), Column("CRPS", "m/s"),
+            Column("calibrated", "m/s"), Column("RMSE comp.", "m/s"), Column("spread", "m/s"),
+        ]
+    )  # fmt: skip
+    for one in report.leads:
+        better = f"{one.calibrated_crps_mps:.2f}" if math.isfinite(one.calibrated_crps_mps) else "unknown"
+        sheet.add(
+            f"{one.lead_h:.1f}", f"{one.pairs}", f"{one.speed_bias_mps:+.2f}", f"{one.speed_rmse_mps:.2f}", f"{one.crps_mps:.2f}", better,
+            f"{one.component_rmse_mps:.2f}", f"{one.spread_mps:.2f}" if several else "none",
+        )  # fmt: skip
+    sheet.show()
+    say("")
+    say(
+        "bias, RMSE, CRPS: of the speed; calibrated: CRPS with what was learnt from the other half of the issues, or places"
+    )
+    say("RMSE comp. and spread: of a component of the wind; a good ensemble has as much spread as error")
+    say(f"{report.pairs:,} pairs; errors fade within {duration(report.learnt.tau_s)}")

@@ -243,7 +243,7 @@ def test_a_scenario_names_its_forecasts(tmp_path):
     grib = wf.write_grib(tmp_path / "a.grib2", linear, members=[0, 1, 2], hours=range(0, 13, 3), heights=(10, 80))
     depart = datetime.fromtimestamp(wf.ISSUED_S, UTC) + timedelta(hours=1)
     found = world.forecast_from([tmp_path], depart, 48)
-    assert (len(found), found.height_m, found.lattice) == (3, world.rules.cruise_height_m, (4, 4))
+    assert (len(found), found.height_m, found.lattice) == (60, world.rules.cruise_height_m, (4, 4))
     assert found.slots == 48
     assert "record" in found.then
     with pytest.raises(InputError, match="no such file"):
