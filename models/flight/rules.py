@@ -16,13 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import Fault, refuse
-<<<<<<< HEAD
-from skyway.models.flight.heights import wind_factors
-=======
 from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.heights import above_factors, wind_factors
-from skyway.models.wind.interpolation import idw_weights
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -111,19 +106,13 @@ def air_over(
     airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
     _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-<<<<<<< HEAD
-    ground_m = network.ground_m[network.tail], network.ground_m[network.head]
-    weight = network.site_weights(wind.site_lat, wind.site_lon, wind.lattice) * wind_factors(rules, ground_m)[:, None]
-    air = _air(wind, weight, network.bearing_deg, network.distance_m, airspeed_mps, drone.max_ground_speed_mps)
-=======
     factors = segment_factors(network, rules, np.arange(len(network.tail)))
-    weight = network.site_weights(wind.site_lat, wind.site_lon) * factors[:, None]
+    weight = network.site_weights(wind.site_lat, wind.site_lon, wind.lattice) * factors[:, None]
     distance_m = network.distance_m
     if network.flown is not None:
         extra_m = network.flown.up_m - rules.cruise_height_m, network.flown.down_m - rules.cruise_height_m
         distance_m = distance_m + drone.max_ground_speed_mps * lifts_s(rules, *extra_m, power)
     air = _air(wind, weight, network.bearing_deg, distance_m, airspeed_mps, drone.max_ground_speed_mps)
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
     return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
 
 

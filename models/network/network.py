@@ -14,12 +14,8 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-<<<<<<< HEAD
-from skyway.models.wind.interpolation import site_weights, weights_at
-=======
 from skyway.models.flight.way_heights import segment_heights
-from skyway.models.wind.interpolation import idw_weights, weights_at
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
+from skyway.models.wind.interpolation import site_weights, weights_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

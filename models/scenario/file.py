@@ -102,11 +102,8 @@ class _Reader:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
         observed = self._observed(self.top.table("observed"))
-<<<<<<< HEAD
         forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
-=======
         terrain = self._terrain()
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)

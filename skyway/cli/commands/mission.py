@@ -211,14 +211,10 @@ def check(
     options.refuse_overwriting(plot, force=force)
     document = read(file)
     region = None if scenario is None else load_scenario(scenario)
-<<<<<<< HEAD
-    conditions = _conditions(region, drone, _weather(region, wind, depart, forecast), payload, soc, reserve)
-=======
     over = _over(region, terrain, obstacles, clearance)
     if plot is not None and over is None:
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
-    conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
+    conditions = _conditions(region, drone, _weather(region, wind, depart, forecast), payload, soc, reserve)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,
@@ -240,11 +236,6 @@ def check(
         raise typer.Exit(1)
 
 
-<<<<<<< HEAD
-def _weather(
-    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None
-) -> Weather | None:
-=======
 def _over(
     region: Scenario | None, terrain: list[str] | None, obstacles: list[str] | None, clearance_m: float | None
 ) -> Over | None:
@@ -272,8 +263,9 @@ def _over(
     return replace(over, clearance=replace(over.clearance, least_m=clearance_m))
 
 
-def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
->>>>>>> 620fd2a (Legs over a terrain model are flown in level steps that keep a clearance)
+def _weather(
+    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None
+) -> Weather | None:
     from skyway.missions import ForecastWind, SteadyWind
 
     if wind is not None:
