@@ -246,7 +246,7 @@ def _emos(left: NDArray[np.float64], variance: NDArray[np.float64]) -> tuple[flo
     def loss(roots: NDArray[np.float64]) -> float:
         sigma = np.sqrt(np.maximum(roots[0] ** 2 + roots[1] ** 2 * variance, 1e-6))[:, None]
         found = float(gaussian_crps(left, np.broadcast_to(sigma, left.shape)).mean())
-        return found + STRETCH_COST * math.sqrt(total) * (roots[1] ** 2 - 1.0) ** 2
+        return found + STRETCH_COST * math.sqrt(total) * (float(roots[1]) ** 2 - 1.0) ** 2
 
     begin = np.array([math.sqrt(max(total - float(variance.mean()), 0.04 * total)), 1.0])
     best = minimize(loss, begin, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-5})

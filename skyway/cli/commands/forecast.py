@@ -318,3 +318,77 @@ def _seen(world: Scenario, observed: str | None, near_s: float) -> list[WindObse
         WindObservation(record.start_s + slot * record.slot_s, site.lat, site.lon, float(record.north[slot, k]), float(record.east[slot, k]), 1.0, record.measured_at_m)
         for slot in range(len(record)) if record.complete[slot] for k, site in enumerate(record.sites)
     ]  # fmt: skip
+
+
+def _providers() -> list[str]:
+    """Names of services, for completion."""
+    from skyway.fetching.providers import PROVIDERS
+
+    return list(PROVIDERS)
+
+
+@weather.command("fetch")
+def fetch(
+    provider: Annotated[
+        str,
+        typer.Option(
+            help="Service: open-meteo, open-meteo-ensemble, hrrr, gfs, gefs, ifs-ensemble, taf.",
+            autocompletion=_providers,
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File to write: JSON, GRIB or text, as the service gives it.")
+    ],
+    region: Annotated[
+        str | None, typer.Option("--region", help="Scenario whose region is wanted (newyork: built in).")
+    ] = None,
+    hours: Annotated[int, typer.Option(help="Hours from the departure on.", min=1, max=120)] = 12,
+    depart: Annotated[str | None, typer.Option(help="Departure with UTC offset. Without it: now.")] = None,
+    server: Annotated[str | None, typer.Option(help="Another server with the service's interface: https://…")] = None,
+    api_key: Annotated[
+        str | None,
+        typer.Option(help="Key of a paid service of Open-Meteo.", envvar="SKYWAY_WEATHER_API_KEY", show_envvar=True),
+    ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither keep parts of files nor use those that were kept.")
+    ] = False,
+    force: options.Force = False,
+) -> None:
+    """Fetch a forecast for the region of a scenario, and say under which licence it is.
+
+    This is the only command that speaks with a weather service. Of GRIB files only the fields that are used are fetched, by their index.
+
+    Examples
+    --------
+      skyway weather fetch --provider open-meteo --region my-scenario --hours 12 -o today.json
+      skyway weather fetch --provider hrrr --region newyork --hours 6 -o hrrr.grib2
+    """
+    from skyway.fetching.client import Client, cache_folder
+    from skyway.fetching.providers import PROVIDERS, Wanted
+    from skyway.models.base.files import write_atomically
+    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.weather import Box
+    from skyway.models.wind.history import station_places
+
+    if provider not in PROVIDERS:
+        raise InputError(
+            "no such provider", field="--provider", value=provider, remedy=f"one of {', '.join(PROVIDERS)}"
+        )
+    options.refuse_overwriting(output, force=force)
+    chosen, world = PROVIDERS[provider], log_options.load_named(region)
+    begin = options.parse_depart(depart)
+    box = Box.around(world.network.lat, world.network.lon)
+    stations = tuple(name for name in station_places(world.wind_sites) if len(name) == 4)
+    wanted = Wanted(box, begin, hours, stations, api_key=api_key)
+    typer.echo(f"{provider} ({chosen.about}): {chosen.licence}", err=True)
+    client = Client(None if no_cache else cache_folder())
+    data = chosen.fetch(client, wanted, (server or chosen.server).rstrip("/"))
+    write_atomically(output, data, force=force)
+    kept = f", {client.cached} parts from the cache" if client.cached else ""
+    typer.echo(f"wrote {output}: {len(data) / 1e6:.1f} MB, {client.requests} requests{kept}", err=True)
+    found = read_weather([output], box, near_s=begin.timestamp(), stations=station_places(world.wind_sites))
+    for one in found:
+        one.needs_wind()
+        if one.times_s[-1] < begin.timestamp() + hours * 3600.0 - 1.0:
+            typer.echo(f"skyway: the forecast ends at {from_posix(float(one.times_s[-1])):%Y-%m-%d %H:%MZ}", err=True)
+    typer.echo(f"next: skyway weather {output}", err=True)
