@@ -205,7 +205,7 @@ def show(
       skyway weather ensemble.json --scenario my-scenario
     """
     from skyway.cli.views.weather import print_weather, weather_report
-    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.readers.reading import read_weather
     from skyway.models.weather.weather import Box
     from skyway.models.wind.history import station_places
 
@@ -255,7 +255,7 @@ def verify(
     from skyway.cli.views.weather import VerificationReport, print_verification
     from skyway.models.base.files import write_atomically
     from skyway.models.weather.lead_error import lead_error_text
-    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.readers.reading import read_weather
     from skyway.models.weather.region_files import listed
     from skyway.models.weather.verification import learn, pairs_of, scores
     from skyway.models.wind.history import station_places
@@ -366,7 +366,7 @@ def fetch(
     from skyway.fetching.client import Client, cache_folder
     from skyway.fetching.providers import PROVIDERS, Wanted
     from skyway.models.base.files import write_atomically
-    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.readers.reading import read_weather
     from skyway.models.weather.weather import Box
     from skyway.models.wind.history import station_places
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.reading import read_weather
+from skyway.models.weather.readers.reading import read_weather
 
 SPEED = {"wind_speed_10m": "km/h", "wind_direction_10m": "°"}
 

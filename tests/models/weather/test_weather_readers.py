@@ -9,8 +9,8 @@ import pytest
 import weather_files as wf
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.grib import loaded_eccodes
-from skyway.models.weather.reading import read_weather
+from skyway.models.weather.readers.grib import loaded_eccodes
+from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.weather import EAST, GUST, NORTH, Box, FieldKey
 from skyway.models.wind.triangle import speed_from, vector
 

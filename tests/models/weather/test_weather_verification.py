@@ -129,7 +129,7 @@ def test_forecasts_at_another_height_are_brought_to_that_of_the_observations(tmp
     path = wf.write_grib(
         tmp_path / "a.grib2", lambda _m, _h, z, lat, _lon: (z**0.3 + 0 * lat, 0 * lat), hours=(0, 1), heights=(10, 80)
     )
-    from skyway.models.weather.reading import read_weather
+    from skyway.models.weather.readers.reading import read_weather
 
     seen = [WindObservation(wf.ISSUED_S + 1800.0, 40.7, -74.0, 0.0, 40.0**0.3, 1.0, 40.0)] * 20
     (score,) = scores(pairs_of(read_weather([path]), seen, 0.2))

@@ -12,16 +12,16 @@ import numpy as np
 
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import read_bytes
-from skyway.models.weather.bulletins import is_bulletin, read_bulletin, unwrapped
-from skyway.models.weather.open_meteo import is_open_meteo, read_open_meteo
-from skyway.models.weather.series import assembled
+from skyway.models.weather.readers.bulletins import is_bulletin, read_bulletin, unwrapped
+from skyway.models.weather.readers.open_meteo import is_open_meteo, read_open_meteo
+from skyway.models.weather.readers.series import assembled
 from skyway.models.weather.weather import EAST, NORTH, FieldKey, Places, Weather, joined
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from skyway.models.weather.series import Record
+    from skyway.models.weather.readers.series import Record
     from skyway.models.weather.weather import Box
 
 MAX_BYTES = 2_000_000_000
@@ -82,11 +82,11 @@ def _read(
     if not data.strip():
         raise InputError("is empty", file, remedy=f"hand over {FORMS}")
     if data[:3] == b"CDF" or data[:8] == b"\x89HDF\r\n\x1a\n":
-        from skyway.models.weather.netcdf import read_netcdf
+        from skyway.models.weather.readers.netcdf import read_netcdf
 
         return read_netcdf(data, file, box)
     if re.search(rb"GRIB...[\x01\x02]", data[:4096], re.DOTALL):
-        from skyway.models.weather.grib import read_grib
+        from skyway.models.weather.readers.grib import read_grib
 
         records += read_grib(data, file, box)
         return []

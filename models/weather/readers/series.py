@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.turning import turned
+from skyway.models.weather.readers.turning import turned
 from skyway.models.weather.weather import EAST, MAX_CELLS, NORTH, FieldKey, Weather, with_components
 
 if TYPE_CHECKING:

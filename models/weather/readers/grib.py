@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.grib_messages import MAX_POINTS, messages, plain
-from skyway.models.weather.series import Record
-from skyway.models.weather.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg
+from skyway.models.weather.readers.grib_messages import MAX_POINTS, messages, plain
+from skyway.models.weather.readers.series import Record
+from skyway.models.weather.readers.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg
 from skyway.models.weather.weather import (
     EAST,
     FROM,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.weather.grib_messages import Message, Plain
+    from skyway.models.weather.readers.grib_messages import Message, Plain
     from skyway.models.weather.weather import Box
 
 FAST_PACKINGS = (0, 3, 40, 42)

@@ -19,7 +19,7 @@ import numpy as np
 from skyway.models.base.errors import InputError
 from skyway.models.base.table import FaultCollector
 from skyway.models.base.units import MPS_PER_KNOT
-from skyway.models.weather.taf import STATUTE_MILE_M, is_taf, read_taf
+from skyway.models.weather.readers.taf import STATUTE_MILE_M, is_taf, read_taf
 from skyway.models.weather.weather import (
     FROM,
     GUST,

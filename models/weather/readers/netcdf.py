@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.netcdf_variables import damaged, in_unit, instants, opened
-from skyway.models.weather.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg, turned
+from skyway.models.weather.readers.netcdf_variables import damaged, in_unit, instants, opened
+from skyway.models.weather.readers.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg, turned
 from skyway.models.weather.weather import (
     EAST,
     FROM,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.weather.netcdf_variables import Variable
+    from skyway.models.weather.readers.netcdf_variables import Variable
     from skyway.models.weather.weather import Box
 
 STANDARD = {

@@ -1,0 +1,1 @@
+"""Readers of weather files, one for each form."""
