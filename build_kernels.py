@@ -31,7 +31,7 @@ def build(folder: Path, name: str = "_kernels") -> Path:
     from numba.pycc import CC
 
     sys.path.insert(0, str(ROOT))
-    from skyway.models.jit.library import stamps_of, symbol
+    from skyway.models.jit.library import stamp_for, stamps_of, symbol
 
     folder.mkdir(parents=True, exist_ok=True)
     for old in (*folder.glob(f"{name}.*.so"), stamps_of(folder, name)):
@@ -42,7 +42,7 @@ def build(folder: Path, name: str = "_kernels") -> Path:
     for kernel_name, all_kinds in json.loads(LIST.read_text(encoding="utf-8")).items():
         module, _, function = kernel_name.rpartition(".")
         kernel = getattr(import_module(module), function)
-        stamps[kernel_name] = kernel.skyway_stamp
+        stamps[kernel_name] = stamp_for(kernel.skyway_stamp, all_kinds)
         kernel = getattr(kernel, "compiled", kernel)  # where another library is in use
         for number, kinds in enumerate(all_kinds):
             exported = symbol(kernel_name, number)

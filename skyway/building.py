@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from os import PathLike
 
+    from skyway.models.airspace.airspace import Airspace
     from skyway.models.network.network import ConnectionRule
-    from skyway.models.network.zones import NoFlyZones
     from skyway.models.wind.history import WindHistory
 
 
@@ -31,7 +32,7 @@ def build_scenario(
     rules: FlightRules | None = None,
     load: PadLoad | None = None,
     history: WindHistory | None = None,
-    zones: NoFlyZones | None = None,
+    zones: Airspace | None = None,
     name: str = "scenario",
     timezone: str = "UTC",
 ) -> Scenario:
@@ -51,8 +52,8 @@ def build_scenario(
         Other drones at the stations; None: there are none.
     history : WindHistory or None
         Wind record; without it `skyway.plan` needs a forecast (`skyway.constant_wind` makes one).
-    zones : NoFlyZones or None
-        Segments that cross them are left out.
+    zones : Airspace or None
+        Segments that are closed at all times are left out.
     name, timezone : str
         What people call it; IANA name of local time.
 
@@ -72,6 +73,9 @@ def build_scenario(
     >>> skyway.build_scenario([a, b])
     Scenario(scenario: 2 stations, 2 segments, 1 drone, no wind record)
     """
+    rules = rules or FlightRules()
+    if zones is not None:
+        zones = replace(zones, cruise_height_m=rules.cruise_height_m)
     network = network_of(stations, segments=segments, zones=zones)
     fleet = read_fleet(Path(drones)) if isinstance(drones, str) or hasattr(drones, "__fspath__") else tuple(drones)
     if not fleet:
@@ -85,7 +89,7 @@ def build_scenario(
         name=name,
         network=network,
         drones=fleet,
-        rules=rules or FlightRules(),
+        rules=rules,
         load=load,
         history=history,
         wind_sites=sites,

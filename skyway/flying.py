@@ -16,6 +16,7 @@ from skyway.models.base.formatting import duration, percent, zone_clock
 from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from datetime import datetime
 
     from skyway.link.supervisor.job import Outcome
@@ -31,11 +32,16 @@ FAR_S = 300.0
 
 
 def scenario_of(
-    composition: Composition, folder: Path | None, terrain: list[str] | None = None, obstacles: list[str] | None = None
+    composition: Composition,
+    folder: Path | None,
+    terrain: list[str] | None = None,
+    obstacles: list[str] | None = None,
+    zones: Sequence[Path] = (),
 ) -> Scenario:
     """Read the scenario that a plan was made in, or the one named; stations of the plan that it lacks are added.
 
-    It lies over the terrain that is named, else over that of the plan.
+    It lies over the terrain that is named, else over that of the plan. The zones of more files count beside its own;
+    authorizations are those of the plan.
 
     An `InputError` says that it cannot be found, or has changed since the plan was made.
     """
@@ -56,6 +62,7 @@ def scenario_of(
         scenario = with_terrain(scenario, terrain, obstacles)
     elif composition.terrain is not None:
         scenario = over_plan(composition, scenario)
+    scenario = scenario.with_airspace(zones, composition.authorized)
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]

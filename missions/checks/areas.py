@@ -1,4 +1,4 @@
-"""Check of the route against its fence and no-fly zones.
+"""Check of the route against its fence.
 
 Autopilots test fences in the plane of latitude and longitude, and so does this.
 """
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.geofence import FenceCircle, Geofence
-    from skyway.models.network.zones import NoFlyZones
 
 MAX_FINDINGS = 20
 _CIRCLE_CORNERS = 128
@@ -56,27 +55,11 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
     which = "all inclusion areas at once" if every else "any inclusion area"
     breaches = _outside(_lines(ends), allowed)
     message = f"the way to this item leaves {which}" if len(inside) > 1 else "the way to this item leaves the fence"
-    yield from _breaches(items, breaches, "outside-fence", message, "move the item, or widen the fence")
+    yield from breach_findings(items, breaches, "outside-fence", message, "move the item, or widen the fence")
     crossings = _crossing(_lines(ends), forbidden)
     message = "the way to this item enters an exclusion area of the fence"
-    yield from _breaches(items, crossings, "in-exclusion-area", message, "go around it")
+    yield from breach_findings(items, crossings, "in-exclusion-area", message, "go around it")
     yield from _check_rally(document, route, allowed, forbidden)
-
-
-def check_zones(document: MissionDocument, route: Route, zones: NoFlyZones) -> Iterator[Finding]:
-    """Check the route, and the straight ways from it to the nearest rally points, against no-fly zones."""
-    ends, items = _segments(route)
-    if not items:
-        return
-    crossed = zones.crossed_by(ends[:, 0, 1], ends[:, 0, 0], ends[:, 1, 1], ends[:, 1, 0])
-    message = "the way to this item crosses a no-fly zone"
-    yield from _breaches(items, crossed, "no-fly-zone", message, "go around it")
-    ways = _ways_to_rally(document, route)
-    through = zones.crossed_by(ways[:, 0, 1], ways[:, 0, 0], ways[:, 1, 1], ways[:, 1, 0])
-    found = list(dict.fromkeys(route.steps[int(index)].item for index in np.flatnonzero(through)))
-    if found:
-        message = f"the straight way to the nearest rally point crosses a no-fly zone from {len(found)} items"
-        yield Finding("warning", found[0], "divert-through-zone", message, "move the rally point, or add another")
 
 
 def _broken_areas(fence: Geofence) -> Iterator[Finding]:
@@ -122,7 +105,7 @@ def _segments(route: Route) -> tuple[NDArray[np.float64], list[int]]:
     return np.array(ends, dtype=np.float64).reshape(-1, 2, 2), items
 
 
-def _ways_to_rally(document: MissionDocument, route: Route) -> NDArray[np.float64]:
+def ways_to_rally(document: MissionDocument, route: Route) -> NDArray[np.float64]:
     """Ends of the straight way from each place on the route to the nearest rally point, shape (steps, 2, 2)."""
     import shapely
 
@@ -157,9 +140,10 @@ def _tested(relation: str, area: shapely.Geometry, shapes: NDArray[np.object_]) 
     return np.asarray(getattr(shapely, relation)(area, shapes), dtype=bool)
 
 
-def _breaches(
+def breach_findings(
     items: Sequence[int], breached: NDArray[np.bool_], code: str, message: str, remedy: str
 ) -> Iterator[Finding]:
+    """Return an error for each item that the way to is breached, up to a number of them."""
     found = list(dict.fromkeys(items[int(index)] for index in np.flatnonzero(breached)))
     for item in found[:MAX_FINDINGS]:
         yield Finding("error", item, code, message, remedy)
@@ -187,7 +171,7 @@ def _check_rally(
         yield Finding("error", None, "rally-outside-fence", message, "move it, or widen the fence")
     if bad.any() or not route.steps:
         return
-    ways = _lines(_ways_to_rally(document, route))
+    ways = _lines(ways_to_rally(document, route))
     leaving = _outside(ways, allowed) | _crossing(ways, forbidden)
     steps = route.steps
     found = list(dict.fromkeys(steps[int(index)].item for index in np.flatnonzero(leaving)))

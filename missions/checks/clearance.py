@@ -37,7 +37,7 @@ SLACK_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Knot:
+class Knot:
     """A place of one flight: item, height flown there (NaN: unknown), and ground where known, both above home."""
 
     item: int
@@ -48,7 +48,7 @@ class _Knot:
 
 def check_clearance(mission: Mission, route: Route, stations: Sequence[Station]) -> Iterator[Finding]:
     """Check every flight between the places whose ground is known."""
-    for leg, knots in _flights(mission, route, stations):
+    for leg, knots, _ in flights(mission, route, stations):
         yield from _check_flight(knots, _own_clearance(leg, knots))
 
 
@@ -56,13 +56,14 @@ def items_over_stations(mission: Mission, route: Route, stations: Sequence[Stati
     """Items over known ground: how high above it they are is judged here, not by the heights of the ends."""
     if not stations:
         return frozenset()
-    flights = _flights(mission, route, stations)
-    return frozenset(knot.item for _, knots in flights for knot in knots[1:] if knot.ground_m)
+    known = (knot for _, knots, _ in flights(mission, route, stations) for knot in knots[1:])
+    return frozenset(knot.item for knot in known if knot.ground_m)
 
 
-def _flights(
+def flights(
     mission: Mission, route: Route, stations: Sequence[Station]
-) -> Iterator[tuple[RouteLeg, tuple[_Knot, ...]]]:
+) -> Iterator[tuple[RouteLeg, tuple[Knot, ...], float | None]]:
+    """Yield each flight with its places, and how high above the sea its home is, where that is known."""
     near = NearStations(stations)
     start_m = 0.0
     home_m = mission.home.altitude_m if mission.home is not None else None
@@ -70,7 +71,7 @@ def _flights(
         # where home is above sea level, so that the stations on the way can be compared with the heights
         at_start_m = near.ground_m(leg.start)
         zero_m = home_m if at_start_m is None else at_start_m - start_m
-        yield leg, _knots(mission, leg, start_m, zero_m, near)
+        yield leg, _knots(mission, leg, start_m, zero_m, near), zero_m
         start_m = next_ground_m(mission, leg)
         if leg.ground_hold_s is None:
             home_m = None  # home moves at the next arming, and only a station tells how high it is there
@@ -78,7 +79,7 @@ def _flights(
 
 def _knots(
     mission: Mission, leg: RouteLeg, start_m: float, zero_m: float | None, near: NearStations
-) -> tuple[_Knot, ...]:
+) -> tuple[Knot, ...]:
     """Return the places of a flight at the height that it passes them, from the end of the climb to the landing."""
     steps = leg.steps[:-1] if leg.landing == "return" else leg.steps  # the height of a return is the vehicle's own
     if leg.start is None or not steps:
@@ -87,7 +88,7 @@ def _knots(
     lat, lon = np.array([step.point.lat for step in steps]), np.array([step.point.lon for step in steps])
     from_start, _ = geodesy.inverse(leg.start.lat, leg.start.lon, lat, lon)
     to_end, _ = geodesy.inverse(lat[-1], lon[-1], lat, lon)
-    knots = [_Knot(steps[0].item, leg.start, _height_m(mission, steps[0]), start_m)]
+    knots = [Knot(steps[0].item, leg.start, _height_m(mission, steps[0]), start_m)]
     for index, step in enumerate(steps):
         lands = mission.items[step.item].command in LAND_COMMANDS
         ground = start_m if from_start[index] < SAME_PLACE_M else None
@@ -98,7 +99,7 @@ def _knots(
             ground = at_station_m - zero_m
         # a landing is flown to at the height before it, and then straight down
         height = knots[-1].height_m if lands else _height_m(mission, step)
-        knots.append(_Knot(step.item, step.point, height, ground))
+        knots.append(Knot(step.item, step.point, height, ground))
     return tuple(knots)
 
 
@@ -131,7 +132,7 @@ def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
     return last.height_m if comes_down else None
 
 
-def _own_clearance(leg: RouteLeg, knots: Sequence[_Knot]) -> float:
+def _own_clearance(leg: RouteLeg, knots: Sequence[Knot]) -> float:
     """Least height that the mission keeps where it knows the ground; 0 where an end is not known."""
     if leg.landing != "land" or len(knots) < 2 or knots[1].ground_m is None or knots[-1].ground_m is None:
         return 0.0
@@ -139,7 +140,7 @@ def _own_clearance(leg: RouteLeg, knots: Sequence[_Knot]) -> float:
     return max(0.0, min(over)) if all(map(math.isfinite, over)) else 0.0
 
 
-def _check_flight(knots: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
+def _check_flight(knots: Sequence[Knot], own_m: float) -> Iterator[Finding]:
     """Judge each segment with an end of known ground; places on one straight line are one segment."""
     known = [index for index, knot in enumerate(knots) if knot.ground_m is not None]
     for first, last in pairwise(known):
@@ -155,7 +156,7 @@ def _check_flight(knots: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
         yield from _check_open_end(knots[known[-1]], knots[known[-1] + 1])
 
 
-def _check_segment(way: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
+def _check_segment(way: Sequence[Knot], own_m: float) -> Iterator[Finding]:
     """Judge a straight way between two places of known ground."""
     grounds = [knot.ground_m for knot in (way[0], way[-1]) if knot.ground_m is not None]
     ground, slopes = max(grounds), max(grounds) - min(grounds) > SLACK_M
@@ -167,7 +168,7 @@ def _check_segment(way: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
         yield _finding("warning", item, lowest.height_m, ground, own_m)
 
 
-def _check_open_end(known: _Knot, other: _Knot) -> Iterator[Finding]:
+def _check_open_end(known: Knot, other: Knot) -> Iterator[Finding]:
     """Judge a way between a place of known ground and one of unknown ground."""
     ground = known.ground_m
     if ground and known.height_m <= ground:  # 0 is told by the check of heights
@@ -185,7 +186,7 @@ def _finding(severity: Severity, item: int, height_m: float, ground_m: float, ow
     return Finding(severity, item, "below-clearance", message, remedy)
 
 
-def _is_straight(way: Sequence[_Knot]) -> bool:
+def _is_straight(way: Sequence[Knot]) -> bool:
     """Whether a way is one line in plan and in height: one segment, split or not."""
     if len(way) == 2:
         return True

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.registry import family_of
-from skyway.missions.checks.areas import check_fence, check_zones
+from skyway.missions.checks.airspace import check_airspace
+from skyway.missions.checks.areas import check_fence
 from skyway.missions.checks.clearance import check_clearance
 from skyway.missions.checks.energy import FlightConditions, LegEnergy, leg_energies
 from skyway.missions.checks.holds import BATTERY_EMPTY, check_energy
@@ -32,12 +33,14 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Route
+    from skyway.models.airspace.airspace import Airspace
     from skyway.models.composition.heights import LegHeights
     from skyway.models.flight.way_heights import Over
-    from skyway.models.network.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
 MAX_PER_KIND = 20
+AIRSPACE_CODES = ("no-fly-zone", "above-max-height")
+"""Of findings that a flight is forbidden by its airspace."""
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
@@ -63,8 +66,9 @@ def check(
     *,
     dialect: Family | None = None,
     conditions: FlightConditions | None = None,
-    zones: NoFlyZones | None = None,
+    zones: Airspace | None = None,
     over: Over | None = None,
+    depart_s: float | None = None,
 ) -> CheckReport:
     """Check any mission: is it complete, can the autopilot fly it, does the battery last, does it stay in its fence.
 
@@ -77,8 +81,10 @@ def check(
     conditions : FlightConditions, optional
         Vehicle, package, charge and wind; by default the built-in M200 V2, empty, in still air, and what it cannot
         do is a warning then.
-    zones : NoFlyZones, optional
-        No-fly zones.
+    zones : Airspace, optional
+        Zones, and the greatest height above ground.
+    depart_s : float, optional
+        First take-off, POSIX seconds; without it zones count at all times.
     over : Over, optional
         Terrain model that it is flown over; without one the ground is known at home, landings and stations alone.
     """
@@ -118,7 +124,10 @@ def check(
     if autopilot is not None:
         findings += autopilot.cannot_fly(document)
     if zones is not None:
-        findings += check_zones(document, route, zones)
+        most = flown_by.drone.max_height_m
+        findings += check_airspace(
+            document, route, zones, flown_by.stations, legs, depart_s=depart_s, max_height_m=most, over=over
+        )
     findings.sort(key=lambda f: (_ORDER[f.severity], -1 if f.item is None else f.item))
     if not judged:
         legs = tuple(replace(leg, time_s=None, energy_wh=None, soc_end=None, p_reserve=None) for leg in legs)

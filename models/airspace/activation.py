@@ -9,6 +9,8 @@ from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import date_clock
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -107,7 +109,7 @@ _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 def _period_text(period: Period) -> str:
     dates = [
-        f"{word} {datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%MZ}"
+        f"{word} {date_clock(datetime.fromtimestamp(time_s, UTC))}Z"
         for word, time_s in (("from", period.begin_s), ("until", period.end_s))
         if math.isfinite(time_s)
     ]
@@ -116,7 +118,7 @@ def _period_text(period: Period) -> str:
 
 def _window_text(window: Window) -> str:
     days = "daily" if window.days == EVERY_DAY else " ".join(_DAYS[day] for day in sorted(window.days))
-    clock = [f"{int(time_s // 3600):02d}:{int(time_s % 3600 // 60):02d}" for time_s in (window.begin_s, window.end_s)]
+    clock = [str(timedelta(seconds=time_s % DAY_S))[:-3] for time_s in (window.begin_s, window.end_s)]
     return f"{days} {clock[0]}-{clock[1]} {window.zone}"
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base import geodesy
+from skyway.models.base.formatting import distance_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -24,6 +25,8 @@ CORNERS = 96
 THIN_M = 100.0
 """What is a line or a point is widened by so much."""
 MAX_RADIUS_M = 1_000_000.0
+WIDER = 1.011
+"""Margins grow by this, for the arcs of 32 corners about a corner (1 / cos(pi / 32)), and degrees of latitude of 110.6 km."""
 Place = tuple[float, float]
 """Longitude and latitude, degrees."""
 
@@ -35,7 +38,7 @@ def circle(lon: float, lat: float, radius_m: float, notes: Notes) -> shapely.Geo
     if not _sound([(lon, lat)], notes):
         return None
     if not 0.0 < radius_m <= MAX_RADIUS_M:
-        notes.wrong("radius", "out of range", radius_m, f"above 0 and up to {MAX_RADIUS_M:.0f} m")
+        notes.wrong("radius", "out of range", radius_m, f"above 0 and up to {distance_text(MAX_RADIUS_M)}")
         return None
     bearing = np.linspace(0.0, 360.0, CORNERS, endpoint=False)
     return shapely.Polygon(_around(lon, lat, radius_m / math.cos(math.pi / CORNERS), bearing))
@@ -109,7 +112,7 @@ def widened(areas: Sequence[shapely.Geometry], margin_m: float) -> NDArray[np.ob
     cos_lat = np.cos(np.radians(np.minimum(np.maximum(np.abs(bounds[:, 1]), np.abs(bounds[:, 3])) + 0.01, 89.0)))
     xy, of = shapely.get_coordinates(found, return_index=True)
     scaled = shapely.set_coordinates(found.copy(), xy * np.column_stack((cos_lat[of], np.ones(len(of)))))
-    wide = shapely.buffer(scaled, 1.01 * margin_m / geodesy.M_PER_DEG, quad_segs=4)
+    wide = shapely.buffer(scaled, WIDER * margin_m / geodesy.M_PER_DEG, quad_segs=8)
     xy, of = shapely.get_coordinates(wide, return_index=True)
     result = shapely.set_coordinates(wide, xy / np.column_stack((cos_lat[of], np.ones(len(of)))))
     return np.asarray(result, dtype=object)
@@ -133,7 +136,7 @@ def _sound(ring: Sequence[Place], notes: Notes) -> bool:
     lon, lat = places[int(np.argmax(wrong))].tolist()
     swapped = abs(lat) <= 180.0 and abs(lon) <= 90.0
     remedy = "lat and lon look swapped: GeoJSON has longitude first" if swapped else "degrees, longitude first"
-    notes.wrong("coordinates", "has coordinates out of range", f"{lon:g},{lat:g}", remedy)
+    notes.wrong("coordinates", "has coordinates out of range", (lon, lat), remedy)
     return False
 
 

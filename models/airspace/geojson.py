@@ -18,6 +18,7 @@ from skyway.models.airspace.limits import GROUND, M_PER_FT, NO_CEILING, Limit, i
 from skyway.models.airspace.openair import CLASSES
 from skyway.models.airspace.zone import KINDS, Kind, Volume, Zone
 from skyway.models.base.errors import one_line
+from skyway.models.base.formatting import distance_text
 
 if TYPE_CHECKING:
     import shapely
@@ -150,7 +151,7 @@ def _danish(feature: dict[str, Any], properties: dict[str, Any], number: int, no
         metres = 5000.0
     geometry = feature.get("geometry")
     if isinstance(geometry, dict) and geometry.get("type") == "Point" and metres == 0.0:
-        notes.closed("Bufferzone", "is missing for a point", told, f"counted as {areas.THIN_M:.0f} m")
+        notes.closed("Bufferzone", "is missing for a point", told, f"counted as {distance_text(areas.THIN_M)}")
         metres = areas.THIN_M
     area = geojson_area.area(geometry, notes, metres)
     if area is None:

@@ -76,6 +76,9 @@ def _polygon(rings: object, notes: Notes) -> shapely.Geometry | None:
         return None
     if rings and isinstance(rings[0], list) and rings[0] and not isinstance(rings[0][0], list | tuple):
         rings = [rings]  # a ring without the list of rings about it
+    if not all(isinstance(ring, list) and ring for ring in rings):
+        notes.wrong("geometry", "has no coordinates", rings, "a ring is a list of positions")
+        return None
     found = [places(ring, notes) for ring in rings]
     return areas.polygon(found, notes) if all(found) else None
 

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from skyway.models.base.formatting import height_text
+
 if TYPE_CHECKING:
     from skyway.models.airspace.notes import Notes
 
@@ -46,8 +48,8 @@ class Limit:
         if self.datum == "AGL" and self.value_m <= 0.0:
             return "ground"
         if self.datum == "FL":
-            return f"FL{self.value_m / M_PER_FT / 100.0:.0f}"
-        return f"{self.value_m:.0f} m {self.datum}"
+            return f"FL{round(self.value_m / M_PER_FT / 100.0)}"
+        return f"{height_text(self.value_m)} {self.datum}"
 
     def lowest(self) -> tuple[float, bool]:
         """Least height that it may stand for, metres, and whether it counts from the ground; else from the sea."""

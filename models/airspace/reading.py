@@ -76,9 +76,11 @@ def inspect_airspace(path: Path) -> AirspaceFile:
             "is no airspace file", file, None, "first line", shown, "ED-269, ED-318, GeoJSON, OpenAir or KML"
         )
     if not zones and not notes.faults:
-        remedy = "give a file with zones" if not notes.taken else "give the zones areas"
         notes.at("")
-        notes.wrong("", "has no zones", None, remedy)
+        if form in ("OpenAir", "KML"):
+            notes.wrong("", "has no zones", None, "give a file with zones, or none")
+        else:  # a list that is empty says so itself
+            notes.closed("", "has no zones", None, "closes nothing")
     return AirspaceFile(file, form, tuple(zones), tuple(notes.taken), tuple(notes.faults))
 
 
@@ -133,13 +135,17 @@ def _json(text: str, file: str, notes: Notes) -> tuple[str, list[Zone]]:
         if not isinstance(feature, dict):
             notes.wrong("", "is not a zone", feature, "an object with geometry and properties")
             continue
+        known = len(notes.faults)
         if ed.is_ed269(feature):
             zone = ed.zone_of_ed269(feature, notes, file)
         elif ed.is_ed318(feature):
             zone = ed.zone_of_ed318(feature, notes, file)
         else:
             zone = zone_of_feature(feature, number, notes, file)
-        zones += [zone] if zone is not None else []
+        if zone is not None:
+            zones.append(zone)
+        elif len(notes.faults) == known:
+            notes.wrong("geometry", "cannot be placed", feature.get("geometry"))
     return form, zones
 
 

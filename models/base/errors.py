@@ -90,8 +90,8 @@ def refuse(faults: Sequence[Fault]) -> None:
 class InfeasibleError(SkywayError):
     """The request is well formed, and the answer is no: why, with the figures that bind.
 
-    The binding constraint is ``payload``, ``energy``, ``wind``, ``disconnected``, ``room``, ``no-drone`` or
-    ``time-limit``.
+    The binding constraint is ``payload``, ``energy``, ``wind``, ``airspace``, ``disconnected``, ``room``,
+    ``no-drone`` or ``time-limit``.
     """
 
     exit_code = 1

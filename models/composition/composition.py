@@ -264,6 +264,8 @@ class Composition:
         Winds and pads observed at the time of planning that the promise rests on.
     terrain : TerrainUse or None
         Terrain that the legs are flown over; None where the ground is known at stations alone.
+    authorized : tuple of str
+        Zones for which the plan counts on an authorization.
     """
 
     id: str
@@ -296,6 +298,7 @@ class Composition:
     parameters: Mapping[str, str] = field(default_factory=dict)
     conditions: tuple[Condition, ...] = ()
     terrain: TerrainUse | None = None
+    authorized: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""

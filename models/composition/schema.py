@@ -213,4 +213,5 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     parameters: dict[str, str] = {}
     conditions: list[Condition] = []
     terrain: TerrainUse | None = None
-    """Both left out where there are none."""
+    authorized: list[str] = []
+    """All three left out where there are none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -40,6 +41,8 @@ class Drone:
         Power in flight; None is the `endurance` model of the figures above.
     energy_belief : EnergyBelief
         How far its flights may be from that; by default as of a drone that nobody has measured.
+    max_height_m : float
+        Greatest height above the ground that it may be flown at.
     """
 
     id: str
@@ -57,6 +60,7 @@ class Drone:
     price_per_km: float | None = None
     energy: EnergyModel | None = field(default=None)
     energy_belief: EnergyBelief = field(default=EnergyBelief())
+    max_height_m: float = math.inf
 
     @cached_property
     def energy_model(self) -> EnergyModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
@@ -56,6 +57,7 @@ def _drone(table: Table) -> Drone:
     airspeed = number("max_airspeed_mps", "max_airspeed_mps", 1, 150)
     ground = table.number("max_ground_speed_mps", base.max_ground_speed_mps if base else 20.0, low=1, high=150)
     limit = number("wind_limit_mps", "wind_limit_mps", 1, 60)
+    height = table.number("max_height_m", base.max_height_m if base else math.inf, above=0)
     recharge = number("recharge_full_h", "recharge_full_s", 0.01, 100, S_PER_H)
     price = table.number("price_per_km", low=0, high=1e6) if "price_per_km" in table else None
     if full > empty:
@@ -77,6 +79,7 @@ def _drone(table: Table) -> Drone:
         price_per_km=price,
         energy=energy,
         energy_belief=belief,
+        max_height_m=height,
     )
     table.finish()
     return drone

@@ -3,7 +3,7 @@
 A flight is a take-off, a climb, one or more segments and a descent to a landing. Wind is constant within a time slot
 and a flight integrates across slot boundaries; using only the slot of departure would let a later departure arrive
 earlier. A flight is flyable when none of its segments is over the limits (`models.wind.triangle.ground_speed` above 0) in any
-slot that the flight touches; otherwise the drone holds on the ground. With both rules arrival never gets earlier by
+slot that the flight touches, and no zone closes it in one; otherwise the drone holds on the ground. With both rules arrival never gets earlier by
 leaving later (FIFO).
 """
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, refuse
 from skyway.models.flight.clearance import Clearance
+from skyway.models.flight.closures import closures
 from skyway.models.flight.heights import above_factors, wind_factors
 
 if TYPE_CHECKING:
@@ -84,6 +85,10 @@ class SegmentWind(NamedTuple):
     climb_s: float
     descent_s: float
     """Spent at the start and the end of each flight."""
+    shut_of: NDArray[np.int64]
+    """Shape (segments,). Column of `shut` of each."""
+    shut: NDArray[np.bool_]
+    """Shape (slots, columns). Whether a zone closes the segments of a column in a slot; none those of column 0."""
 
 
 def air_over(
@@ -113,7 +118,17 @@ def air_over(
         extra_m = network.flown.up_m - rules.cruise_height_m, network.flown.down_m - rules.cruise_height_m
         distance_m = distance_m + drone.max_ground_speed_mps * lifts_s(rules, *extra_m, power)
     air = _air(wind, weight, network.bearing_deg, distance_m, airspeed_mps, drone.max_ground_speed_mps)
-    return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
+    too_high = None
+    if math.isfinite(drone.max_height_m):
+        too_high = network.highest_agl_m(rules.cruise_height_m) > drone.max_height_m + 1e-6
+    shut_of, shut = closures(network, wind.start_s, wind.slot_s, wind.slots, too_high)
+    return air._replace(
+        wind_limit_mps=float(drone.wind_limit_mps),
+        climb_s=rules.climb_s,
+        descent_s=rules.descent_s,
+        shut_of=shut_of,
+        shut=shut,
+    )
 
 
 def segment_factors(network: Network, rules: FlightRules, segments: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -177,6 +192,8 @@ def _air(
         max_ground_speed_mps=float(max_ground_speed_mps),
         climb_s=0.0,
         descent_s=0.0,
+        shut_of=np.zeros(len(distance_m), dtype=np.int64),
+        shut=np.zeros((wind.slots, 1), dtype=bool),
     )
 
 

@@ -139,6 +139,11 @@ class SegmentHeights(NamedTuple):
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
     """As in `WayHeights`; NaN where the ground is not known throughout."""
+    low_m: NDArray[np.float64]
+    high_m: NDArray[np.float64]
+    low_above_m: NDArray[np.float64]
+    high_above_m: NDArray[np.float64]
+    """Least and greatest height flown, above mean sea level and above the ground below."""
 
 
 def segment_heights(
@@ -156,13 +161,16 @@ def segment_heights(
     ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     a, b = ends.T
     found = _samples(lat[a], lon[a], lat[b], lon[b], over)
-    out = np.full((3, len(pairs)), np.nan)
+    out = np.full((7, len(pairs)), np.nan)
     turned = pairs[:, 0] > pairs[:, 1]
-    both: dict[tuple[int, bool], tuple[float, float, float]] = {}
+    both: dict[tuple[int, bool], tuple[float, ...]] = {}
     for row, (number, back) in enumerate(zip(which.ravel().tolist(), turned.tolist(), strict=True)):
         if (number, back) not in both:
             part = _stepped(found, number, ground_m[ends[number]], over, back=back)
-            both[number, back] = (part.up_m, part.down_m, part.mean_above_m)
+            ground = found.ground_m[int(found.first[number]) : int(found.first[number + 1])]
+            above = part.level_m - (ground[::-1] if back else ground)
+            extremes = (one for values in (part.level_m, above) for one in (float(values.min()), float(values.max())))
+            both[number, back] = (part.up_m, part.down_m, part.mean_above_m, *extremes)
         out[:, row] = both[number, back]
     return SegmentHeights(*out)
 

@@ -2,8 +2,8 @@
 
 A wheel of skyway holds one shared library, ``_kernels``, made from the kernels of this source by ``build_kernels.py``
 (numba's ahead-of-time compiler), and ``kernels.json``, the list of what is in it: for each kernel the types of arguments
-that it was compiled for. ``make setup`` builds the same library into a checkout. A kernel whose source has changed since
-(``_kernels.stamps.json`` tells) is compiled by numba when it is called.
+that it was compiled for. ``make setup`` builds the same library into a checkout. A kernel whose source, or list of types, has
+changed since (``_kernels.stamps.json`` tells) is compiled by numba when it is called.
 
 Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]`` (element, dimensions, layout, writeable),
 ``["tuple", …]``, and ``["named", "module:Class", …]`` for named tuples.
@@ -11,6 +11,7 @@ Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]``
 
 from __future__ import annotations
 
+import hashlib
 import json
 from functools import cache, cached_property, update_wrapper
 from importlib import import_module
@@ -59,9 +60,14 @@ def stamps_of(folder: Path, name: str) -> Path:
 
 
 def in_library(name: str, stamp: str) -> bool:
-    """Whether the library has a kernel, ``module.function``, built from this source (`models.jit.cache.stamp_of`)."""
+    """Whether the library has a kernel, ``module.function``, built from this source (`models.jit.cache.stamp_of`) and list of types."""
     found = library()
-    return found is not None and _stamps(found).get(name) == stamp
+    return found is not None and _stamps(found).get(name) == stamp_for(stamp, _read_once().get(name, []))
+
+
+def stamp_for(stamp: str, all_kinds: list[list[Any]]) -> str:
+    """Return the stamp of a kernel that is compiled for some types: where a type, or their order, changes it is another kernel."""
+    return f"{stamp} {hashlib.sha256(json.dumps(all_kinds).encode()).hexdigest()[:16]}"
 
 
 @cache
@@ -70,6 +76,11 @@ def listed() -> dict[str, list[tuple[Kind, ...]]]:
     return {
         name: [cast("tuple[Kind, ...]", _frozen(kinds)) for kinds in all_kinds] for name, all_kinds in _read().items()
     }
+
+
+@cache
+def _read_once() -> dict[str, list[list[Any]]]:
+    return _read()
 
 
 def _read() -> dict[str, list[list[Any]]]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.network.zones import NoFlyZones
+    from skyway.models.airspace.airspace import Airspace
 
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
@@ -25,7 +25,7 @@ DECIMALS = 9
 """Places are told apart by so many decimals of a degree, 0.1 mm."""
 
 
-def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None) -> Network:
+def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: Airspace | None = None) -> Network:
     """Join stations by a rule; every segment is flown both ways, none is longer than ``rule.max_length_m``.
 
     ``max-length`` joins all pairs, ``nearest`` each station to its ``rule.nearest`` nearest, ``gabriel`` two stations
@@ -51,6 +51,13 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: N
         length, _ = geodesy.inverse(*places[joined[:, 0]].T, *places[joined[:, 1]].T)
         pairs = _of_stations(joined[(length <= rule.max_length_m) & (length > 0.0)], place_of.ravel())
     return Network.from_pairs(stations, np.concatenate((pairs, pairs[:, ::-1])), rule=rule, zones=zones)
+
+
+def with_zones(network: Network, zones: Airspace) -> Network:
+    """Return a network with other zones: its segments made again by its rule, or those that it was given, as far as they are left."""
+    if network.rule is not None:
+        return build_network(network.stations, network.rule, zones=zones)
+    return Network.from_pairs(network.stations, np.column_stack((network.tail, network.head)), zones=zones)
 
 
 def _of_stations(pairs: NDArray[np.int64], place_of: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -13,8 +13,8 @@ from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.geodesy import coordinate_faults, line_geometry
 from skyway.models.base.json_text import json_text
+from skyway.models.network.geojson import features, read_geojson
 from skyway.models.network.network import Network, Station
-from skyway.models.network.zones import features, read_geojson
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

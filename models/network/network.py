@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.airspace.ways import Ways, chosen, columns, level_flights
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
+    from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import Over, SegmentHeights
-    from skyway.models.network.zones import NoFlyZones
 
 
 SHORTEST_M = 1.0
@@ -97,10 +98,13 @@ class Network:
         Geodesic length (at least `SHORTEST_M`) and initial bearing from tail to head.
     rule : ConnectionRule or None
         The rule the segments were made by; None where they were given.
-    zones : NoFlyZones or None
-        Polygons that no segment crosses.
+    zones : Airspace or None
+        Zones; no segment crosses one that is closed at all times.
     over : Over or None
         Terrain model that segments are flown over; None where the ground is known at stations alone.
+    restricted : ndarray of int, shape (pairs, 2)
+        Segments that come into a zone which is closed at some times, or until it is authorized, each with the number of the
+        volume in ``zones.volumes``; in order of segments.
     """
 
     stations: tuple[Station, ...]
@@ -109,8 +113,9 @@ class Network:
     distance_m: NDArray[np.float64]
     bearing_deg: NDArray[np.float64]
     rule: ConnectionRule | None = None
-    zones: NoFlyZones | None = None
+    zones: Airspace | None = None
     over: Over | None = None
+    restricted: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @classmethod
     def from_pairs(
@@ -119,9 +124,11 @@ class Network:
         pairs: NDArray[np.int64],
         *,
         rule: ConnectionRule | None = None,
-        zones: NoFlyZones | None = None,
+        zones: Airspace | None = None,
     ) -> Network:
-        """Build from directed index pairs, shape (segments, 2); pairs whose segment crosses a zone are left out.
+        """Build from directed index pairs, shape (segments, 2).
+
+        Pairs are left out whose segment crosses a zone that is closed at all times, or would be flown too high above the ground.
 
         An `InputError` refuses unknown ends, segments from a station to itself, stations with the same id or with less
         than no pads.
@@ -143,12 +150,13 @@ class Network:
         refuse(faults)
         lat = np.array([s.lat for s in stations])
         lon = np.array([s.lon for s in stations])
+        restricted = np.empty((0, 2), dtype=np.int64)
         if zones is not None and len(pairs):
-            ends = (lat[pairs[:, 0]], lon[pairs[:, 0]], lat[pairs[:, 1]], lon[pairs[:, 1]])
-            pairs = pairs[~zones.crossed_by(*ends)]
+            kept, restricted = _flyable(stations, pairs, zones)
+            pairs = pairs[kept]
         tail, head = pairs[:, 0].copy(), pairs[:, 1].copy()
         distance, bearing = geodesy.inverse(lat[tail], lon[tail], lat[head], lon[head])
-        return cls(stations, tail, head, np.maximum(distance, SHORTEST_M), bearing, rule, zones)
+        return cls(stations, tail, head, np.maximum(distance, SHORTEST_M), bearing, rule, zones, None, restricted)
 
     def __len__(self) -> int:
         return len(self.stations)
@@ -176,8 +184,7 @@ class Network:
     @cached_property
     def ground_m(self) -> NDArray[np.float64]:
         """Ground above mean sea level at each node, metres, shape (nodes,); NaN where it is not known."""
-        heights = [station.elevation_m for station in self.stations]
-        return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
+        return _ground_of(self.stations)
 
     def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
         """Ground at places, metres above mean sea level, shape (places,): of the terrain model, else between the stations whose ground is known, as wind is.
@@ -197,6 +204,11 @@ class Network:
         places = zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True)
         distance_m = [geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]) for place in places]
         return np.asarray(lowest + weights_at(np.array(distance_m)) @ (self.ground_m[known] - lowest))
+
+    def highest_agl_m(self, cruise_height_m: float) -> NDArray[np.float64]:
+        """Greatest height above ground on each segment, flown alone at a cruise height, metres, shape (segments,)."""
+        pairs = np.column_stack((self.tail, self.head))
+        return flown_ways(self.stations, pairs, cruise_height_m, self.flown)[0].high_agl_m
 
     @cached_property
     def flown(self) -> SegmentHeights | None:
@@ -218,13 +230,19 @@ class Network:
         whole = replace(self, stations=stations, over=over)
         flown = whole.flown
         known = np.isfinite(flown.up_m) if flown is not None else np.ones(len(self.tail), dtype=bool)
-        if flown is None or known.all():
+        if flown is None or (known.all() and self.zones is None):
             return whole
-        kept = replace(
-            whole, tail=self.tail[known], head=self.head[known], distance_m=self.distance_m[known], bearing_deg=self.bearing_deg[known],
+        kept, restricted = np.flatnonzero(known), np.empty((0, 2), dtype=np.int64)
+        if self.zones is not None:  # they are compared with the heights over the terrain
+            pairs = np.column_stack((self.tail, self.head))[kept]
+            open_, restricted = _flyable(stations, pairs, self.zones, type(flown)(*(values[kept] for values in flown)))
+            kept = kept[open_]
+        left = replace(
+            whole, tail=self.tail[kept], head=self.head[kept], distance_m=self.distance_m[kept], bearing_deg=self.bearing_deg[kept],
+            restricted=restricted,
         )  # fmt: skip
-        kept.__dict__["flown"] = type(flown)(*(values[known] for values in flown))
-        return kept
+        left.__dict__["flown"] = type(flown)(*(values[kept] for values in flown))
+        return left
 
     @cached_property
     def pads(self) -> NDArray[np.int64]:
@@ -357,9 +375,8 @@ class Network:
         """
         faults = geodesy.coordinate_faults(lat, lon)
         refuse(faults)
-        zone = None if self.zones is None else self.zones.contains(lat, lon)
-        if zone is not None:
-            raise InputError(f"lies in the no-fly zone {zone}", field="target", value=f"{lat},{lon}")
+        if self.zones is not None:
+            refuse(_inside(self.zones, lat, lon))
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"
@@ -382,6 +399,7 @@ class Network:
             rule=self.rule,
             zones=self.zones,
             over=self.over,
+            restricted=_renumbered(self.restricted, star.restricted, len(self.tail), order),
         )
         if (
             self.flown is not None and star.flown is not None
@@ -411,6 +429,93 @@ class Network:
         """Return the same network with that many pads at every station that has any."""
         stations = tuple(replace(s, pads=pads) if s.pads else s for s in self.stations)
         return replace(self, stations=stations)
+
+
+def _ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
+    heights = [station.elevation_m for station in stations]
+    return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
+
+
+def flown_ways(
+    stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float, flown: SegmentHeights | None = None
+) -> tuple[Ways, Ways]:
+    """Return segments, as high as they are flown, and the climbs and descents at all stations.
+
+    Over a terrain model `flown` tells the heights of the segments.
+    """
+    lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
+    ground_m = _ground_of(stations)
+    a, b = pairs[:, 0], pairs[:, 1]
+    level = level_flights((lat[a], lon[a], lat[b], lon[b]), (ground_m[a], ground_m[b]), cruise_height_m)
+    top_m = np.full(len(stations), cruise_height_m)
+    if flown is not None:
+        heights = (flown.low_m, flown.high_m, flown.low_above_m, flown.high_above_m)
+        level = Ways(*level[:4], *heights)
+        for ends in (a, b):
+            np.maximum.at(top_m, ends, flown.high_m - ground_m[ends])
+    return level, columns(lat, lon, ground_m, top_m)
+
+
+def _flyable(
+    stations: Sequence[Station], pairs: NDArray[np.int64], zones: Airspace, flown: SegmentHeights | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of the pairs that are neither closed at all times nor too high, and their `Network.restricted`.
+
+    A climb or descent that a zone forbids forbids the segments of its station. Without a terrain model a segment is flown both ways
+    alike, and looked at once.
+    """
+    ends, way_of = pairs, np.arange(len(pairs))
+    if flown is None:
+        ends, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        way_of = inverse.ravel()
+    level, climbs = flown_ways(stations, ends, zones.cruise_height_m, flown)
+    way, volume = zones.hits(level)
+    used = np.unique(ends)
+    at, over = zones.hits(chosen(climbs, used))
+    by_node = np.argsort(ends.T.ravel(), kind="stable")
+    low, touching = _matches(ends.T.ravel()[by_node], used[at])
+    way, volume = np.concatenate((way, by_node[touching] % len(ends))), np.concatenate((volume, over[low]))
+    closed = (
+        zones.too_high(level) if flown is None else np.zeros(len(ends), dtype=bool)
+    )  # its clearance has a greatest height
+    closed[way[zones.always_closed[volume]]] = True
+    found = np.unique(np.column_stack((way, volume)), axis=0)
+    found = found[~closed[found[:, 0]]]
+    kept = np.flatnonzero(~closed[way_of])
+    order = np.argsort(way_of[kept], kind="stable")
+    of, position = _matches(way_of[kept][order], found[:, 0])
+    restricted = np.column_stack((order[position], found[of, 1]))
+    return kept, restricted[np.lexsort((restricted[:, 1], restricted[:, 0]))]
+
+
+def _matches(ascending: NDArray[np.int64], wanted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number of each wanted value, and every position at which it stands in an ascending array."""
+    first, last = np.searchsorted(ascending, wanted), np.searchsorted(ascending, wanted, side="right")
+    count = last - first
+    which = np.repeat(np.arange(len(wanted)), count)
+    return which, np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
+
+
+def _renumbered(
+    old: NDArray[np.int64], new: NDArray[np.int64], segments: int, order: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return `Network.restricted` of old and new segments, the new ones behind, in another order."""
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    both = np.concatenate((old, new + np.array((segments, 0))))
+    both = np.column_stack((rank[both[:, 0]], both[:, 1]))
+    return both[np.lexsort((both[:, 1], both[:, 0]))]
+
+
+def _inside(zones: Airspace, lat: float, lon: float) -> list[Fault]:
+    """Refuse a place of delivery in a zone that is closed at all times where a flight comes down to it."""
+    _, volume = zones.hits(columns(np.array([lat]), np.array([lon]), math.nan, zones.cruise_height_m))
+    for number in volume.tolist():
+        zone = zones.zones[zones.volumes[number][0]]
+        if zone.kind == "prohibited" and zone.activation.is_permanent:
+            remedy = f"{zones.volumes[number][1]}: choose a place outside of it"
+            return [Fault(f"lies in the no-fly zone {zone.name}", field="target", value=f"{lat},{lon}", remedy=remedy)]
+    return []
 
 
 def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Network, Station
 
 if TYPE_CHECKING:
-    from skyway.models.network.zones import NoFlyZones
+    from skyway.models.airspace.airspace import Airspace
 
 _LATITUDE = ("lat", "latitude", "y")
 _LONGITUDE = ("lon", "lng", "longitude", "x")
@@ -28,7 +28,7 @@ def network_of(
     source: Any,
     *,
     segments: Iterable[tuple[str, str]] | ConnectionRule | None = None,
-    zones: NoFlyZones | None = None,
+    zones: Airspace | None = None,
 ) -> Network:
     """Build a network.
 
@@ -41,7 +41,7 @@ def network_of(
     segments : pairs of station ids, ConnectionRule or None
         Directed segments, or the rule that makes them. None: the edges of a graph (both ways where it is undirected),
         else the default rule.
-    zones : NoFlyZones or None
+    zones : Airspace or None
         Segments that cross them are left out.
 
     Raises

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
@@ -16,14 +17,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.airspace.airspace import Airspace
     from skyway.models.network.network import Network, Station
-    from skyway.models.network.zones import NoFlyZones
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0
 """Whatever is farther than this from all it belongs to, but near it with lat and lon swapped, has them swapped."""
 WIND_FAR_M = 300_000.0
 """Wind measured farther away than this says little of the wind at a station."""
+FEW_ZONES = 20
+"""Of more zones than this, all must look swapped."""
 _SWAPPED = "lat and lon look swapped"
 
 
@@ -45,19 +48,46 @@ def position_faults(stations: Sequence[Station], sites: Sequence[WindSite], file
     return faults + [Fault(_SWAPPED, toml, None, f"wind.sites[{i}].lat", _at(there[i])) for i in wrong]
 
 
-def zone_faults(stations: Sequence[Station], zones: NoFlyZones, stations_file: str, zones_file: str) -> list[Fault]:
-    """Find stations inside a zone, and zones with longitude and latitude exchanged."""
+def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str, own_file: str) -> list[Fault]:
+    """Find stations inside a zone of one's own that is always closed, and zones with longitude and latitude exchanged."""
     here = _positions(stations)
     inside = zones.holding(here[:, 0], here[:, 1])
     faults = [
-        Fault(f"lies in the no-fly zone {name}", stations_file, None, f"station {stations[i].id}")
-        for i, name in sorted(inside.items())
+        Fault(f"lies in the no-fly zone {zone.name}", stations_file, None, f"station {stations[i].id}")
+        for i, zone in sorted(inside.items())
+        if zone.source == own_file and zone.kind == "prohibited" and zone.activation.is_permanent
     ]
     middle = np.array([(p.centroid.y, p.centroid.x) for p in zones.polygons]).reshape(-1, 2)
     wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
+    if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may lie anywhere
+        return faults
     remedy = "GeoJSON has longitude first, then latitude"
-    faults += [Fault(_SWAPPED, zones_file, None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
+    sources = [zones.zones[i].source for (i, _), closed in zip(zones.volumes, zones.closed, strict=True) if closed]
+    faults += [Fault(_SWAPPED, sources[i], None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
     return faults
+
+
+def zone_warnings(stations: Sequence[Station], zones: Airspace) -> list[str]:
+    """Return which stations lie in zones that are closed at some time or height, and heights that cannot be compared."""
+    here = _positions(stations)
+    inside = zones.holding(here[:, 0], here[:, 1])
+    found = []
+    if inside:
+        listed = _listed([f"{stations[i].id} in {zone.label}" for i, zone in sorted(inside.items())])
+        found.append(f"stations in zones that close them at some time or height: {listed}")
+    unknown = [station.id for station in stations if station.elevation_m is None]
+    over_the_sea = any(
+        not agl
+        for _, volume in zones.volumes
+        for value, agl in (volume.floor.lowest(), volume.ceiling.highest())
+        if math.isfinite(value)
+    )
+    if unknown and over_the_sea:
+        found.append(
+            f"zones have heights above the sea, and the ground of {len(unknown)} stations is not known ({_listed(unknown)}): "
+            "there such zones count at all heights"
+        )
+    return found
 
 
 def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:

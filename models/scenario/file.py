@@ -6,6 +6,7 @@ Every part is read even when another is wrong, so that all faults are reported a
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,6 +14,8 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
+from skyway.models.airspace.airspace import Airspace
+from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import SPEED_UNITS_MPS
@@ -23,12 +26,11 @@ from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import RULES, build_network
 from skyway.models.network.files import STATION_FIELDS, read_segments, read_stations
 from skyway.models.network.network import ConnectionRule, Network
-from skyway.models.network.zones import read_zones
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
-from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults
+from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults, zone_warnings
 from skyway.models.scenario.ground import over_terrain
-from skyway.models.scenario.scenario import Scenario
+from skyway.models.scenario.scenario import MAX_NOTES, Scenario
 from skyway.models.terrain.files import read_terrain, split_name
 from skyway.models.wind.columns import WindColumns
 from skyway.models.wind.forecast_file import read_forecast_table
@@ -86,6 +88,7 @@ class _Reader:
         self.warnings: list[str] = []
         self.stations: tuple[Station, ...] = ()
         self.stations_file = ""
+        self.own_zones = ""
         self.digest = hashlib.sha256()
         self.top = Table(read_toml(file), str(file), "", self.faults)
         self._add_to_digest(file)
@@ -94,9 +97,9 @@ class _Reader:
         self.top.text("schema", SCHEMA, choices=(SCHEMA,))
         name = self.top.text("name", self.folder.name or "scenario")
         timezone = self._timezone()
-        network = self._network(self.top.table("network"))
-        drones = self._drones(self.top.table("drones"))
         rules = self._rules(self.top.table("flight"))
+        network = self._network(self.top.table("network"), self.top.table("airspace"), rules)
+        drones = self._drones(self.top.table("drones"))
         wind = self._wind(self.top.table("wind"))
         if self.stations:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
@@ -149,10 +152,37 @@ class _Reader:
             return "UTC"
         return name
 
-    def _network(self, table: Table) -> Network | None:
+    def _airspace(self, own: Path | None, table: Table, rules: FlightRules) -> Airspace | None:
+        """Read the zones: of one file that is named under [network], and any number under [airspace]."""
+        names = enumerate(table.texts("files", ()))
+        paths = [path for number, name in names if (path := self._named(table, f"files[{number}]", name)) is not None]
+        margin_m = table.number("margin_m", 0.0, low=0, high=100_000)
+        height_margin_m = table.number("height_margin_m", 0.0, low=0, high=10_000)
+        max_height_m = table.number("max_height_m", math.inf, above=0)
+        max_detour = table.number("max_detour", 1.0, low=1, high=20)
+        authorized = table.texts("authorized", ())
+        table.finish()
+        if own is None and not paths and math.isinf(max_height_m):
+            return None
+        before = len(self.faults)
+        zones, notes = self._try(lambda _: read_airspace([*filter(None, (own,)), *paths]), self.file) or ((), ())
+        if len(self.faults) > before:
+            return None
+        self.warnings += [str(note) for note in notes[:MAX_NOTES]]
+        if len(notes) > MAX_NOTES:
+            self.warnings.append(
+                f"{len(notes) - MAX_NOTES} more of the airspace was not understood: skyway airspace lists it"
+            )
+        found = Airspace(
+            zones, margin_m, height_margin_m, max_height_m, rules.cruise_height_m, max_detour, frozenset(), notes
+        )
+        self.own_zones = "" if own is None else str(own)
+        return self._try(lambda _: found.with_authorized(authorized), self.file)
+
+    def _network(self, table: Table, airspace: Table, rules: FlightRules) -> Network | None:
         stations_file = self._path(table, "stations", required=True)
         segments_file = self._path(table, "segments")
-        zones_file = self._path(table, "zones")
+        zones = self._airspace(self._path(table, "zones"), airspace, rules)
         rule = ConnectionRule(
             kind=table.text("rule", "max-length", choices=RULES),
             max_length_m=table.number("max_length_m", 10_000.0, above=0, high=2e7),
@@ -165,11 +195,11 @@ class _Reader:
         spots = table.whole("holding_spots", 4, low=0, high=10_000)
         table.finish()
         stations = self._try(lambda f: read_stations(f, columns=columns, pads=pads, holding_spots=spots), stations_file)
-        zones = self._try(read_zones, zones_file)
         if stations is None:
             return None
         if zones is not None:
-            self.faults += zone_faults(stations, zones, str(stations_file), str(zones_file))
+            self.faults += zone_faults(stations, zones, str(stations_file), self.own_zones)
+            self.warnings += zone_warnings(stations, zones)
         self.stations, self.stations_file = stations, str(stations_file)
         if segments_file is None:
             return self._try(lambda _: build_network(stations, rule, zones=zones), self.file)
@@ -179,7 +209,12 @@ class _Reader:
         network = Network.from_pairs(stations, np.array(pairs, dtype=np.int64).reshape(-1, 2), zones=zones)
         removed = len(set(pairs)) - len(network.tail)
         if removed:
-            self.warnings.append(f"{removed} given segments cross a no-fly zone and are left out")
+            why = (
+                "cross a no-fly zone"
+                if zones is None or math.isinf(zones.max_height_m)
+                else "cross a no-fly zone, or are too high,"
+            )
+            self.warnings.append(f"{removed} given segments {why} and are left out")
         return network
 
     def _drones(self, table: Table) -> tuple[Drone, ...]:
@@ -303,8 +338,9 @@ class _Reader:
         if not required and key not in table:
             return None
         text = table.text(key)
-        if not text:
-            return None
+        return self._named(table, key, text) if text else None
+
+    def _named(self, table: Table, key: str, text: str) -> Path | None:
         path = self.folder / text
         try:
             if path.is_dir():

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
+from skyway.models.airspace.airspace import Airspace
+from skyway.models.airspace.reading import read_airspace
 from skyway.models.base import views
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import utc
+from skyway.models.network.builders import with_zones
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
     from skyway.models.queues.load import PadLoad
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.models.wind.history import WindHistory, WindSite
+
+MAX_NOTES = 20
+"""So many notes on airspace files are warnings of the scenario."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +161,24 @@ class Scenario:
     def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
         """Lay what the record measured from that local date on onto the departure, as an ensemble of one."""
         return truth_series(self._record(), day, utc(depart).astimezone(ZoneInfo(self.timezone)), hours)
+
+    def with_airspace(self, files: Sequence[Path] = (), authorized: Sequence[str] = ()) -> Scenario:
+        """Return the same with the zones of more files, and with authorizations for some zones.
+
+        What of the files was not understood joins the warnings. An `InputError` says what is wrong with a file, or that there
+        is no such zone.
+        """
+        if not files and not authorized:
+            return self
+        network, warnings = self.network, self.warnings
+        zones = network.zones or Airspace(cruise_height_m=self.rules.cruise_height_m)
+        if files:
+            more, notes = read_airspace(files)
+            zones = replace(zones, zones=(*zones.zones, *more), notes=(*zones.notes, *notes))
+            network = with_zones(network, zones)
+            warnings = (*warnings, *(str(note) for note in notes[:MAX_NOTES]))
+        network = replace(network, zones=zones.with_authorized(authorized))
+        return replace(self, network=network, warnings=warnings)
 
     def with_target(self, lat: float, lon: float) -> Scenario:
         """Add a delivery target without pads to the network."""

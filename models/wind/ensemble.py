@@ -127,6 +127,13 @@ class WindEnsemble:
         north, east = self.north @ weight.T, self.east @ weight.T
         return replace(self, site_lat=lat, site_lon=lon, north=north, east=east, lattice=None)
 
+    def in_shorter_slots(self, parts: int) -> WindEnsemble:
+        """Return the same wind with each slot divided into some of one length."""
+        if parts == 1:
+            return self
+        north, east = (np.repeat(values, parts, axis=1) for values in (self.north, self.east))
+        return replace(self, slot_s=self.slot_s / parts, north=north, east=east)
+
     def member(self, number: int) -> WindEnsemble:
         """Return one member alone, certain."""
         return self._chosen(np.array([range(len(self))[number]]))

@@ -71,6 +71,8 @@ class StrictForwardSearch:
         key = (segment, slot)
         if key not in self._memory:
             self.labels_expanded += 1
+            if air.shut[slot, air.shut_of[segment]]:
+                return self._memory.setdefault(key, (math.inf, math.inf))
             lat, lon = (float(values[segment]) for values in self.problem.network.midpoints)
             self._memory[key] = self._over_marginal(
                 slot,

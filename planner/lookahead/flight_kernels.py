@@ -104,6 +104,9 @@ def escape_cost(air: SegmentWind, member: int, need: Need, time_s: float) -> flo
 def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> None:
     """Ground speeds of a segment in a slot in every member, m/s: `segment_speed`, all together."""
     air = ways.air
+    if air.shut[slot, air.shut_of[segment]]:
+        out[:] = 0.0
+        return
     north, east = ways.rows[_NORTH], ways.rows[_EAST]
     north[:] = 0.0
     east[:] = 0.0

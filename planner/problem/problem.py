@@ -13,6 +13,7 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import MPS_PER_KMH, S_PER_H
+from skyway.models.flight.closures import parts_of_slots
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
@@ -82,7 +83,6 @@ class Problem:
         self.scenario = scenario
         self.request = request
         self.drone = drone
-        self.ensemble = self.forecast = ensemble
         self.rules = scenario.rules
         self.reserve = request.reserve_soc
         self.epsilon = max(request.epsilon, MIN_EPSILON)
@@ -100,6 +100,8 @@ class Problem:
         else:
             self.origin = self._node(state.station or "", "state.station")
         self.destination = self._node(request.destination, "destination")
+        slots = ensemble.start_s, ensemble.slot_s, ensemble.slots
+        self.ensemble = self.forecast = ensemble = ensemble.in_shorter_slots(parts_of_slots(self.network, *slots))
         power = FlightPower.of(drone, request.payload_kg)
         self.air: SegmentWind = air_over(
             self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps, power=power
@@ -248,6 +250,7 @@ class Problem:
             cos_bearing=np.cos(angle),
             sin_bearing=np.sin(angle),
             distance_m=distance,
+            shut_of=np.zeros(len(distance), dtype=np.int64),
         )
 
     @cached_property

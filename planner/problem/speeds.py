@@ -113,7 +113,8 @@ def _mean_speeds(
                 share[i] += part
                 pace[i] += part / min(max(along + forward, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
         for i in range(count):
-            out[slot - first, i] = share[i] / pace[i] if share[i] >= MIN_OPEN else 0.0
+            shut = air.shut[slot, air.shut_of[segments[i]]]
+            out[slot - first, i] = share[i] / pace[i] if share[i] >= MIN_OPEN and not shut else 0.0
     return out
 
 

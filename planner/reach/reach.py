@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.airspace.ways import at_any_height
 from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import above_factors, cleared_grounds_m, wind_factors
@@ -250,8 +251,7 @@ class Reach:
         zones = self.network.zones
         if zones is None:
             return np.ones(len(nodes), dtype=bool)
-        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
-        return ~zones.crossed_by(np.full(len(nodes), here[0]), np.full(len(nodes), here[1]), lat, lon)
+        return ~zones.crossed_by(at_any_height(*here, self.network.lat[nodes], self.network.lon[nodes]))
 
     # Legs
 

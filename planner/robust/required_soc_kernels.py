@@ -113,6 +113,9 @@ def flight_energy(
     fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
     residual_north, residual_east = residuals(known, first, wind_north, wind_east)
     north, east = np.empty((1, count, sites)), np.empty((1, count, sites))
+    shut = np.empty((count, air.shut.shape[1]), dtype=np.bool_)
+    for k in range(count):
+        shut[k] = air.shut[min(first + k, slots - 1)]
     seen = SegmentWind(
         air.start_s + first * air.slot_s,
         air.slot_s,
@@ -127,6 +130,8 @@ def flight_energy(
         air.max_ground_speed_mps,
         air.climb_s,
         air.descent_s,
+        air.shut_of,
+        shut,
     )
     chance = chances(known, row, residual_north, residual_east)
     order = _worst_first(air, segments, first, residual_north, residual_east, fade, chance)

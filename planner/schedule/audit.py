@@ -18,8 +18,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from skyway.models.airspace.ways import chosen, together
 from skyway.models.base.errors import AuditError
 from skyway.models.drones.charging import ChargingCurve
+from skyway.models.network.network import flown_ways
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS, height_factor
 
 if TYPE_CHECKING:
@@ -234,10 +238,25 @@ class _Audit:
             found = self._speeds[segment, slot] = self._triangle_mps(segment, slot)
         return found
 
+    def _in_closed_zone(self, segment: int, begin_s: float, end_s: float) -> bool:
+        """Whether a zone closes a segment, with the climb and descent at its ends, between two times."""
+        network = self.problem.network
+        if network.zones is None or not len(network.restricted):
+            return False
+        pair = np.array([[network.tail[segment], network.head[segment]]])
+        flown = network.flown
+        if flown is not None:
+            flown = type(flown)(*(values[[segment]] for values in flown))
+        level, climbs = flown_ways(network.stations, pair, network.zones.cruise_height_m, flown)
+        return bool(network.zones.conflicts(together(level, chosen(climbs, pair[0])), begin_s, end_s))
+
     def _triangle_mps(self, segment: int, slot: int) -> float:
         """Ground speed by the law of cosines, 0 where the wind forbids the segment."""
         problem = self.problem
         wind = problem.ensemble
+        begin_s = wind.start_s + slot * wind.slot_s
+        if self._in_closed_zone(segment, begin_s, begin_s + wind.slot_s):
+            return 0.0
         factor = height_factor(problem.rules.cruise_height_m, wind.height_m, problem.rules.wind_profile_exponent)
         weight = problem.air.weight[segment].tolist()
         north = factor * sum(

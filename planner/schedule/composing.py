@@ -24,6 +24,7 @@ from skyway.models.wind.summary import Passage, Wind, WindSummary, summarise_win
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.reach.diverts import divert_cover
 from skyway.planner.reach.reach import Reach
+from skyway.planner.schedule.airspace_notes import airspace_notes
 from skyway.planner.schedule.schedule_kernels import (
     PAD,
     ROOM,
@@ -100,8 +101,13 @@ def compose(
         scenario_sha256=problem.scenario.sha256,
         success_probability=result.p_success,
         success=None if result.crossed is None else result.success,
-        notes=notes if network.over is None else (*notes, *network.over.notes),
+        notes=(
+            *notes,
+            *(() if network.over is None else network.over.notes),
+            *airspace_notes(problem, services, [stop for stop in stops if stop is not None]),
+        ),
         terrain=None if network.over is None else TerrainUse.of(network.over.terrain, network.over.clearance),
+        authorized=() if network.zones is None else tuple(sorted(network.zones.authorized)),
     )
 
 

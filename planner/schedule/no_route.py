@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import NoRouteError
-from skyway.models.base.formatting import distance_text, duration, percent
+from skyway.models.base.formatting import distance_text, duration, height_text, percent
 from skyway.models.base.geodesy import coarse_distance_m
+from skyway.models.flight.closures import closing_zones
 from skyway.models.flight.kernels import NEVER, next_opening
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
@@ -71,6 +72,24 @@ def emptied_leg(schedule: NDArray[np.float64]) -> int | None:
     return int(np.argmax(empty)) if empty.any() else None
 
 
+def _closed(problem: Problem, segments: NDArray[np.int64]) -> str | None:
+    """Say which zones, or which greatest height, close one of some segments throughout the forecast; None where none is."""
+    air, network = problem.air, problem.network
+    for segment in segments.tolist():
+        if not air.shut[:, air.shut_of[segment]].all():
+            continue
+        zones = closing_zones(network).get(segment, ())
+        if not zones or network.zones is None:
+            most = height_text(problem.drone.max_height_m)
+            return f"it would be flown higher above the ground than {problem.drone.id} may be ({most})"
+        found = [network.zones.zones[zone] for zone in zones]
+        named = ", ".join(f"{zone.label} ({zone.kind}, active {zone.activation})" for zone in found)
+        given = " ".join(f"--authorized {zone.id}" for zone in found)
+        advice = f"; with the authorization: {given}" if all(zone.kind == "authorization" for zone in found) else ""
+        return f"it is closed throughout the forecast by {named}{advice}"
+    return None
+
+
 def _too_strong(problem: Problem) -> str:
     drone = problem.drone
     return (
@@ -98,6 +117,9 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
             f"there above the reserve of {percent(problem.reserve)}{'' if most == 1.0 else f', and no pad at {a}'}"
         )
         return NoRouteError(message, constraint="energy")
+    closed = _closed(problem, segments)
+    if closed is not None:
+        return NoRouteError(f"{begin} {where} cannot be flown: {closed}", constraint="airspace")
     if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
         message = f"{begin} throughout the forecast the wind on {where} is {_too_strong(problem)}"
         return NoRouteError(message, constraint="wind")
@@ -163,6 +185,10 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     least = min(out, key=lambda i: (charge[i], network.distance_m[i]))
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
     where = f"segment {a} > {b} ({distance_text(network.distance_m[least])})"
+    closed = _closed(problem, np.array([least], dtype=np.int64))
+    if closed is not None:
+        message = f"no route from {start} to {goal}: {where} cannot be flown: {closed}"
+        return NoRouteError(message, constraint="airspace")
     if not math.isfinite(charge[least]):
         message = (
             f"no route from {start} to {goal}: throughout the forecast the wind on {where} is {_too_strong(problem)}"

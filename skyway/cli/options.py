@@ -40,6 +40,13 @@ ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.")]
+Zones = Annotated[
+    list[Path] | None,
+    typer.Option(help="Airspace beside that of the scenario: ED-269, ED-318, GeoJSON, OpenAir, KML; repeatable."),
+]
+Authorized = Annotated[
+    list[str] | None, typer.Option(help="Id of a zone for which an authorization was given; repeatable.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -74,6 +81,7 @@ TYPED = {
     "depart": "--depart",
     "depart-window": "--depart-window",
     "objective": "--objective",
+    "authorized": "--authorized",
 }
 """Option behind each field that a fault may name."""
 

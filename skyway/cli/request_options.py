@@ -96,10 +96,14 @@ class ConditionOptions:
 
     terrain: options.TerrainFiles = None
     obstacles: options.ObstacleFiles = None
+    zones: options.Zones = None
+    authorized: options.Authorized = None
 
     def loaded(self) -> Scenario:
-        """Return the scenario, over the terrain that is named."""
-        return with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
+        """Return the scenario, over the terrain, with the zones and the authorizations that are named."""
+        with options.as_typed():
+            region = with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
+            return region.with_airspace(self.zones or (), self.authorized or ())
 
     @property
     def instant(self) -> datetime:

@@ -213,11 +213,12 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
     from skyway.missions.checks.report import check
 
     scenario = ctx.job.scenario
-    report = check(leg.document, dialect=ctx.vehicle.family, zones=scenario.network.zones)
+    report = check(leg.document, dialect=ctx.vehicle.family, zones=scenario.network.zones, depart_s=ctx.now_s)
     errors = [finding for finding in report.findings if finding.severity == "error"]
     if errors:
         first = errors[0]
-        return Check("mission", "no", f"item {first.item}: {first.message}")
+        closed = all(finding.code == "no-fly-zone" for finding in errors)  # a zone may end
+        return Check("mission", "no", f"item {first.item}: {first.message}", waits=closed)
     fence, rally = len(leg.document.fence.areas), len(leg.document.rally)
     return Check("mission", "ok", f"{len(leg.document.mission)} items, {fence} fence area, {rally} rally points")
 

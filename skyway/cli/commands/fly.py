@@ -53,6 +53,7 @@ def fly(
     scenario: Annotated[
         Path | None, typer.Option(help="Scenario folder. Without it: the one named in the plan.")
     ] = None,
+    zones: options.Zones = None,
     forecast: Annotated[
         list[Path] | None,
         typer.Option(
@@ -112,7 +113,7 @@ def fly(
     parameters = options.planner_parameters(settings)
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
-    region = flying.scenario_of(composition, scenario, terrain, obstacles)
+    region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from skyway.cli import options
+from skyway.cli import airspace_options, options
 from skyway.cli.options import FamilyName
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
@@ -62,6 +62,10 @@ def mission(
     ] = None,
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
+    scenario: Annotated[
+        Path | None, typer.Option(help="Scenario folder: its zones must let every leg be flown at its time.")
+    ] = None,
+    zones: options.Zones = None,
     force: options.Force = False,
 ) -> None:
     """Turn a composition into missions for a ground station, with fence, rally points and parameters.
@@ -71,6 +75,7 @@ def mission(
       skyway mission plan.json -o delivery.plan
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
+      skyway mission plan.json -o delivery.plan --zones national.json
     """
     from skyway.flying import heights, terrain_of
     from skyway.missions import family_named
@@ -86,6 +91,11 @@ def mission(
         cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation),
         over=terrain_of(composition, terrain, obstacles),
     )  # fmt: skip
+    if zones or scenario is not None:
+        region = None if scenario is None else load_scenario(scenario)
+        airspace_options.refuse_closed(
+            composition, flown_by, how, airspace_options.zones_of(region, zones or (), composition.authorized)
+        )
     if leg is not None:
         export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, how)
     elif armed_hold:
@@ -171,6 +181,8 @@ def check(
     scenario: Annotated[
         Path | None, typer.Option(help="Scenario folder: its fleet, pads, no-fly zones, rules and wind are used.")
     ] = None,
+    zones: options.Zones = None,
+    authorized: options.Authorized = None,
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
     autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot to check the mission for.")] = None,
     wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
@@ -203,6 +215,7 @@ def check(
       skyway check delivery.plan --drone m200-v2 --wind 8@270 --payload 1
       skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
       skyway check survey.plan --terrain S36E149.hgt.zip --obstacles towers.csv --plot heights.png
+      skyway check survey.plan --zones national.json --depart 2026-08-05T14:00+02:00
     """
     from skyway.missions import check as check_mission
     from skyway.missions import family_named, read
@@ -214,13 +227,16 @@ def check(
     over = _over(region, terrain, obstacles, clearance)
     if plot is not None and over is None:
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
-    conditions = _conditions(region, drone, _weather(region, wind, depart, forecast), payload, soc, reserve)
+    airspace = airspace_options.zones_of(region, zones or (), authorized or ())
+    weather = _weather(region, wind, depart, forecast, zoned=bool(zones))
+    conditions = _conditions(region, drone, weather, payload, soc, reserve)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,
         conditions=conditions,
-        zones=region.network.zones if region else None,
+        zones=airspace,
         over=over,
+        depart_s=None if depart is None else parse_instant(depart, field="--depart").timestamp(),
     )
     if plot is not None:
         from skyway.plots.heights import plot_heights
@@ -230,7 +246,7 @@ def check(
     if as_json:
         typer.echo(json_text(report, indent=1))
     else:
-        typer.echo(_circumstances(conditions, wind, depart))
+        typer.echo(_circumstances(conditions, wind, None if region is None else depart))
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
@@ -264,17 +280,18 @@ def _over(
 
 
 def _weather(
-    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None
+    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None, *, zoned: bool
 ) -> Weather | None:
+    """Return the wind of a check; a departure alone may be meant for the zones."""
     from skyway.missions import ForecastWind, SteadyWind
 
     if wind is not None:
-        if depart is not None or forecast:
+        if (depart is not None and not zoned) or forecast:
             raise InputError("a steady wind and a forecast exclude each other", field="--wind, --depart")
         return SteadyWind(*options.parse_wind(wind))
     if depart is None and forecast:
         raise InputError("a forecast needs a departure", field="--forecast", remedy="give --depart, the first take-off")
-    if depart is None:
+    if depart is None or (region is None and zoned and not forecast):
         return None
     if region is None:
         raise InputError("a forecast needs a scenario", field="--depart", remedy="give --scenario too, or --wind")

@@ -25,6 +25,7 @@ from skyway.models.base.formatting import (
     share,
     spent,
 )
+from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition, DroneService, LegSegment, Stop
@@ -98,7 +99,9 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
     for leg in c.services:
         if leg.origin in stops:
             stop = stops.pop(leg.origin)
-            sheet.note(f"{clock(stop.arrive, zone, c.depart)}  {stop_text(stop, leg.destination)}")
+            zoned = any(note.endswith(WAITS.format(stop.station)) for note in c.notes)
+            said = stop_text(stop, leg.destination, for_a_zone=zoned)
+            sheet.note(f"{clock(stop.arrive, zone, c.depart)}  {said}")
         sheet.add(clock(leg.depart, zone, c.depart), *_leg_cells(leg, runs))
         if len(leg.segments) > 1:
             for segment in leg.segments:
@@ -151,7 +154,7 @@ def _kept(p_reserve: float | None, runs: int | None) -> str:
     return probability(p_reserve)
 
 
-def stop_text(stop: Stop, bound_for: str) -> str:
+def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False) -> str:
     """What is done at a stop, each wait by its reason."""
     doing = []
     if stop.recharge_s > 0:
@@ -161,7 +164,7 @@ def stop_text(stop: Stop, bound_for: str) -> str:
     if stop.hold_room_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_room_s)} for free capacity at {bound_for}")
     if stop.hold_s - stop.hold_room_s >= 0.5:
-        doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for the wind")
+        doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for {'a zone' if for_a_zone else 'the wind'}")
     return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
 
 

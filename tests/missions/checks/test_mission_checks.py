@@ -366,11 +366,11 @@ def test_each_far_rally_point_is_told_with_the_nearest_place_of_the_route():
 def test_no_fly_zones_are_not_crossed():
     import shapely
 
-    from skyway.models.network.zones import NoFlyZones
+    from skyway.models.airspace.airspace import Airspace
 
-    zone = NoFlyZones(("airport",), (shapely.box(7.99, 47.005, 8.01, 47.01),))
+    zone = Airspace.of_polygons(("airport",), (shapely.box(7.99, 47.005, 8.01, 47.01),))
     assert found(TAKEOFF, AWAY, LAND, zones=zone) == {("error", "no-fly-zone", 1)}
-    aside = NoFlyZones(("airport",), (shapely.box(8.01, 46.99, 8.02, 47.03),))
+    aside = Airspace.of_polygons(("airport",), (shapely.box(8.01, 46.99, 8.02, 47.03),))
     assert found(TAKEOFF, AWAY, LAND, zones=aside) == set()
     beyond = [RallyPoint(Point.of_degrees(47.0, 8.05), 60.0)]
     assert found(TAKEOFF, AWAY, LAND, zones=aside, rally=beyond) == {("warning", "divert-through-zone", 0)}

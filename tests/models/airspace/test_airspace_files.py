@@ -268,7 +268,7 @@ def test_danish_buffers_are_kept_about_points_and_outlines(tmp_path):
         (b"<html></html>", "root element: is no KML"),
         (b'<!DOCTYPE x [<!ENTITY a "b">]><kml>&a;</kml>', "has a document type"),
         (b'{"type": "FeatureCollection", "features": 3}', "features: must be a list"),
-        (b'{"features": []}', "has no zones"),
+        (b"AC P\n*", "geometry: has no coordinates"),
         (b"[" * 100_000, "is not JSON"),
         (json.dumps(ed269(geometry=[])).encode(), "features[0] Z1: geometry: has no volume"),
         (json.dumps(geojson({"type": "Polygon", "coordinates": [[[47.0, 120.0], [47.1, 120.0], [47.1, 120.1]]]})).encode(),

@@ -132,6 +132,8 @@ def airs(draw, *, gentle: bool = False) -> SegmentWind:
         max_ground_speed_mps=draw(st.sampled_from([20.0, 30.0])),
         climb_s=draw(st.sampled_from([0.0, 12.0, 200.0])),
         descent_s=draw(st.sampled_from([0.0, 20.0, 300.0])),
+        shut_of=np.zeros(segments, dtype=np.int64),
+        shut=np.zeros((slots, 1), dtype=bool),
     )
 
 
@@ -284,6 +286,8 @@ def still_air(**changes) -> SegmentWind:
         20.0,
         12.0,
         20.0,
+        np.zeros(1, dtype=np.int64),
+        np.zeros((calm.shape[1], 1), dtype=bool),
     )
     return air._replace(**changes)
 

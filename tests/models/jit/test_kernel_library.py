@@ -200,3 +200,20 @@ def _python(program: str, folder: Path) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_a_kernel_whose_types_have_changed_since_the_library_was_built_is_compiled(built, tmp_path):
+    """The library is asked by numbers of the list: another list would call machine code for other arguments."""
+    for path in built.iterdir():
+        if path.is_file():
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+    path = tmp_path / "kernels.json"
+    listed = json.loads(path.read_text())
+    listed["some_kernels.times"].insert(0, ["int64", "int64"])
+    path.write_text(json.dumps(listed))
+    use = (
+        f"{USE.format(folder=tmp_path)}from some_kernels import times\n"
+        "asked = [k.in_library(f'some_kernels.{one.__name__}', one.skyway_stamp) for one in (scaled, times)]\n"
+        "print(times(3, 4), times(0.5, 4.0), *asked)"
+    )
+    assert _python(use, tmp_path) == "12 2.0 True False\n"

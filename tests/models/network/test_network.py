@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.models.airspace.airspace import Airspace
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Network, Station
-from skyway.models.network.zones import NoFlyZones
 
 BRONX = Station("bronx", "Bronx Hospital", 40.85, -73.90)
 HARLEM = Station("harlem", "Harlem Hospital", 40.81, -73.94)
@@ -202,7 +202,7 @@ def test_a_target_named_like_a_station_gets_another_name():
 def test_a_target_out_of_range_or_in_a_no_fly_zone_is_refused():
     import shapely
 
-    zones = NoFlyZones(("airport",), (shapely.box(-73.95, 40.75, -73.85, 40.80),))
+    zones = Airspace.of_polygons(("airport",), (shapely.box(-73.95, 40.75, -73.85, 40.80),))
     network = build_network(CITY, ConnectionRule(), zones=zones)
     assert "lies in the no-fly zone airport" in faults_of(lambda: network.with_target(40.78, -73.90))[0]
     assert "swapped" in faults_of(lambda: network.with_target(-173.9, 40.78))[0]
@@ -212,7 +212,7 @@ def test_a_target_out_of_range_or_in_a_no_fly_zone_is_refused():
 def test_segments_to_a_target_do_not_cross_a_zone_either():
     import shapely
 
-    zones = NoFlyZones(("airport",), (shapely.box(-73.95, 40.815, -73.85, 40.82),))
+    zones = Airspace.of_polygons(("airport",), (shapely.box(-73.95, 40.815, -73.85, 40.82),))
     network = build_network(CITY, ConnectionRule(), zones=zones).with_target(40.80, -73.90)
     assert 0 not in network.head[network.tail == 4]
     assert 1 in network.head[network.tail == 4]

@@ -9,11 +9,11 @@ from geographiclib.geodesic import Geodesic
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from skyway.models.airspace.airspace import Airspace
 from skyway.models.base.errors import InputError
 from skyway.models.network import builders as network_builders
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Network, Station
-from skyway.models.network.zones import NoFlyZones
 
 REGIONS = st.sampled_from([(40.7, -74.0), (-37.8, 145.0), (69.6, 18.9), (0.0, 0.0), (-17.0, 179.99)])
 SPREAD = st.floats(-0.3, 0.3)
@@ -179,7 +179,7 @@ def test_a_no_fly_zone_removes_exactly_the_segments_that_cross_it(places, box):
     stations = stations_at(places)
     free = build_network(stations, ConnectionRule("max-length", 80_000.0))
     fenced = pairs_of(
-        build_network(stations, ConnectionRule("max-length", 80_000.0), zones=NoFlyZones(("z",), (zone,)))
+        build_network(stations, ConnectionRule("max-length", 80_000.0), zones=Airspace.of_polygons(("z",), (zone,)))
     )
     for i, j in pairs_of(free):
         a, b = stations[i], stations[j]
@@ -191,8 +191,8 @@ def test_a_no_fly_zone_removes_exactly_the_segments_that_cross_it(places, box):
 
 
 def test_a_zone_beside_the_antimeridian_stops_what_crosses_it_and_nothing_else():
-    fiji = NoFlyZones(("fiji",), (shapely.box(179.995, -17.1, 180.0, -16.9),))
-    greenwich = NoFlyZones(("greenwich",), (shapely.box(-1.0, -18.0, 1.0, -16.0),))
+    fiji = Airspace.of_polygons(("fiji",), (shapely.box(179.995, -17.1, 180.0, -16.9),))
+    greenwich = Airspace.of_polygons(("greenwich",), (shapely.box(-1.0, -18.0, 1.0, -16.0),))
     stations = stations_at([(-17.0, 179.99), (-17.0, -179.99), (-17.0, 179.95), (-17.2, -179.9)])
     assert pairs_of(build_network(stations, ConnectionRule(max_length_m=5000.0), zones=fiji)) == {(0, 2), (2, 0)}
     free = build_network(stations, ConnectionRule(max_length_m=30_000.0))

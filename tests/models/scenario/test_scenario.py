@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from skyway.missions.examples import NEW_YORK
+from skyway.models.airspace.ways import at_any_height
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.drones.drone import M200_V2
@@ -130,7 +131,7 @@ def test_no_segment_of_new_york_is_longer_than_its_rule_or_over_an_airport(new_y
     network = new_york.network
     assert network.distance_m.max() <= 13_000.0
     ends = (network.lat[network.tail], network.lon[network.tail], network.lat[network.head], network.lon[network.head])
-    assert not network.zones.crossed_by(*ends).any()
+    assert not network.zones.crossed_by(at_any_height(*ends)).any()
     pairs = set(zip(network.tail.tolist(), network.head.tolist(), strict=True))
     assert all((head, tail) in pairs for tail, head in pairs)
 
@@ -271,7 +272,7 @@ def test_faults_of_all_parts_are_said_at_once(scenario_with):
         "drones.toml: drone[0].wind_limit",
     ):
         assert any(line.startswith(part) for line in said), part
-    assert any(line.startswith("zones.geojson: features[0]: is not a polygon") for line in said)
+    assert any(line.startswith("zones.geojson: features[0]: geometry: is not a polygon") for line in said)
     assert any(line.startswith("scenario.toml: flight.cruise_height_m: out of range (got '-60')") for line in said)
     assert any(line.startswith("scenario.toml: wind.time_zone: no such time zone (got 'Mars/Base')") for line in said)
     assert len(said) == 6  # the load is read against the stations, so it waits for them
@@ -367,7 +368,7 @@ def test_200_megabytes_are_refused(scenario_with, part):
         (instead('stations = "stations.csv"', ""), "network.stations: is missing"),
         (instead('stations = "stations.csv"', "stations = 3"), "network.stations: must be a text that is not empty (got '3')"),
         (instead('stations = "stations.csv"', f'stations = "{"x" * 300}"'), "network.stations: cannot be read: File name too long"),
-        (instead("[drones]", "[fleet]"), "fleet: is not a field here; known: drones, flight, "),
+        (instead("[drones]", "[fleet]"), "fleet: is not a field here; known: airspace, drones, flight, "),
         (instead("cruise_height_m = 60", "climb_rate_mps = 0"), "flight.climb_rate_mps: out of range (got '0')"),
         (instead("cruise_height_m = 60", "cruise_height_ft = 200"), "flight.cruise_height_ft: is not a field here; did you mean cruise_height_m?"),
         (instead('"m/s"', '"m/h"'), "wind.speed_unit: is not known (got 'm/h'); one of m/s, "),

@@ -1,0 +1,56 @@
+"""Zones and authorizations as commands take them, and the refusal of legs that they close."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from skyway.cli import options
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.models.airspace.airspace import Airspace
+    from skyway.models.composition.composition import Composition
+    from skyway.models.scenario.scenario import Scenario
+
+
+def zones_of(region: Scenario | None, files: Sequence[Path], authorized: Sequence[str]) -> Airspace | None:
+    """Return the zones of a scenario and of files; what of the files was not understood is told."""
+    from skyway.models.airspace.airspace import Airspace
+    from skyway.models.airspace.reading import read_airspace
+
+    own = region.network.zones if region is not None else None
+    if not files and not authorized:
+        return own
+    more, notes = read_airspace(files)
+    for note in notes:
+        typer.echo(f"warning: {note}", err=True)
+    known = own or Airspace()
+    with options.as_typed():
+        return replace(known, zones=(*known.zones, *more)).with_authorized(authorized)
+
+
+def refuse_closed(composition: Composition, flown_by: Family, how: MissionOptions, zones: Airspace | None) -> None:
+    """Tell what zones let nobody fly at its time, and end."""
+    from skyway.missions.builder.from_composition import leg_mission
+    from skyway.missions.checks.report import AIRSPACE_CODES
+    from skyway.missions.checks.report import check as check_mission
+
+    if zones is None:
+        return
+    found = []
+    for number, service in enumerate(composition.services):
+        document = leg_mission(composition, number, flown_by, how).documents[0]
+        report = check_mission(document, dialect=flown_by, zones=zones, depart_s=service.depart.timestamp())
+        told = (str(one) for one in report.findings if one.code in AIRSPACE_CODES and one.severity == "error")
+        found += [f"leg {number + 1}: {one}" for one in told]
+    for line in found:
+        typer.echo(line, err=True)
+    if found:
+        raise typer.Exit(1)
