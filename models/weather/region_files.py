@@ -103,6 +103,11 @@ def _stamped(paths: Sequence[Path]) -> tuple[tuple[str, int, int], ...]:
     return tuple(found)
 
 
+def forget() -> None:
+    """Forget files that were read."""
+    _read.cache_clear()
+
+
 @lru_cache(maxsize=2)
 def _read(
     stamped: tuple[tuple[str, int, int], ...],
