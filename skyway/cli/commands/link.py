@@ -1,7 +1,8 @@
-"""Commands ``upload``, ``download``, ``clear`` and ``verify``."""
+"""Commands ``upload``, ``download``, ``clear``, ``verify`` and ``watch``."""
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import options
-from skyway.cli.connection_options import Link, Yes
+from skyway.cli.connection_options import Line, Link, Yes
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError, refuse
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -272,3 +273,35 @@ def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> No
         typer.echo("the vehicle holds the mission of the file" if not found else f"{len(found)} differences")
     if found:
         raise typer.Exit(1)
+
+
+@with_groups
+def watch(
+    link: Line,
+    lasting: Annotated[
+        float | None, typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.")
+    ] = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Watch all vehicles on a connection: position, charge, wind, mode, link. Ctrl-C ends it.
+
+    Where the output is not a terminal, one line per second and vehicle is printed.
+
+    Examples
+    --------
+      skyway watch --connect udpin:127.0.0.1:14540
+      skyway watch --connect tcp:127.0.0.1:5760 --duration 10 --json
+    """
+    from skyway.cli.views.watch import Watched, show
+
+    if lasting is not None and not 0.0 < lasting < math.inf:
+        raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
+    with link.opened() as connection:
+        watched = Watched(connection)
+        begun_s = connection.clock.now_s()
+        try:
+            show(watched, math.inf if lasting is None else begun_s + lasting, as_json=as_json)
+        except KeyboardInterrupt:
+            typer.echo("", err=True)
+        if not watched.vehicles:
+            raise VehicleTimeoutError("no heartbeat", connection.clock.now_s() - begun_s)
