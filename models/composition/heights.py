@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,3 +131,13 @@ def least_words(heights: LegHeights) -> str:
     if heights.least_m < 0.0:
         return f"{-heights.least_m:.0f} m below the highest ground or obstacle in the corridor, {at}"
     return f"least clearance {heights.least_m:.0f} m over ground and obstacles in the corridor, {at}"
+
+
+def least_at_m(along_m: Sequence[float], heights_m: Sequence[float], place_m: float) -> float:
+    """Height of a flown way at a distance along it; the lower one where it changes at once."""
+    found = [
+        min(h0, h1) if a1 == a0 else h0 + (place_m - a0) / (a1 - a0) * (h1 - h0)
+        for (a0, h0), (a1, h1) in pairwise(zip(along_m, heights_m, strict=True))
+        if a0 <= place_m <= a1
+    ]
+    return min(found, default=heights_m[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError
+from skyway.models.composition.heights import least_at_m
 from skyway.plots.pictures import CALM, INK, MUTED, MUTED_INK, ROUTE, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
@@ -50,11 +51,11 @@ def draw_heights(axes: Any, legs: Sequence[LegHeights | None], names: Sequence[s
         ends = [one.ground_m[0], *one.path_height_m, one.ground_m[-1]]
         axes.plot([way[0], *way, way[-1]], ends, color=ROUTE, linewidth=1.6, label="way flown" if first else None)
         for tower in one.obstacles:
-            at, foot = begin_km + tower.along_m / 1000.0, _at(one.along_m, one.ground_m, tower.along_m)
+            at, foot = begin_km + tower.along_m / 1000.0, least_at_m(one.along_m, one.ground_m, tower.along_m)
             axes.plot([at, at], [foot, tower.top_m], color=MUTED_INK, linewidth=1.4)
             axes.annotate(tower.name[:24], (at, tower.top_m), textcoords="offset points", xytext=(0, 2), fontsize=6, color=MUTED_INK, ha="center")  # fmt: skip
         at_km = begin_km + one.least_along_m / 1000.0
-        flown = _at(one.path_along_m, one.path_height_m, one.least_along_m)
+        flown = least_at_m(one.path_along_m, one.path_height_m, one.least_along_m)
         mark = "least clearance" if first else None
         axes.plot([at_km, at_km], [flown - one.least_m, flown], color=INK, linewidth=1.2, marker="_", label=mark)
         axes.annotate(f"{one.least_m:.0f} m", (at_km, flown - 0.5 * one.least_m), textcoords="offset points", xytext=(4, -3), fontsize=7, color=INK)  # fmt: skip
@@ -72,15 +73,3 @@ def draw_heights(axes: Any, legs: Sequence[LegHeights | None], names: Sequence[s
     axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
     axes.legend(fontsize=7, ncols=4, loc="upper right", frameon=True, edgecolor="none", framealpha=0.8)
     plain_axes(axes)
-
-
-def _at(along: Sequence[float], heights: Sequence[float], place: float) -> float:
-    """Height of a polyline at a distance; the lower one where it changes at once."""
-    found = [
-        h0 if a1 == a0 else h0 + (place - a0) / (a1 - a0) * (h1 - h0)
-        for (a0, h0), (a1, h1) in zip(
-            zip(along, heights, strict=True), zip(along[1:], heights[1:], strict=True), strict=False
-        )
-        if a0 <= place <= a1
-    ]
-    return min(found, default=heights[0])

@@ -30,6 +30,7 @@ from skyway.report.flight_report import (
     Times,
     Totals,
 )
+from skyway.report.heights import planned_heights
 from skyway.report.series import Columns, LegWind, Series, series_of, wind_errors
 
 if TYPE_CHECKING:
@@ -150,6 +151,7 @@ def _planned(planned: dict[str, Any]) -> Planned:
             flight_s=of.number(leg, "flight_time_s"), distance_m=of.number(leg, "distance_m"),
             soc_depart=of.share(leg, "soc_depart"), soc_arrive=of.share(leg, "soc_arrive"),
             ground_speed_mps=of.number(leg, "ground_speed_mps"), p_reserve=of.share(leg, "p_reserve"),
+            heights=planned_heights(leg),
         )
         for leg in of.tables(planned, "legs")
     ]  # fmt: skip

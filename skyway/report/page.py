@@ -17,6 +17,7 @@ from skyway.models.base.formatting import (
     utc_clock,
 )
 from skyway.report.charts import charts
+from skyway.report.heights import drawn_heights
 from skyway.report.map import drawn_map
 from skyway.report.svg import safe
 
@@ -50,6 +51,7 @@ def page(document: FlightReport, zones: list[Zone] | None) -> str:
             '<div class="two">' + _section("Map", drawn_map(document, zones)) + _story(document) + "</div>",
             _section("Flights: planned at take-off, and flown", _legs(document)),
             _section("Course", _figures(document)),
+            *([_section("Terrain", heights)] if (heights := drawn_heights(document)) else []),
             _section("Wind", _winds(document)),
             _section("Stops", _stops(document)),
             _section("Decisions and reasons", _decisions(document)),

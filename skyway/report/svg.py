@@ -219,6 +219,7 @@ def swatch(style: str, place: str = "") -> str:
 
 
 MARKS = {
+    "level-mark": '<path class="level" d="M12 0v12"/>',
     "station landed": '<g class="station landed"><circle cx="12" cy="6" r="5"/></g>',
     "station passed": '<g class="station passed"><circle cx="12" cy="6" r="5"/></g>',
     "station divert": '<g class="station divert"><circle cx="12" cy="6" r="5"/></g>',
