@@ -82,6 +82,9 @@ def build_scenario(
         raise InputError("the fleet is empty", field="drones", remedy="give at least one Drone")
     sites = () if history is None else history.sites
     load = PadLoad.none(len(network), timezone) if load is None else load
+    bends = sum(station.flyover for station in network.stations)
+    if bends and len(load.arrivals_per_s) == len(network) - bends:
+        load = load.extended(bends)
     if len(load.arrivals_per_s) != len(network):
         shape = f"{len(load.arrivals_per_s)} stations"
         raise InputError("does not fit the network", field="load", value=shape, remedy=f"{len(network)} stations")

@@ -67,7 +67,8 @@ def scenario_of(
         if name not in scenario.network.index:
             place = composition.stations[name]
             network = scenario.network.with_target(place.lat, place.lon, id=name)
-            scenario = replace(scenario, network=network, load=scenario.load.extended(1))
+            more = len(network) - len(scenario.network)
+            scenario = replace(scenario, network=network, load=scenario.load.extended(more))
     return scenario
 
 

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 FEW = 200
 """Fewer ways than this are looked up in a tree of the zones, which is kept; more in a tree of themselves."""
 
+USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR = 50.0, 10.0, 1.5
+"""What is kept from zones, and how far around them flights go, where nobody says otherwise."""
+
 
 class Conflict(NamedTuple):
     """A way that may not be flown, and why."""
@@ -92,6 +95,13 @@ class Airspace:
         if faults:
             raise InputError(faults)
         return replace(self, authorized=self.authorized | set(asked)) if asked else self
+
+    def with_zones(self, zones: Sequence[Zone], notes: Sequence[Fault] = ()) -> Airspace:
+        """Return the same with more zones, and with the usual margins and ways around where there are none yet."""
+        more = replace(self, zones=(*self.zones, *zones), notes=(*self.notes, *notes))
+        if (self.margin_m, self.height_margin_m, self.max_detour) != (0.0, 0.0, 1.0):
+            return more
+        return replace(more, margin_m=USUAL_MARGIN_M, height_margin_m=USUAL_HEIGHT_MARGIN_M, max_detour=USUAL_DETOUR)
 
     def is_closed(self, zone: Zone) -> bool:
         """Whether a zone is closed while it is active: prohibited, or without the authorization that it needs."""

@@ -55,9 +55,13 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: A
 
 def with_zones(network: Network, zones: Airspace) -> Network:
     """Return a network with other zones: its segments made again by its rule, or those that it was given, as far as they are left."""
+    stations = tuple(station for station in network.stations if not station.flyover)  # they come first
     if network.rule is not None:
-        return build_network(network.stations, network.rule, zones=zones)
-    return Network.from_pairs(network.stations, np.column_stack((network.tail, network.head)), zones=zones)
+        found = build_network(stations, network.rule, zones=zones)
+    else:
+        pairs = np.column_stack((network.tail, network.head))
+        found = Network.from_pairs(stations, pairs[(pairs < len(stations)).all(axis=1)], zones=zones)
+    return found if network.over is None else found.over_terrain(network.over)
 
 
 def _of_stations(pairs: NDArray[np.int64], place_of: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -281,6 +281,8 @@ def write_stations_csv(network: Network, path: Path, *, force: bool = False) -> 
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(STATION_FIELDS)
     for station in network.stations:
+        if station.flyover:  # made again from the zones
+            continue
         values = (getattr(station, field) for field in STATION_FIELDS)
         writer.writerow("" if value is None else value for value in values)
     write_atomically(path, stream.getvalue(), force=force)
@@ -292,5 +294,7 @@ def write_segments_csv(network: Network, path: Path, *, force: bool = False) -> 
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("from", "to", "both"))
     for tail, head in zip(network.tail.tolist(), network.head.tolist(), strict=True):
-        writer.writerow((network.stations[tail].id, network.stations[head].id, "no"))
+        ends = network.stations[tail], network.stations[head]
+        if not any(station.flyover for station in ends):
+            writer.writerow((ends[0].id, ends[1].id, "no"))
     write_atomically(path, stream.getvalue(), force=force)

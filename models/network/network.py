@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.airspace.ways import Ways, chosen, columns, level_flights
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
 from skyway.models.flight.way_heights import segment_heights
+from skyway.models.network.bends import Bends, with_bends
+from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, renumbered
 from skyway.models.wind.interpolation import site_weights, weights_at
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class Station:
         Drones that may stand beside the pads while they wait.
     recharge_power_w : float or None
         Most that one pad delivers; None limits nothing.
+    flyover : bool
+        No station but a bend of the way around a zone: nobody lands there.
     """
 
     id: str
@@ -61,6 +64,7 @@ class Station:
     pads: int = 5
     holding_spots: int = 4
     recharge_power_w: float | None = None
+    flyover: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +109,8 @@ class Network:
     restricted : ndarray of int, shape (pairs, 2)
         Segments that come into a zone which is closed at some times, or until it is authorized, each with the number of the
         volume in ``zones.volumes``; in order of segments.
+    longest_m : float
+        Longest segment that was given, where ways around zones are in its place; else 0.
     """
 
     stations: tuple[Station, ...]
@@ -116,6 +122,7 @@ class Network:
     zones: Airspace | None = None
     over: Over | None = None
     restricted: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    longest_m: float = 0.0
 
     @classmethod
     def from_pairs(
@@ -129,11 +136,28 @@ class Network:
         """Build from directed index pairs, shape (segments, 2).
 
         Pairs are left out whose segment crosses a zone that is closed at all times, or would be flown too high above the ground.
+        Ways around zones, of at most ``zones.max_detour`` times the straight length, lead over nodes behind the stations that are
+        only flown over.
 
         An `InputError` refuses unknown ends, segments from a station to itself, stations with the same id or with less
         than no pads.
         """
         stations = tuple(stations)
+        if zones is None or zones.max_detour <= 1.0:
+            return cls._of(stations, pairs, rule, zones)
+        whole = cls._of(stations, pairs, rule, None)  # checked before anything is added
+        bent = with_bends(Bends(zones), stations, np.column_stack((whole.tail, whole.head)))
+        return replace(cls._of(*bent, rule, zones), longest_m=float(whole.distance_m.max(initial=0.0)))
+
+    @classmethod
+    def _of(
+        cls,
+        stations: tuple[Station, ...],
+        pairs: NDArray[np.int64],
+        rule: ConnectionRule | None,
+        zones: Airspace | None,
+    ) -> Network:
+        """Build from pairs as they are, see `from_pairs`."""
         pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
         unknown = ((pairs < 0) | (pairs >= len(stations))).any(axis=1)
         loops = np.unique(pairs[~unknown & (pairs[:, 0] == pairs[:, 1]), 0])
@@ -152,7 +176,7 @@ class Network:
         lon = np.array([s.lon for s in stations])
         restricted = np.empty((0, 2), dtype=np.int64)
         if zones is not None and len(pairs):
-            kept, restricted = _flyable(stations, pairs, zones)
+            kept, restricted = flyable(stations, pairs, zones)
             pairs = pairs[kept]
         tail, head = pairs[:, 0].copy(), pairs[:, 1].copy()
         distance, bearing = geodesy.inverse(lat[tail], lon[tail], lat[head], lon[head])
@@ -162,7 +186,8 @@ class Network:
         return len(self.stations)
 
     def __repr__(self) -> str:
-        return f"Network({views.counted(len(self), 'station')}, {views.counted(len(self.tail), 'segment')})"
+        count = sum(not station.flyover for station in self.stations)
+        return f"Network({views.counted(count, 'station')}, {views.counted(len(self.tail), 'segment')})"
 
     def to_frame(self) -> pd.DataFrame:
         """Return the stations as a pandas DataFrame."""
@@ -184,7 +209,7 @@ class Network:
     @cached_property
     def ground_m(self) -> NDArray[np.float64]:
         """Ground above mean sea level at each node, metres, shape (nodes,); NaN where it is not known."""
-        return _ground_of(self.stations)
+        return ground_of(self.stations)
 
     def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
         """Ground at places, metres above mean sea level, shape (places,): of the terrain model, else between the stations whose ground is known, as wind is.
@@ -223,7 +248,7 @@ class Network:
         found = over.terrain.ground_m(self.lat, self.lon)
         stations = tuple(
             replace(one, elevation_m=round(float(ground), 2))
-            if one.elevation_m is None and math.isfinite(ground)
+            if (one.elevation_m is None or one.flyover) and math.isfinite(ground)
             else one
             for one, ground in zip(self.stations, found, strict=True)
         )
@@ -235,7 +260,7 @@ class Network:
         kept, restricted = np.flatnonzero(known), np.empty((0, 2), dtype=np.int64)
         if self.zones is not None:  # they are compared with the heights over the terrain
             pairs = np.column_stack((self.tail, self.head))[kept]
-            open_, restricted = _flyable(stations, pairs, self.zones, type(flown)(*(values[kept] for values in flown)))
+            open_, restricted = flyable(stations, pairs, self.zones, type(flown)(*(values[kept] for values in flown)))
             kept = kept[open_]
         left = replace(
             whole, tail=self.tail[kept], head=self.head[kept], distance_m=self.distance_m[kept], bearing_deg=self.bearing_deg[kept],
@@ -347,7 +372,7 @@ class Network:
         hits = [
             i
             for i, s in enumerate(self.stations)
-            if wanted and (wanted in s.name.casefold() or wanted in s.id.casefold())
+            if wanted and not s.flyover and (wanted in s.name.casefold() or wanted in s.id.casefold())
         ]
         if len(hits) == 1:
             return hits[0]
@@ -376,7 +401,7 @@ class Network:
         faults = geodesy.coordinate_faults(lat, lon)
         refuse(faults)
         if self.zones is not None:
-            refuse(_inside(self.zones, lat, lon))
+            refuse(inside(self.zones, lat, lon))
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"
@@ -384,7 +409,10 @@ class Network:
         near = self._near(lat, lon)
         node = np.full(len(near), len(self.stations))
         pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))
-        star = Network.from_pairs((*self.stations, target), pairs, zones=self.zones)
+        stations = (*self.stations, target)
+        if self.zones is not None and self.zones.max_detour > 1.0:
+            stations, pairs = self._bent(stations, pairs)
+        star = Network._of(stations, pairs, None, self.zones)
         if self.over is not None:
             star = star.over_terrain(self.over)
         tail = np.concatenate((self.tail, star.tail))
@@ -399,7 +427,8 @@ class Network:
             rule=self.rule,
             zones=self.zones,
             over=self.over,
-            restricted=_renumbered(self.restricted, star.restricted, len(self.tail), order),
+            longest_m=self.longest_m,
+            restricted=renumbered(self.restricted, star.restricted, len(self.tail), order),
         )
         if (
             self.flown is not None and star.flown is not None
@@ -411,10 +440,31 @@ class Network:
             joined._site_weights[key] = np.concatenate((weights, star.site_weights(sites[0], sites[1], key[1])))[order]
         return joined
 
+    @cached_property
+    def _bends(self) -> Bends:
+        if self.zones is None:
+            raise ValueError("a network without zones has no ways around them")
+        return Bends(self.zones)
+
+    def _bent(
+        self, stations: tuple[Station, ...], pairs: NDArray[np.int64]
+    ) -> tuple[tuple[Station, ...], NDArray[np.int64]]:
+        """Add ways around zones to the segments of a target, which stays the last node; segments that are known are left out."""
+        count = len(self.stations)
+        stations, pairs = with_bends(self._bends, stations, pairs)
+        new = len(stations) - count - 1
+        rank = np.concatenate((np.arange(count), [count + new], count + np.arange(new)))
+        pairs = rank[pairs]
+        known = set(zip(self.tail.tolist(), self.head.tolist(), strict=True))
+        fresh = [n for n, pair in enumerate(pairs.tolist()) if tuple(pair) not in known]
+        return (*stations[:count], *stations[count + 1 :], stations[count]), pairs[fresh]
+
     def _near(self, lat: float, lon: float) -> NDArray[np.int64]:
         """Stations that the network's rule joins to a position."""
-        limit = float(self.distance_m.max(initial=0.0)) if self.rule is None else self.rule.max_length_m
-        near = np.flatnonzero(geodesy.coarse_distance_m(lat, lon, self.lat, self.lon) <= 1.01 * limit)
+        longest_m = float(self.distance_m.max(initial=self.longest_m))
+        limit = longest_m if self.rule is None else self.rule.max_length_m
+        landed = np.array([not station.flyover for station in self.stations], dtype=bool)
+        near = np.flatnonzero((geodesy.coarse_distance_m(lat, lon, self.lat, self.lon) <= 1.01 * limit) & landed)
         north, east = geodesy.local_offsets_m(self.lat[near], self.lon[near], lat, lon)
         reach = np.hypot(north, east)
         order = np.argsort(reach, kind="stable")
@@ -429,93 +479,6 @@ class Network:
         """Return the same network with that many pads at every station that has any."""
         stations = tuple(replace(s, pads=pads) if s.pads else s for s in self.stations)
         return replace(self, stations=stations)
-
-
-def _ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
-    heights = [station.elevation_m for station in stations]
-    return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
-
-
-def flown_ways(
-    stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float, flown: SegmentHeights | None = None
-) -> tuple[Ways, Ways]:
-    """Return segments, as high as they are flown, and the climbs and descents at all stations.
-
-    Over a terrain model `flown` tells the heights of the segments.
-    """
-    lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
-    ground_m = _ground_of(stations)
-    a, b = pairs[:, 0], pairs[:, 1]
-    level = level_flights((lat[a], lon[a], lat[b], lon[b]), (ground_m[a], ground_m[b]), cruise_height_m)
-    top_m = np.full(len(stations), cruise_height_m)
-    if flown is not None:
-        heights = (flown.low_m, flown.high_m, flown.low_above_m, flown.high_above_m)
-        level = Ways(*level[:4], *heights)
-        for ends in (a, b):
-            np.maximum.at(top_m, ends, flown.high_m - ground_m[ends])
-    return level, columns(lat, lon, ground_m, top_m)
-
-
-def _flyable(
-    stations: Sequence[Station], pairs: NDArray[np.int64], zones: Airspace, flown: SegmentHeights | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers of the pairs that are neither closed at all times nor too high, and their `Network.restricted`.
-
-    A climb or descent that a zone forbids forbids the segments of its station. Without a terrain model a segment is flown both ways
-    alike, and looked at once.
-    """
-    ends, way_of = pairs, np.arange(len(pairs))
-    if flown is None:
-        ends, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        way_of = inverse.ravel()
-    level, climbs = flown_ways(stations, ends, zones.cruise_height_m, flown)
-    way, volume = zones.hits(level)
-    used = np.unique(ends)
-    at, over = zones.hits(chosen(climbs, used))
-    by_node = np.argsort(ends.T.ravel(), kind="stable")
-    low, touching = _matches(ends.T.ravel()[by_node], used[at])
-    way, volume = np.concatenate((way, by_node[touching] % len(ends))), np.concatenate((volume, over[low]))
-    closed = (
-        zones.too_high(level) if flown is None else np.zeros(len(ends), dtype=bool)
-    )  # its clearance has a greatest height
-    closed[way[zones.always_closed[volume]]] = True
-    found = np.unique(np.column_stack((way, volume)), axis=0)
-    found = found[~closed[found[:, 0]]]
-    kept = np.flatnonzero(~closed[way_of])
-    order = np.argsort(way_of[kept], kind="stable")
-    of, position = _matches(way_of[kept][order], found[:, 0])
-    restricted = np.column_stack((order[position], found[of, 1]))
-    return kept, restricted[np.lexsort((restricted[:, 1], restricted[:, 0]))]
-
-
-def _matches(ascending: NDArray[np.int64], wanted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number of each wanted value, and every position at which it stands in an ascending array."""
-    first, last = np.searchsorted(ascending, wanted), np.searchsorted(ascending, wanted, side="right")
-    count = last - first
-    which = np.repeat(np.arange(len(wanted)), count)
-    return which, np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
-
-
-def _renumbered(
-    old: NDArray[np.int64], new: NDArray[np.int64], segments: int, order: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return `Network.restricted` of old and new segments, the new ones behind, in another order."""
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order))
-    both = np.concatenate((old, new + np.array((segments, 0))))
-    both = np.column_stack((rank[both[:, 0]], both[:, 1]))
-    return both[np.lexsort((both[:, 1], both[:, 0]))]
-
-
-def _inside(zones: Airspace, lat: float, lon: float) -> list[Fault]:
-    """Refuse a place of delivery in a zone that is closed at all times where a flight comes down to it."""
-    _, volume = zones.hits(columns(np.array([lat]), np.array([lon]), math.nan, zones.cruise_height_m))
-    for number in volume.tolist():
-        zone = zones.zones[zones.volumes[number][0]]
-        if zone.kind == "prohibited" and zone.activation.is_permanent:
-            remedy = f"{zones.volumes[number][1]}: choose a place outside of it"
-            return [Fault(f"lies in the no-fly zone {zone.name}", field="target", value=f"{lat},{lon}", remedy=remedy)]
-    return []
 
 
 def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:

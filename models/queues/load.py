@@ -96,6 +96,10 @@ class PadLoad:
         hour = hours_of_week(self.timezone, start_s, hours)
         return self.arrivals_per_s[station, hour], self.mean_charging_s[station, hour]
 
+    def first(self, stations: int) -> PadLoad:
+        """Return the load of the first stations alone."""
+        return PadLoad(self.arrivals_per_s[:stations], self.mean_charging_s[:stations], self.timezone)
+
     def extended(self, count: int) -> PadLoad:
         """Add that many stations without load at the end, such as delivery targets."""
         more = PadLoad.none(count, self.timezone)

@@ -92,8 +92,9 @@ def zone_warnings(stations: Sequence[Station], zones: Airspace) -> list[str]:
 
 def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
     """Return what a person should know: outlying stations, distant wind, stations at one place, separate parts."""
-    here = _positions(network.stations)
-    ids = [station.id for station in network.stations]
+    stations = [station for station in network.stations if not station.flyover]
+    here = _positions(stations)
+    ids = [station.id for station in stations]
     warnings = []
     far = _nearest_m(here, np.median(here, axis=0, keepdims=True))
     warnings += [f"station {ids[i]} lies {distance_text(far[i])} from the others" for i in np.flatnonzero(far > LOST_M)]
@@ -104,8 +105,8 @@ def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
             worst = int(np.argmax(wind))
             farthest = f"station {ids[worst]}, {distance_text(wind[worst])}"
             warnings.append(f"{len(distant)} stations lie more than 300 km from every wind site (farthest: {farthest})")
-    places = Counter((station.lat, station.lon) for station in network.stations)
-    shared = [station.id for station in network.stations if places[station.lat, station.lon] > 1]
+    places = Counter((station.lat, station.lon) for station in stations)
+    shared = [station.id for station in stations if places[station.lat, station.lon] > 1]
     if shared:
         warnings.append(f"stations that stand at the same place, no segment joins them: {_listed(shared)}")
     parts = network.parts()

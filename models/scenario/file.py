@@ -14,7 +14,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
-from skyway.models.airspace.airspace import Airspace
+from skyway.models.airspace.airspace import USUAL_DETOUR, USUAL_HEIGHT_MARGIN_M, USUAL_MARGIN_M, Airspace
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.fields import Table, read_toml
@@ -156,10 +156,11 @@ class _Reader:
         """Read the zones: of one file that is named under [network], and any number under [airspace]."""
         names = enumerate(table.texts("files", ()))
         paths = [path for number, name in names if (path := self._named(table, f"files[{number}]", name)) is not None]
-        margin_m = table.number("margin_m", 0.0, low=0, high=100_000)
-        height_margin_m = table.number("height_margin_m", 0.0, low=0, high=10_000)
+        usual = (USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR) if "airspace" in self.top else (0.0, 0.0, 1.0)
+        margin_m = table.number("margin_m", usual[0], low=0, high=100_000)
+        height_margin_m = table.number("height_margin_m", usual[1], low=0, high=10_000)
+        max_detour = table.number("max_detour", usual[2], low=1, high=20)
         max_height_m = table.number("max_height_m", math.inf, above=0)
-        max_detour = table.number("max_detour", 1.0, low=1, high=20)
         authorized = table.texts("authorized", ())
         table.finish()
         if own is None and not paths and math.isinf(max_height_m):
@@ -320,7 +321,8 @@ class _Reader:
             table.fault("occupancy", "file and occupancy are both given", remedy="keep one of them")
         if network is None:
             return None
-        ids, pads = [station.id for station in network.stations], network.pads
+        real = [station for station in network.stations if not station.flyover]  # they come first
+        ids, pads = [station.id for station in real], network.pads[: len(real)]
         if file is not None:
             found = self._try(lambda f: read_load(f, ids, timezone, pads=pads), file)
         elif occupancy is not None:
@@ -332,7 +334,7 @@ class _Reader:
             return None
         load, warnings = found
         self.warnings += warnings
-        return load
+        return load.extended(len(network) - len(real)) if len(network) > len(real) else load
 
     def _path(self, table: Table, key: str, *, required: bool = False) -> Path | None:
         if not required and key not in table:

@@ -174,15 +174,20 @@ class Scenario:
         zones = network.zones or Airspace(cruise_height_m=self.rules.cruise_height_m)
         if files:
             more, notes = read_airspace(files)
-            zones = replace(zones, zones=(*zones.zones, *more), notes=(*zones.notes, *notes))
+            zones = zones.with_zones(more, notes)
             network = with_zones(network, zones)
             warnings = (*warnings, *(str(note) for note in notes[:MAX_NOTES]))
+        load = self.load
+        if len(network) != len(self.network):  # other bends around zones, behind the stations
+            stations = sum(not station.flyover for station in network.stations)
+            load = load.first(stations).extended(len(network) - stations)
         network = replace(network, zones=zones.with_authorized(authorized))
-        return replace(self, network=network, warnings=warnings)
+        return replace(self, network=network, load=load, warnings=warnings)
 
     def with_target(self, lat: float, lon: float) -> Scenario:
         """Add a delivery target without pads to the network."""
-        return replace(self, network=self.network.with_target(lat, lon), load=self.load.extended(1))
+        network = self.network.with_target(lat, lon)
+        return replace(self, network=network, load=self.load.extended(len(network) - len(self.network)))
 
     def _record(self) -> WindHistory:
         if self.history is None:

@@ -95,7 +95,7 @@ class Problem:
         self.load = scenario.load
         if state.position is not None:
             self.network = self.network.with_target(*state.position, id=IN_FLIGHT)
-            self.load = self.load.extended(1)
+            self.load = self.load.extended(len(self.network) - len(scenario.network))
             self.origin = len(self.network) - 1
         else:
             self.origin = self._node(state.station or "", "state.station")

@@ -13,7 +13,7 @@ from skyway.models.airspace.ways import Ways, chosen, columns, flown_at, level_f
 from skyway.models.base.formatting import zone_clock
 from skyway.models.base.units import from_posix
 from skyway.models.flight.heights import cleared_grounds_m
-from skyway.models.network.network import flown_ways
+from skyway.models.network.zoned import flown_ways
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -23,7 +23,7 @@ import numpy as np
 from skyway.models.airspace.ways import chosen, together
 from skyway.models.base.errors import AuditError
 from skyway.models.drones.charging import ChargingCurve
-from skyway.models.network.network import flown_ways
+from skyway.models.network.zoned import flown_ways
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS, height_factor
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def stations(ctx: Any, incomplete: str) -> list[tuple[str, str]]:  # typer's own Context, or click's in older releases
     """Offer station ids, with their names."""
     world = _scenario(ctx)
-    places = () if world is None else world.network.stations
+    places = () if world is None else tuple(one for one in world.network.stations if not one.flyover)
     return [(place.id, place.name) for place in places if place.id.startswith(incomplete)]
 
 

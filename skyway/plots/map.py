@@ -59,11 +59,14 @@ def plot_network(scenario: Scenario, path: Path | None = None) -> Figure:
     axes = figure.add_subplot()
     _draw_network(axes, scenario, frame, segment_alpha=0.5)
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
-    axes.set_title(f"{scenario.name}: {len(net)} stations, {both} segments", color=INK, loc="left")
+    count = sum(not station.flyover for station in net.stations)
+    axes.set_title(f"{scenario.name}: {count} stations, {both} segments", color=INK, loc="left")
     placer = LabelPlacer(axes, lon, net.lat)
     _name_zones(placer, scenario, frame)
     if len(net) <= MAX_LABELS:
         for station, x in zip(net.stations, lon.tolist(), strict=True):
+            if station.flyover:
+                continue
             placer.place(station.id, x, station.lat, fontsize=7, color=INK, zorder=5)
     return save_figure(figure, path)
 
@@ -187,8 +190,9 @@ def _draw_network(axes: Any, scenario: Scenario, frame: Frame, *, segment_alpha:
         axes.fill(ring[:, 0], ring[:, 1], color=ZONE, alpha=0.7, linewidth=0, zorder=0, label=label)
     charging = net.pads > 0
     axes.plot(lon[charging], net.lat[charging], "o", color=CALM, markersize=4, zorder=2, label="station with pads")
-    if not charging.all():
-        axes.plot(lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2, label="no pads")
+    others = ~charging & np.array([not station.flyover for station in net.stations], dtype=bool)
+    if others.any():
+        axes.plot(lon[others], net.lat[others], "s", color=INK, markersize=5, zorder=2, label="no pads")
     axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none", framealpha=0.8)
     axes.set_xlim(frame.west, frame.east)
     axes.set_ylim(frame.south, frame.north)
@@ -271,11 +275,12 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: 
     lon = about(net.lon, frame.middle)
     placer = LabelPlacer(axes, lon, net.lat, lines)
     _name_zones(placer, scenario, frame)
-    _name_stops(placer, composition, at, landings)
+    bends = {station.id for station in net.stations if station.flyover}
+    _name_stops(placer, composition, {key: place for key, place in at.items() if key not in bends}, landings)
     shown = (frame.west < lon) & (lon < frame.east) & (frame.south < net.lat) & (net.lat < frame.north)
     for node in np.flatnonzero(shown) if shown.sum() <= MAX_LABELS else ():
         station, east = net.stations[node], float(lon[node])
-        if station.id not in composition.route:
+        if station.id not in composition.route and not station.flyover:
             name = f"{station.id} (divert)" if station.id in diverts else station.id
             points, tone = (6.5, INK) if station.id in diverts else (5.5, MUTED_INK)
             placer.place(name, east, station.lat, zorder=5, fontsize=points, color=tone)
@@ -290,6 +295,8 @@ def _name_stops(
     charging = [key for key in landings if key in stops and stops[key].recharge_s > 0]
     rest = [key for key in composition.route if key not in charging]
     for key in dict.fromkeys((*charging, composition.origin, composition.destination, *rest)):
+        if key not in at:
+            continue
         text = key
         if key in charging:
             stop = stops[key]

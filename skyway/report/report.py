@@ -57,6 +57,8 @@ def write_report(
     scenario = scenario or _built_in(document)
     zones = None if scenario is None else _zones(scenario)
     for one in () if scenario is None else scenario.network.stations:  # beside those that the plan names
+        if one.flyover:
+            continue
         document.planned.stations.setdefault(one.id, Station(one.lat, one.lon, one.name))
     write_atomically(report, page(document, zones), force=force)
     if plot is not None:

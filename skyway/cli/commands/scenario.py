@@ -87,6 +87,8 @@ def _print_network(world: Scenario) -> None:
     names = ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest")
     sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
     for number, s in enumerate(net.stations):
+        if s.flyover:
+            continue
         segments = slice(int(net.first[number]), int(net.first[number + 1]))
         nearest = "none"
         if segments.stop > segments.start:
@@ -106,14 +108,16 @@ def _print_network(world: Scenario) -> None:
     sheet.show()
     say("")
     zones = len(net.zones.names) if net.zones is not None else 0
+    count = sum(not station.flyover for station in net.stations)
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
     parts = len(net.parts())
     joined = "all joined" if parts == 1 else f"in {parts} parts"
     if len(net.distance_m):
         lengths = f"{kilometres(net.distance_m.min())} to {kilometres(net.distance_m.max())} km"
-        say(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
+        bends = f", {len(net) - count} bends around them" if len(net) > count else ""
+        say(f"{count} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones{bends}")
     else:
-        say(f"{len(net)} stations, no segments, {zones} no-fly zones")
+        say(f"{count} stations, no segments, {zones} no-fly zones")
     if find_spec("networkx") and (alone := net.articulation_stations()):
         say(f"stations whose closure would part the network: {', '.join(alone)}")
     for drone in world.drones:

@@ -83,6 +83,27 @@ def test_with_charging_wind_and_queues_it_equals_the_exhaustive_search_of_the_pl
     assert closed >= 4  # else the zones closed nothing
 
 
+def test_around_zones_it_equals_the_exhaustive_search_too_and_lands_at_no_bend():
+    bent = 0
+    for seed in range(8):
+        rng = np.random.default_rng(50 + seed)
+        world = make_world(rng, 6, length_m=45_000.0, utilisation=0.5)
+        zones = replace(zones_over(rng, world.network.stations, 2, half=0.01), max_detour=1.6, margin_m=30.0)
+        network = build_network(world.network.stations, world.network.rule, zones=zones)
+        load = world.load.extended(len(network) - len(world.network))
+        world = replace(world, network=network, load=load)
+        request = make_request(world, rng, reserve_soc=0.2, payload_kg=0.5, destination="s5")
+        problem = Problem(world, request, world.drones[0], make_wind(rng, mean_mps=4.0))
+        queues = SampledQueues(problem, 0)
+        _, referee = best_time(ExhaustiveSearch(problem, queues))
+        itinerary, exact = best_time(ExactSearch(problem, queues))
+        assert exact == pytest.approx(referee, rel=1e-6), seed
+        for leg in itinerary or ():
+            assert not network.stations[network.head[leg.segments[-1]]].flyover
+            bent += any(network.stations[network.head[s]].flyover for s in leg.segments)
+    assert bent >= 2
+
+
 def crosses(box, a, b):
     """Whether the straight line of the map between two stations touches a box (Liang and Barsky 1984)."""
     west, south, east, north = box
