@@ -40,11 +40,17 @@ def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
         raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{grams}")
     with_price = all(drone.price_per_km is not None for drone in able)
     values = [qualities(drone, with_price=with_price) for drone in able]
+
+    def beaten(number: int, other: int) -> bool:
+        """Whether the other drone is as good in everything, and flies in all weather that this one does."""
+        all_weather = able[other].limits.stricter(able[number].limits) == able[number].limits
+        return all_weather and dominates(values[other], values[number])
+
     window: list[int] = []
-    for number, value in enumerate(values):
-        if any(dominates(values[other], value) for other in window):
+    for number in range(len(able)):
+        if any(beaten(number, other) for other in window):
             continue
-        window = [other for other in window if not dominates(value, values[other])]
+        window = [other for other in window if not beaten(other, number)]
         window.append(number)
     return [able[number] for number in window]
 

@@ -121,6 +121,16 @@ class Table:
             return default or choices[0]
         return value
 
+    def flag(self, key: str, *, default: bool) -> bool:
+        """Read true or false."""
+        if key not in self:
+            return default
+        value = self._get(key, required=False)
+        if not isinstance(value, bool):
+            self.fault(key, "is neither true nor false", value)
+            return default
+        return value
+
     def texts(self, key: str, default: tuple[str, ...]) -> tuple[str, ...]:
         """Read a list of texts."""
         value = self._get(key, required=False)

@@ -10,6 +10,7 @@ from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.charging import ChargingCurve
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.power import EnduranceEnergy, EnergyModel
+from skyway.models.drones.weather_limits import NO_LIMITS, WeatherLimits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,8 @@ class Drone:
         How far its flights may be from that; by default as of a drone that nobody has measured.
     max_height_m : float
         Greatest height above the ground that it may be flown at.
+    limits : WeatherLimits
+        Of the weather besides the wind.
     """
 
     id: str
@@ -61,6 +64,7 @@ class Drone:
     energy: EnergyModel | None = field(default=None)
     energy_belief: EnergyBelief = field(default=EnergyBelief())
     max_height_m: float = math.inf
+    limits: WeatherLimits = NO_LIMITS
 
     @cached_property
     def energy_model(self) -> EnergyModel:

@@ -11,6 +11,7 @@ from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER
 from skyway.models.drones.drone import BUILT_IN, Drone
 from skyway.models.drones.energy_belief import RANGES, EnergyBelief
 from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
+from skyway.models.drones.weather_limits import NO_LIMITS, read_limits
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -80,6 +81,7 @@ def _drone(table: Table) -> Drone:
         energy=energy,
         energy_belief=belief,
         max_height_m=height,
+        limits=read_limits(table.table("limits")) if "limits" in table else NO_LIMITS if base is None else base.limits,
     )
     table.finish()
     return drone

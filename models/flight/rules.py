@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import Fault, refuse
+from skyway.models.drones.weather_limits import NO_LIMITS, WeatherLimits
 from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.closures import closures
 from skyway.models.flight.heights import above_factors, wind_factors
+from skyway.models.flight.weather_closures import closed_slots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,6 +45,8 @@ class FlightRules:
         Of the power law that carries wind to cruise height.
     clearance : Clearance
         What is kept over terrain and obstacles, where a terrain model is known (`models.flight.way_heights`).
+    limits : WeatherLimits
+        Of the weather besides the wind, for all drones.
     """
 
     cruise_height_m: float = 60.0
@@ -50,6 +54,7 @@ class FlightRules:
     descent_rate_mps: float = 3.0
     wind_profile_exponent: float = 0.2
     clearance: Clearance = field(default_factory=Clearance)
+    limits: WeatherLimits = NO_LIMITS
 
     @property
     def climb_s(self) -> float:
@@ -127,7 +132,7 @@ def air_over(
         climb_s=rules.climb_s,
         descent_s=rules.descent_s,
         shut_of=shut_of,
-        shut=shut,
+        shut=shut | closed_slots(wind, drone, rules)[:, None],
     )
 
 

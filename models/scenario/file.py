@@ -21,6 +21,7 @@ from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import SPEED_UNITS_MPS
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.drones.fleet import read_fleet
+from skyway.models.drones.weather_limits import read_limits
 from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import RULES, build_network
@@ -231,6 +232,7 @@ class _Reader:
             descent_rate_mps=table.number("descent_rate_mps", default.descent_rate_mps, low=0.1, high=30),
             wind_profile_exponent=table.number("wind_profile_exponent", default.wind_profile_exponent, low=0, high=1),
             clearance=_clearance(table.table("clearance"), default.clearance),
+            limits=read_limits(self.top.table("limits")),
         )
         table.finish()
         return rules

@@ -8,7 +8,6 @@ beside each other share the probability equally.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.geodesy import inverse
 from skyway.models.base.units import from_posix, iso
+from skyway.models.weather.hourly import hourly_weather
 from skyway.models.weather.lags import lags
 from skyway.models.weather.lead_error import PUBLISHED, with_errors
 from skyway.models.weather.placing import Placing
@@ -26,11 +26,12 @@ from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from skyway.models.weather.lead_error import LeadError
+    from skyway.models.weather.region import Region
     from skyway.models.weather.weather import Weather
 
 MOST_NODES = 4
@@ -44,23 +45,6 @@ MEMBERS = 60
 """Courses that are made of a forecast with one."""
 FADE_S = 6 * 3600.0
 """In which the forecast's last departure from the record fades, once it has ended."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Region:
-    """Where, when and how high a wind is wanted."""
-
-    lat: NDArray[np.float64]
-    lon: NDArray[np.float64]
-    """Places that it must cover, such as stations."""
-    depart_s: float
-    hours: int
-    height_m: float
-    exponent: float
-    """Of the profile, where a forecast has one height."""
-    seed: int = 0
-    later: Callable[[float, int], WindEnsemble] | None = field(default=None, compare=False)
-    """Winds of the record from an instant on for so many hours, for what comes after the forecast."""
 
 
 def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadError = PUBLISHED) -> WindEnsemble:
@@ -123,6 +107,7 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
         north=np.concatenate([part[0] for part in parts]), east=np.concatenate([part[1] for part in parts]),
         probability=np.concatenate([part[2] for part in parts]), labels=tuple(name for part in parts for name in part[3]),
         height_m=region.height_m, lattice=shape, known_until_s=until_s, notes=tuple(dict.fromkeys(notes)),
+        weather=hourly_weather(used, region, lat, lon, start_s, slot_s, slots),
     )  # fmt: skip
     return _continued(found, region)
 

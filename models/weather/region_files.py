@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.units import from_posix
-from skyway.models.weather.forecasting import Region, forecast_ensemble
+from skyway.models.weather.forecasting import forecast_ensemble
 from skyway.models.weather.lead_error import PUBLISHED, read_lead_error
 from skyway.models.weather.readers.reading import read_weather
+from skyway.models.weather.region import Region
 from skyway.models.weather.weather import Box
 from skyway.models.wind.forecast import read_forecast
 from skyway.models.wind.history import WindSite, station_places

@@ -29,6 +29,18 @@ def evenly(count: int, most: int) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HourlyWeather:
+    """What else a forecast tells of the weather over a region, hour by hour: what one member in ten exceeds at the worst place."""
+
+    start_s: float
+    slot_s: float
+    """POSIX seconds at which the first slot begins, and the length of a slot."""
+    values: dict[str, NDArray[np.float64]]
+    """Shape (slots,) each, NaN where it is not known: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
+    the members)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class WindEnsemble:
     """Possible courses of the wind and how probable each is.
 
@@ -54,6 +66,8 @@ class WindEnsemble:
         POSIX seconds at which what was forecast ends; infinite where nothing says so.
     then : str
         What the wind is from then on, for people.
+    weather : HourlyWeather, optional
+        What else was forecast.
     notes : tuple of str
         What a person should know of it.
 
@@ -75,6 +89,7 @@ class WindEnsemble:
     lattice: tuple[int, int] | None = None
     known_until_s: float = math.inf
     then: str = ""
+    weather: HourlyWeather | None = None
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

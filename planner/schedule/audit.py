@@ -23,6 +23,7 @@ import numpy as np
 from skyway.models.airspace.ways import chosen, together
 from skyway.models.base.errors import AuditError
 from skyway.models.drones.charging import ChargingCurve
+from skyway.models.flight.weather_closures import weather_closures
 from skyway.models.network.zoned import flown_ways
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS, height_factor
 
@@ -78,6 +79,7 @@ class _Audit:
         mass_kg = problem.drone.mass_kg + composition.payload_kg
         self.rates = self._rates(mass_kg)
         self._speeds: dict[tuple[int, int], float] = {}
+        self._weather = weather_closures(problem.ensemble, problem.drone, problem.rules)
         origin = problem.network.stations[problem.origin].id
         stops = list(composition.stops)
         first = stops.pop(0) if len(stops) == len(itinerary) and stops[0].station == origin else None
@@ -256,6 +258,8 @@ class _Audit:
         wind = problem.ensemble
         begin_s = wind.start_s + slot * wind.slot_s
         if self._in_closed_zone(segment, begin_s, begin_s + wind.slot_s):
+            return 0.0
+        if any(one.begin_s < begin_s + wind.slot_s and one.end_s > begin_s for one in self._weather):
             return 0.0
         factor = height_factor(problem.rules.cruise_height_m, wind.height_m, problem.rules.wind_profile_exponent)
         weight = problem.air.weight[segment].tolist()

@@ -14,6 +14,7 @@ EXTRAS = {
     "pandas": "notebook",
     "numba": "jit",
     "llvmlite": "jit",
+    "astral": "weather",
     "eccodes": "weather",
     "gribberish": "weather",
     "h5netcdf": "weather",

@@ -152,3 +152,45 @@ def test_verify_learns_an_error_that_plan_uses(capsys, tmp_path, westerly):
     )
     assert code == 0, err
     assert run(capsys, "wind", *REQUEST[6:], "--forecast-error", str(learnt))[0] == 2
+
+
+def test_gusts_beyond_a_limit_close_hours_of_a_plan(capsys, tmp_path):
+    names = ("wind_speed_80m", "wind_direction_80m", "wind_gusts_10m", "precipitation")
+    columns = {name: [value] * 10 for name, value in zip(names, (5.0, 270, 8.0, 0.0), strict=True)}
+    columns["wind_gusts_10m"][2:5] = [16.0] * 3
+    units = dict(zip(names, ("m/s", "°", "m/s", "mm"), strict=True))
+    path = wf.write_json(tmp_path / "a.json", wf.open_meteo(columns, units, hours=10))
+    folder = tmp_path / "s"
+    assert run(capsys, "scenario", "init", str(folder))[0] == 0
+    toml = folder / "scenario.toml"
+    toml.write_text(toml.read_text() + "\n[limits]\ngust_mps = 14\nno_icing = true\n")
+    from skyway.scenarios import load_scenario
+
+    world = load_scenario(folder)
+    moved = wf.open_meteo(
+        columns, units, hours=10, lat=float(world.network.lat.mean()), lon=float(world.network.lon.mean())
+    )
+    wf.write_json(path, moved)
+    a, b = world.network.stations[0].id, world.network.stations[1].id
+    words = (
+        "plan",
+        str(folder),
+        "--from",
+        a,
+        "--to",
+        b,
+        "--payload",
+        "0.5",
+        "--depart",
+        "2013-07-10T14:10Z",
+        "--forecast",
+        str(path),
+        "--json",
+    )
+    code, out, err = run(capsys, *words)
+    assert code == 0, err
+    plan = json.loads(out)
+    assert plan["legs"][0]["depart"] >= "2013-07-10T17:00"
+    told = " ".join(plan["notes"])
+    assert "because of gusts of up to 16 m/s (14 m/s at most)" in told
+    assert "does not tell it: icing" in told

@@ -14,6 +14,8 @@ from skyway.link.supervisor.flight.lean import airspeed_at_lean
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import distance_text, height_text, percent, probability, speed_text
+from skyway.models.base.units import from_posix, iso
+from skyway.models.flight.weather_closures import weather_closures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -155,6 +157,15 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     told = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
     said = f"{told} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
+    lands_s = ctx.now_s + service.distance_m / max(service.ground_speed_mps, 1.0)
+    closed = [
+        one
+        for one in weather_closures(wind, drone, ctx.job.scenario.rules)
+        if one.begin_s < lands_s and one.end_s > ctx.now_s
+    ]
+    if closed:
+        until = f"closed until {iso(from_posix(max(one.end_s for one in closed)))}, because of {'; '.join(one.why for one in closed)}"
+        yield Check("weather", "no", until, waits=True)
 
 
 def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.forecasting import Region, forecast_ensemble
+from skyway.models.weather.forecasting import forecast_ensemble
 from skyway.models.weather.lead_error import PUBLISHED, LeadError
 from skyway.models.weather.profile import wind_at_height
 from skyway.models.weather.readers.reading import read_weather
+from skyway.models.weather.region import Region
 from skyway.models.wind.forecast import constant_wind
 from skyway.models.wind.interpolation import site_weights
 

@@ -9,7 +9,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.forecasting import Region, forecast_ensemble
+from skyway.models.weather.forecasting import forecast_ensemble
+from skyway.models.weather.region import Region
 from skyway.models.weather.verification import crps, gaussian_crps, learn, pairs_of, scores
 from skyway.models.weather.weather import EAST, NORTH, FieldKey, Places, Weather
 from skyway.models.wind.estimation.field import WindObservation

@@ -1,0 +1,118 @@
+"""The weather besides the wind over a region, hour by hour: what closes flights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+from skyway.models.weather.placing import Placing
+from skyway.models.weather.weather import GUST, Box
+from skyway.models.wind.ensemble import HourlyWeather
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.weather.region import Region
+    from skyway.models.weather.weather import Weather
+
+WORST = 0.9
+"""Of the members: one in ten may be worse."""
+KINDS = {
+    "gust": (GUST, True), "rain": ("rain", True), "visibility": ("visibility", False), "warmest": ("temperature", True),
+    "coldest": ("temperature", False),
+}  # fmt: skip
+"""What is told, of which quantity, and whether more is worse."""
+ICING_K = 273.15 - 15.0, 273.15 + 2.0
+ICING_RAIN_MM_H, ICING_HUMIDITY = 0.1, 95.0
+GAP_S = 6.5 * 3600.0
+
+
+def hourly_weather(
+    used: Sequence[Weather],
+    region: Region,
+    lat: NDArray[np.float64],
+    lon: NDArray[np.float64],
+    start_s: float,
+    slot_s: float,
+    slots: int,
+) -> HourlyWeather | None:
+    """Return what some forecasts tell of the weather at places, the worst of them; None where they tell nothing."""
+    edges = start_s + slot_s * np.arange(slots + 1, dtype=np.float64)
+    found: dict[str, NDArray[np.float64]] = {}
+    for one in used:
+        at: dict[str, NDArray[np.float64]] = {}
+        try:
+            placing = Placing(one, lat, lon, Box.around(region.lat, region.lon))
+        except InputError:
+            continue
+        for key, values in one.fields.items():
+            if key.quantity in (GUST, "rain", "visibility", "temperature", "humidity"):
+                at[key.quantity] = _at_edges(one, placing(values), edges)
+        for name, (quantity, more) in KINDS.items():
+            if quantity in at:
+                _worse(
+                    found,
+                    name,
+                    _slotwise(
+                        np.quantile(_worst_place(at[quantity], more=more), WORST if more else 1.0 - WORST, axis=0),
+                        more=more,
+                    ),
+                    more=more,
+                )
+        icing = _icing(at)
+        if icing is not None:
+            _worse(found, "icing", _slotwise(icing.mean(axis=0), more=True), more=True)
+    return HourlyWeather(start_s, slot_s, found) if found else None
+
+
+def _worst_place(values: NDArray[np.float64], *, more: bool) -> NDArray[np.float64]:
+    """Worst of the places, shape (members, times)."""
+    return np.asarray(values.max(axis=2) if more else values.min(axis=2))
+
+
+def _slotwise(values: NDArray[np.float64], *, more: bool) -> NDArray[np.float64]:
+    """Worst of the begin and the end of each slot, shape (slots,)."""
+    return np.maximum(values[:-1], values[1:]) if more else np.minimum(values[:-1], values[1:])
+
+
+def _worse(found: dict[str, NDArray[np.float64]], name: str, values: NDArray[np.float64], *, more: bool) -> None:
+    if np.isnan(values).all():
+        return
+    other = found.get(name)
+    found[name] = values if other is None else np.fmax(other, values) if more else np.fmin(other, values)
+
+
+def _at_edges(one: Weather, values: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values at the edges of slots, shape (members, edges, places); NaN where the forecast does not tell them."""
+    times = one.times_s
+    if len(times) == 1:
+        near = np.abs(edges - times[0]) <= 3600.0
+        return np.where(near[None, :, None], values, np.nan)
+    after = np.clip(np.searchsorted(times, edges), 1, len(times) - 1)
+    step = times[after] - times[after - 1]
+    share = (edges - times[after - 1]) / step
+    known = (share >= 0.0) & (share <= 1.0) & (step <= GAP_S)
+    if one.holds:
+        at = np.clip(np.searchsorted(times, edges, side="right") - 1, 0, len(times) - 1)
+        return np.where(
+            (edges >= times[0])[None, :, None] & (edges <= times[-1] + step[-1])[None, :, None], values[:, at], np.nan
+        )
+    between = (1.0 - share)[None, :, None] * values[:, after - 1] + share[None, :, None] * values[:, after]
+    return np.where(known[None, :, None], between, np.nan)
+
+
+def _icing(at: dict[str, NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """Whether ice may form, by member and time, 0 or 1; None where that is not told."""
+    if "temperature" not in at or not ("rain" in at or "humidity" in at):
+        return None
+    cold = (at["temperature"] >= ICING_K[0]) & (at["temperature"] <= ICING_K[1])
+    wet = np.zeros_like(cold)
+    if "rain" in at:
+        wet |= at["rain"] >= ICING_RAIN_MM_H
+    if "humidity" in at:
+        wet |= at["humidity"] >= ICING_HUMIDITY
+    return np.asarray((cold & wet).any(axis=2).astype(np.float64))
