@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skyway.models.airspace.activation import Span
 
 FEW = 200
-"""Fewer ways than this are looked up in a tree of the zones, which is kept; more in a tree of themselves."""
+"""Fewer ways than this, or than there are zones, are looked up in a tree of the zones, which is kept; more in a tree of themselves."""
 
 USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR = 50.0, 10.0, 1.5
 """What is kept from zones, and how far around them flights go, where nobody says otherwise."""
@@ -208,7 +208,7 @@ class Airspace:
                 some = shapely.transform(some, lambda xy, east=shift: xy + np.array((east, 0.0)))
             if not len(some):
                 continue
-            if len(some) < FEW:
+            if len(some) < FEW * max(1, len(self.wide) // FEW):
                 line, area = self._tree.query(some, predicate="intersects")
             else:  # areas are prepared, once each; that is worth a tree of the lines
                 area, line = shapely.STRtree(some).query(self.wide, predicate="intersects")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.airspace.ways import at_any_height, chosen
+from skyway.models.airspace.ways import at_any_height, chosen, lines
 from skyway.models.base import geodesy
 from skyway.models.network.zoned import flown_ways
 
@@ -34,6 +34,7 @@ Bend = tuple[Corner, float, float]
 MAX_CORNERS = 400
 """Ways among more corners than this are not looked for."""
 MAX_ROUNDS = 30
+MAX_PAIRS = 300
 FEW_CORNERS = 24
 SMOOTH, LEAST_M, MOST_M = 0.004, 2.0, 40.0
 """Outlines lie outside the widened zones by this share of their size, within these bounds, so that they have few corners."""
@@ -45,7 +46,7 @@ def with_bends(
     """Add the shortest ways around zones where these close segments; returns nodes and pairs, the new ones behind.
 
     Where a zone is not always closed the straight segment stays, too, and there are ways around all zones and around those that
-    always are. A bend that is a node already is taken again.
+    always are. A bend that is a node already is taken again. Of more than `MAX_PAIRS` closed segments the longer ones get none.
     """
     airspace = bends.airspace
     ends = np.unique(np.sort(pairs, axis=1), axis=0)
@@ -55,7 +56,9 @@ def with_bends(
     nodes = {station.id: number for number, station in enumerate(stations)}
     bent = list(stations)
     added: list[tuple[int, int]] = []
-    for number in np.unique(way[counts]).tolist():
+    closed = np.unique(way[counts])
+    length_m = geodesy.inverse(*(values[closed] for values in level[:4]))[0]
+    for number in np.sort(closed[np.argsort(length_m, kind="stable")[:MAX_PAIRS]]).tolist():
         met = volume[counts & (way == number)]
         kinds = [airspace.closed]
         if airspace.always_closed[met].any() and not airspace.always_closed[airspace.closed].all():
@@ -94,13 +97,12 @@ def _node(bends: Bends, bend: Bend, a: Station, b: Station, stations: list[Stati
 
 
 class Bends:
-    """Ways around the zones of one airspace; what sees what is remembered."""
+    """Ways around the zones of one airspace."""
 
     def __init__(self, airspace: Airspace) -> None:
         self.airspace = airspace
         self._corners: dict[int, list[Corner]] = {}
         self._at: dict[Corner, tuple[float, float]] = {}
-        self._between: dict[tuple[object, object], frozenset[int]] = {}
 
     def around(self, way: Ways, counted: NDArray[np.bool_]) -> list[Bend] | None:
         """Return the bends of the shortest way between the ends of one way, flown at its heights, around the volumes that count.
@@ -184,7 +186,7 @@ class Bends:
         apart = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
         detour = apart[0][:, None] + apart + apart[1][None]
         first, last = np.nonzero(np.triu(np.minimum(detour, detour.T) <= 1.001 * limit_m, k=1))
-        free = self._free([*ends, *corners], places, first, last, obstacles)
+        free = self._free(np.column_stack((places[first], places[last])), obstacles)
         first, last = first[free], last[free]
         length = np.maximum(apart[first, last], 1e-3)
         graph = csr_array((length, (first, last)), shape=apart.shape)
@@ -197,26 +199,17 @@ class Bends:
             at = int(before[at])
         return path[::-1]
 
-    def _free(
-        self,
-        names: Sequence[object],
-        places: NDArray[np.float64],
-        first: NDArray[np.int64],
-        last: NDArray[np.int64],
-        obstacles: frozenset[int],
-    ) -> NDArray[np.bool_]:
-        """Which straight pieces touch no obstacle; those between corners are remembered."""
-        pairs = [(names[a], names[b]) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
-        unknown = [n for n, pair in enumerate(pairs) if first[n] < 2 or pair not in self._between]
-        found = (
-            self._volumes_between(np.column_stack((places[first[unknown]], places[last[unknown]]))) if unknown else []
-        )
-        of = dict(zip(unknown, found, strict=True))
-        for number in unknown:
-            if first[number] >= 2:
-                self._between[pairs[number]] = of[number]
-        met = (of[n] if n in of else self._between[pair] for n, pair in enumerate(pairs))
-        return np.array([not (one & obstacles) for one in met], dtype=bool)
+    def _free(self, ends: NDArray[np.float64], obstacles: frozenset[int]) -> NDArray[np.bool_]:
+        """Which straight pieces, shape (pieces, 4), touch no obstacle."""
+        import shapely
+
+        areas = self.airspace.wide[sorted(obstacles)]
+        shapely.prepare(areas)
+        drawn = lines(at_any_height(*ends.T))
+        free = np.ones(len(drawn), dtype=bool)
+        for area in areas:
+            free[free] = ~shapely.intersects(area, drawn[free])
+        return free
 
 
 def _convex(ring: NDArray[np.float64]) -> Iterable[tuple[float, float]]:
