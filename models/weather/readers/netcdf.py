@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
-from skyway.models.weather.readers.netcdf_variables import damaged, in_unit, instants, opened
+from skyway.models.weather.readers.netcdf_variables import STEP_S, damaged, in_unit, instants, opened
 from skyway.models.weather.readers.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg, turned
 from skyway.models.weather.weather import (
     EAST,
@@ -58,6 +58,8 @@ NAMED = (
 )
 """Names of variables, in lower case, where there is no standard name."""
 GRIB_PARAMETERS = {(0, 2, 2): EAST, (0, 2, 3): NORTH, (0, 2, 1): SPEED, (0, 2, 0): FROM, (0, 2, 22): GUST}
+STEPS = ("step", "lead_time", "leadtime", "forecast_hour")
+"""Dimensions that count from the issue on."""
 MEMBER_NAMES = ("number", "member", "members", "realization", "ensemble", "ensemble_member", "ens")
 
 
@@ -105,7 +107,7 @@ class _Reader:
 
     def _quantity(self, one: Variable) -> str | None:
         standard = one.text("standard_name").split(" ")[0]
-        if standard:
+        if standard and standard != "unknown":
             return STANDARD.get(standard)
         grib = tuple(int(value) for value in one.numbers("Grib2_Parameter"))
         if len(grib) == 3:
@@ -149,7 +151,13 @@ class _Reader:
         axis = one.text("axis").upper() if one is not None else ""
         if standard == "realization" or lower in MEMBER_NAMES or axis == "E":
             return "member"
-        if " since " in units or axis == "T" or lower in ("time", "valid_time"):
+        if (
+            " since " in units
+            or axis == "T"
+            or lower in ("time", "valid_time")
+            or standard == "forecast_period"
+            or lower in STEPS
+        ):
             return "time"
         if (
             units in ("degrees_north", "degree_north", "degrees_n")
@@ -195,30 +203,23 @@ class _Reader:
         return [self.variables[name] for name in names if name in self.variables]
 
     def _times(self, one: Variable, axes: Mapping[str | None, int]) -> NDArray[np.float64]:
-        if "time" in axes:
-            name = one.dimensions[axes["time"]]
-            if name in self.variables:
-                return instants(self.variables[name], self.file)
-            near = [
-                other
-                for other in self._coordinates(one)
-                if other.dimensions == (name,) and " since " in other.text("units")
-            ]
-            if near:
-                return instants(near[0], self.file)
-            raise InputError("has no coordinate of time", self.file, field=one.name)
-        scalars = [
-            other for other in self._coordinates(one) if not other.dimensions and " since " in other.text("units")
-        ]
-        valid = [other for other in scalars if other.text("standard_name") != "forecast_reference_time"]
-        if not valid:
-            raise InputError(
-                "has no coordinate of time",
-                self.file,
-                field=one.name,
-                remedy="CF: a variable with units such as hours since 2026-07-10",
-            )
-        return instants(valid[0], self.file)
+        """Times of a variable, POSIX seconds: of its dimension, else of a coordinate along it, else the issue and the steps from it."""
+        name = one.dimensions[axes["time"]] if "time" in axes else None
+        own = self.variables.get(name or "")
+        if own is not None and " since " in own.text("units"):
+            return instants(own, self.file)
+        wanted = () if name is None else (name,)
+        near = [*self._coordinates(one), *self.variables.values()]
+        dated = [other for other in near if other.dimensions == wanted and " since " in other.text("units")]
+        valid = [other for other in dated if other.text("standard_name") != "forecast_reference_time"]
+        if valid:
+            return instants(valid[0], self.file)
+        issued_s = self._issued()
+        unit = STEP_S.get(own.text("units").lower()) if own is not None else None
+        if own is None or unit is None or not np.isfinite(issued_s):
+            remedy = "CF: a variable with units such as hours since 2026-07-10"
+            raise InputError("has no coordinate of time", self.file, field=one.name, remedy=remedy)
+        return np.asarray(issued_s + unit * np.atleast_1d(own.values()))
 
     def _issued(self) -> float:
         for one in self.variables.values():

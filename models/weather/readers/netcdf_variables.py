@@ -83,8 +83,14 @@ def opened(data: bytes, file: str) -> dict[str, Variable]:
                 for name, one in old.variables.items()
             }
         import h5netcdf
+        import h5py
 
-        new = h5netcdf.File(io.BytesIO(data), "r", decode_vlen_strings=True)
+        class Quiet(h5netcdf.File):  # type: ignore[misc, unused-ignore]
+            """A file that was damaged is closed without a word by Python's clean-up, too: it never came to be writable."""
+
+            _writable = False
+
+        new = Quiet(h5py.File(io.BytesIO(data), "r"), "r", decode_vlen_strings=True)
         return {
             name: Variable(name, tuple(one.dimensions), dict(one.attrs), one, new)
             for name, one in new.variables.items()

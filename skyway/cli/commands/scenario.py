@@ -267,7 +267,7 @@ def wind(
         typer.echo(json_text(report, indent=1))
         return
     print_wind(report, world)
-    for note in (*told_conditions(known.conditions), *known.notes):
+    for note in (*told_conditions(known.conditions), *known.notes, *ensemble.notes):
         say(f"Note: {note}")
 
 

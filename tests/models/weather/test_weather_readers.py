@@ -289,3 +289,67 @@ def test_our_own_table_is_read_with_its_sites_and_members(tmp_path):
         True,
         [0.25, 0.75],
     )
+
+
+@pytest.mark.parametrize("form", ["of the climate data store", "packed, of before 2024", "of cfgrib"])
+def test_era5_is_read_as_it_is_delivered(tmp_path, form):
+    lat, lon, hours = np.array([41.0, 40.5]), np.array([-74.5, -74.0, -73.5]), np.arange(3)
+    u = 2.0 + np.arange(18.0).reshape(3, 2, 3)
+    steps = form == "of cfgrib"
+    time = "step" if steps else "valid_time" if "store" in form else "time"
+    said = {"units": "m s**-1"}
+    packed = (
+        {"scale_factor": 0.5, "add_offset": 1.0, "_FillValue": np.int16(-32767), "missing_value": np.int16(-32767)}
+        if "packed" in form
+        else {}
+    )
+    variables = {
+        "latitude": (("latitude",), lat, {"units": "degrees_north", "standard_name": "latitude"}),
+        "longitude": (("longitude",), lon, {"units": "degrees_east", "standard_name": "longitude"}),
+    }
+    if steps:
+        variables["time"] = (
+            (),
+            np.int64(wf.ISSUED_S),
+            {"units": "seconds since 1970-01-01", "standard_name": "forecast_reference_time"},
+        )
+        variables["step"] = (("step",), hours.astype(float), {"units": "hours", "standard_name": "forecast_period"})
+        variables["valid_time"] = (
+            ("step",),
+            (wf.ISSUED_S + 3600 * hours).astype(np.int64),
+            {"units": "seconds since 1970-01-01", "standard_name": "time"},
+        )
+        variables["number"] = ((), np.int64(0), {"standard_name": "realization", "units": "1"})
+    elif "packed" in form:
+        variables["time"] = (
+            ("time",),
+            (np.int32(round((wf.ISSUED_S - np.datetime64("1900-01-01", "s").astype(float)) / 3600)) + hours).astype(
+                np.int32
+            ),
+            {"units": "hours since 1900-01-01 00:00:00.0", "calendar": "gregorian"},
+        )
+    else:
+        variables["valid_time"] = (
+            ("valid_time",),
+            (wf.ISSUED_S + 3600 * hours).astype(np.int64),
+            {"units": "seconds since 1970-01-01", "calendar": "proleptic_gregorian"},
+        )
+    for name, long_name, standard in (
+        ("u10", "10 metre U wind component", "eastward_wind"),
+        ("v10", "10 metre V wind component", "northward_wind"),
+        ("u100", "100 metre U wind component", "unknown"),
+        ("v100", "100 metre V wind component", "unknown"),
+    ):
+        values = u + (10.0 if "100" in name else 0.0)
+        stored = np.round((values - 1.0) / 0.5).astype(np.int16) if packed else values.astype(np.float32)
+        more = {"coordinates": "number valid_time time"} if steps else {}
+        variables[name] = (
+            (time, "latitude", "longitude"),
+            stored,
+            {"long_name": long_name, **({} if packed else {"standard_name": standard}), **said, **packed, **more},
+        )
+    (found,) = read_weather([wf.write_netcdf(tmp_path / "era5.nc", variables, version=3 if packed else 4)])
+    assert found.wind_heights_m == (10.0, 100.0)
+    assert found.times_s.tolist() == [wf.ISSUED_S + 3600.0 * hour for hour in hours]
+    np.testing.assert_allclose(wind_of(found, 100.0)[0][0].reshape(3, 2, 3), u + 10.0)
+    assert (found.issued_s == wf.ISSUED_S) is steps
