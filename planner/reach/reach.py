@@ -42,6 +42,8 @@ NEAREST = 60
 _NO_LIFT = np.zeros(1), np.zeros(1)
 _NEVER_SOC = 10.0
 """Ten full batteries: what a way over unknown ground is taken to cost."""
+MOST = 0.5
+"""Least probability of the members in which the wind lets a drone fly, for these alone to count."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -258,12 +260,13 @@ class Reach:
     def where_flown(self, way: Sequence[Place], time_s: float) -> Reach:
         """Return the same for those members alone in which the wind along this way, or at this place, lets the drone fly now.
 
-        In the others it waits on the ground, or would not have come here; where none is left, all count.
+        In the others it waits on the ground, or would not have come here. Where these are the more probable ones, the wind is about the
+        limit or above it, and all count: the few that are below by a hair would be outliers.
         """
         places = np.array(way)
         north, east = self.winds(places[:, 0], places[:, 1], np.full(len(places), time_s))
         open_now = np.hypot(north, east).max(axis=1) <= self.drone.wind_limit_mps
-        return self.in_members(open_now)
+        return self.in_members(open_now) if float(self.wind.probability @ open_now) >= MOST else self
 
     def in_members(self, count: NDArray[np.bool_]) -> Reach:
         """Return the same for those members of the forecast alone that count; where none does, all do."""

@@ -16,6 +16,7 @@ from skyway.models.composition.composition import State
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.scenario.file import read_scenario
+from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
@@ -240,6 +241,31 @@ def test_a_flight_that_is_well_is_flown_on_at_the_speed_the_wind_asks_for(policy
     assert set(acts) <= {"continue", "speed"}
     assert acts.count("speed") <= 2
     assert flight.commanded == pytest.approx(20.0, abs=0.1)
+
+
+def test_one_member_that_is_calmer_by_a_hair_does_not_decide_for_those_at_the_limit_of_the_wind(newyork, policy):
+    limit = newyork.drone("m200").wind_limit_mps
+    shape = (
+        20,
+        2,
+        1,
+    )  # all blow with the flight, and a storm against it follows in the one that is just below the limit
+    north = np.full(shape, limit + 0.1)
+    north[7] = np.array([[limit - 0.1], [-30.0]])
+    at = DEPART.timestamp()
+    air = WindEnsemble(
+        np.array([40.8]), np.array([-73.9]), at - 3500.0, 3600.0, north, np.zeros(shape), np.full(20, 0.05),
+        tuple(map(str, range(20))), newyork.rules.cruise_height_m,
+    )  # fmt: skip
+    flight = Flight(policy, 0.9, 0.0)
+    for _ in range(3):
+        known = Information(
+            here=flight.start, time_s=at, soc=0.9, forecast=air, belief=SURE, destination="yankee-stadium",
+            commanded_mps=20.0, diverts=("bellevue",), flight=flight.memory,
+        )  # fmt: skip
+        decision = policy.in_air(known)
+        assert decision.action in ("continue", "speed")
+    assert 0.0 < decision.figures["p_below_reserve"] <= 0.06
 
 
 def test_a_flight_that_cannot_keep_the_reserve_is_diverted_with_the_reason_in_figures(policy):
