@@ -27,7 +27,10 @@ class Flown:
 
     Attributes
     ----------
+    origin, end : int
+        Nodes where it took off and landed.
     segments : tuple of int
+        Those of its way that it flew to their end.
     off_s, down_s : float
         Take-off, and landing on the station.
     told_off, told_down : float
@@ -38,6 +41,8 @@ class Flown:
         Mean wind that it measured at flight height, north and east, m/s.
     """
 
+    origin: int
+    end: int
     segments: tuple[int, ...]
     off_s: float
     down_s: float
@@ -94,6 +99,61 @@ class Leave:
     look_s: float = math.inf
 
 
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a flight, between two looks.
+
+    Attributes
+    ----------
+    time_s, segment, share : float, int, float
+        Its middle: when, on which segment, and which share of that lies behind.
+    wind : (float, float)
+        Mean wind that the drone measured, at flight height, north and east, m/s.
+    """
+
+    time_s: float
+    segment: int
+    share: float
+    wind: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Aloft:
+    """What a drone on its way knows.
+
+    Attributes
+    ----------
+    run, time_s, told, reports, line, flights
+        As of `Seen`.
+    origin, off_s, told_off : int, float, float
+        Where and when it took off, and the charge that the gauge told then.
+    segments : tuple of int
+        Its whole way.
+    segment, share : int, float
+        Which of them it flies on, and which share of that lies behind.
+    pieces : tuple of Piece
+        Of this flight so far.
+    """
+
+    run: int
+    time_s: float
+    told: float
+    reports: Mapping[str, tuple[float, float, float]]
+    line: Callable[[int], int]
+    flights: tuple[Flown, ...]
+    origin: int
+    off_s: float
+    told_off: float
+    segments: tuple[int, ...]
+    segment: int
+    share: float
+    pieces: tuple[Piece, ...]
+
+
+HERE = -1
+"""Instead of a node: to land where it is, outside any station."""
+
+
 class Policy(Protocol):
     """Decides for the drone; asked at every landing, at each `Leave.look_s`, when a new report is out, and right before a take-off."""
 
@@ -102,3 +162,6 @@ class Policy(Protocol):
 
     def over(self, seen: Seen, rest: tuple[int, ...]) -> tuple[int, ...]:
         """Segments to go on with over a station with pads; none: land there."""
+
+    def aloft(self, seen: Aloft) -> int | None:
+        """A station to turn to at once, straight, or `HERE`; None to fly on. Asked every `flight.LOOK_M` of the way out."""

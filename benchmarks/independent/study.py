@@ -15,6 +15,7 @@ from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
+from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days, percent, wilson
 
 if TYPE_CHECKING:
@@ -24,7 +25,13 @@ if TYPE_CHECKING:
 
     from benchmarks.independent.worlds import World
 
-PLANNERS = {"robust": policies.Robust, "online": policies.Online}
+PLANNERS = {
+    "robust": policies.Robust,
+    "robust-turning": policies.TurningRobust,
+    "online": policies.Online,
+    "fly": Supervised,
+}
+"""What flies: the route of a plan, the same turning back, the online policy as `evaluate` has it, and as `fly` has it."""
 RESERVE = 0.2
 PAYLOADS_KG = 0.2, 1.4
 EDGE_S = 12 * 86_400.0
@@ -85,6 +92,7 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
         if found is not None:
             policy, plan = found
+            policy.forget()
             document |= _flown(world, order, policy, plan.promise, (of_run, shift, seeds), city)
         yield document
 

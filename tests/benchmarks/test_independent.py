@@ -196,7 +196,7 @@ def flown(north, east, course_deg, runs=1, gusts=None, length=9_000.0, power=Non
     end = np.tile([length * math.cos(angle), length * math.sin(angle)], (runs, 1))
     zero = np.zeros(runs)
     return craft.cruise(
-        air, gusts or Still(), power or energy.Flat(SHEET, 0.8), HOW, (np.zeros((runs, 2)), end), zero, zero
+        air, gusts or Still(), power or energy.Flat(SHEET, 0.8), HOW, (np.zeros((runs, 2)), end), zero, zero, 0.5 * end
     )
 
 

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from benchmarks.independent import build, delivery, study, worlds
+from benchmarks.independent.information import Aloft, Piece
 from benchmarks.independent.product import planning, policies
+from benchmarks.independent.product.in_air import InAir
 from skyway.models.queues.load import PadLoad
 from skyway.planner.evaluation.evaluate import fly_charging, sample_realizations
 from skyway.planner.problem.error_model import NO_ERRORS
+
+STUDY = study.Study("new-york", "robust", 1, 2, 1, 18)
 
 
 class NoGusts:
@@ -48,3 +52,40 @@ def test_without_deviations_deliveries_are_those_of_the_product(monkeypatch):
         many += len(runs)
     assert many >= 12
     planning.told_scenario.cache_clear()
+
+
+class AFlight:
+    """What a drone on its way from the first to the second segment's end of a plan knows: wind, charge and where it is are given."""
+
+    def __init__(self, planned):
+        leg = planned.result.itinerary[0]
+        self.segments, self.time_s = leg.segments, planned.request.state.time.timestamp()
+        self.reports = {one.id: (self.time_s, 1.0, 0.0) for one in planned.scenario.wind_sites}
+
+    def seen(self, told, wind, share=0.5):
+        pieces = tuple(Piece(self.time_s + 15.0 * k, self.segments[0], share * k / 5, wind) for k in range(5))
+        return Aloft(
+            0, self.time_s + 75.0, told, self.reports, lambda _: 0, (), 0, self.time_s, told + 0.05, self.segments,
+            self.segments[0], share, pieces,
+        )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_product_turns_back_where_the_charge_is_not_enough_and_flies_on_where_it_is():
+    order = next(iter(study.orders(STUDY)))
+    planned = planning.planned("new-york", order, planning.days_for("new-york", order, 2, 1))
+    flight, air = AFlight(planned), InAir(planned.result.robust.policy.problem)
+    home = int(planned.scenario.network.tail[flight.segments[0]])
+    calm = 0.0, 0.0
+    assert air.turns(flight.seen(0.9, calm), (home,)) is None
+    air.forget()
+    assert air.turns(flight.seen(0.24, calm, share=0.1), (home,)) == home
+
+
+@pytest.mark.slow
+def test_what_fly_does_delivers_in_a_world_that_is_as_plans_count_on():
+    few = study.Study("new-york", "fly", 1, 2, 1, 18)
+    (order,) = study.orders(few)
+    (found,) = study.fly_order(few, order, [worlds.OURS])
+    assert found["ending"] == ["delivered"] * 2
+    assert min(min(one) for one in found["landings"]) >= 0.2

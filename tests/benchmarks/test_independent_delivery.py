@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import build, delivery, ground, statistics, worlds
-from benchmarks.independent.information import Leave, Order
+from benchmarks.independent import build, delivery, flight, ground, statistics, worlds
+from benchmarks.independent.information import HERE, Leave, Order
 from benchmarks.independent.pads import Stations
 from benchmarks.independent.vehicle import battery, craft, energy
 from benchmarks.independent.weather import profile, reports
@@ -59,8 +59,9 @@ def calm(world=worlds.OURS, runs=2, area=None):
 class Hops:
     """Leaves each stop with a charge, a segment or two at a time, and remembers what it saw."""
 
-    def __init__(self, ways, charge=0.0, land=False):
+    def __init__(self, ways, charge=0.0, land=False, turns=None):
         self.ways, self.charge, self.land, self.seen, self.overs = ways, charge, land, [], []
+        self.turns, self.looks = turns or {}, []
 
     def leave(self, seen):
         self.seen.append(seen)
@@ -70,6 +71,11 @@ class Hops:
     def over(self, seen, rest):
         self.overs.append(seen)
         return () if self.land else rest
+
+    def aloft(self, seen):
+        self.looks.append(seen)
+        station, after_m = self.turns.get(len(seen.flights), (None, math.inf))
+        return station if 8000.0 * (seen.segment + seen.share) >= after_m - 1e-6 else None
 
 
 FLIGHT_S = 8000.0 / 20.0 + 12.0 + 20.0
@@ -97,6 +103,46 @@ def test_a_station_may_be_overflown_or_landed_at():
     landing = Hops([(0, 1), (1,)], land=True)
     for run in delivery.deliver(setting, order, landing):
         assert [flight.segments for flight in run.flights] == [(0,), (1,)]
+
+
+def test_a_drone_may_turn_back_and_try_again():
+    setting, order = calm(runs=1)
+    policy = Hops([(0, 1), (0, 1)], turns={0: (0, 3000.0)})
+    (run,) = delivery.deliver(setting, order, policy)
+    assert [(one.origin, one.end, one.segments) for one in run.flights] == [(0, 0, ()), (0, 2, (0, 1))]
+    back_s = 2 * 3000.0 / 20.0 + 32.0
+    assert run.flights[0].down_s - DEPART_S == pytest.approx(back_s)
+    assert run.landings[0] == pytest.approx(1.0 - SHEET.hover_w(0.8) * back_s / SHEET.battery_j)
+    assert run.ending == delivery.DELIVERED
+
+
+def test_a_drone_may_turn_to_another_station_or_land_where_it_is():
+    setting, order = calm(runs=1)
+    policy = Hops([(0, 1), (1,)], turns={0: (1, 8900.0)})  # over b and 900 m on, back to b
+    (run,) = delivery.deliver(setting, order, policy)
+    assert [(one.origin, one.end, one.segments) for one in run.flights] == [(0, 1, (0,)), (1, 2, (1,))]
+    assert run.flights[0].down_s - DEPART_S == pytest.approx((8900.0 + 900.0) / 20.0 + 32.0)
+    (run,) = delivery.deliver(setting, order, Hops([(0, 1)], turns={0: (HERE, 3000.0)}))
+    assert run.ending == delivery.STRANDED
+    assert run.flights[0].down_s - DEPART_S == pytest.approx(3000.0 / 20.0 + 32.0)
+
+
+def test_a_drone_on_its_way_knows_what_it_measured_and_where_it_is():
+    setting, order = calm(runs=1)
+    policy = Hops([(0, 1)])
+    delivery.deliver(setting, order, policy)
+    way_m = [8000.0 * (one.segment + one.share) for one in policy.looks]
+    assert np.diff(way_m) == pytest.approx(flight.LOOK_M, rel=0.5)
+    assert {one.origin for one in policy.looks} == {0}
+    for one in policy.looks:
+        assert len(one.pieces) == policy.looks.index(one) + 1
+        assert one.pieces[-1].wind == (0.0, 0.0)
+        assert one.told_off - one.told == pytest.approx(
+            SHEET.hover_w(0.8) * (one.time_s - one.off_s) / SHEET.battery_j, abs=1e-9
+        )
+    middles = [8000.0 * (piece.segment + piece.share) for piece in policy.looks[-1].pieces]
+    assert middles[0] == pytest.approx(flight.LOOK_M / 2)
+    assert np.all(np.diff(middles) > 0.0)
 
 
 def test_who_flies_too_far_is_stranded_and_who_gives_up_has_given_up():

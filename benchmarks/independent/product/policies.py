@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.independent.information import Leave
+from benchmarks.independent.product.in_air import InAir
 from skyway.models.flight.kernels import NEVER, land
 from skyway.models.wind.triangle import height_factor
 from skyway.planner.evaluation.policies import Standing
@@ -23,7 +24,7 @@ from skyway.planner.robust.required_soc_kernels import GRID_S, flight_energy
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from benchmarks.independent.information import Flown, Seen
+    from benchmarks.independent.information import Aloft, Flown, Seen
     from benchmarks.independent.product.planning import Planned
     from skyway.planner.robust.information_kernels import Known
 
@@ -85,7 +86,7 @@ def energy_shown(flights: tuple[Flown, ...], cost: tuple[float, float]) -> tuple
 
 
 class Robust:
-    """The fixed route of `robust`, each flight charged for by the product's rule with the reports that are out."""
+    """The fixed route of `robust`, never turned, each flight charged for by the product's rule with the reports that are out."""
 
     def __init__(self, planned: Planned) -> None:
         answer = planned.result.robust
@@ -99,7 +100,7 @@ class Robust:
 
     def leave(self, seen: Seen) -> Leave | None:
         """By the rule of `planner.robust.charge_kernels`."""
-        leg = len(seen.flights)
+        leg = self._leg(seen.flights)
         if leg >= len(self.policy):
             return None
         wind = aloft(seen, self.problem)
@@ -124,6 +125,21 @@ class Robust:
                 return Leave((), look_s=seen.time_s + LOOK_S)
         return Leave(segments, 0.0, required, edge if wanted > 1.0 else math.inf)
 
+    def _leg(self, flights: tuple[Flown, ...]) -> int:
+        """The next leg: flights that turned back have flown none."""
+        leg = 0
+        for flight in flights:
+            leg += flight.end == self.ends[leg]
+        return leg
+
+    def forget(self) -> None:
+        """Nothing was noted."""
+
+    def aloft(self, seen: Aloft) -> int | None:
+        """On, as `evaluate` flies it."""
+        del seen
+        return None
+
     def _roomy(self, leg: int, seen: Seen, base: float) -> bool:
         if self.room.most >= 1.0 or self.problem.network.pads[self.ends[leg]] == 0:
             return True
@@ -136,8 +152,24 @@ class Robust:
         return rest
 
 
+class TurningRobust(Robust):
+    """The same route; a flight turns back where `fly` would turn it."""
+
+    def __init__(self, planned: Planned) -> None:
+        super().__init__(planned)
+        self.in_air = InAir(self.problem)
+
+    def forget(self) -> None:
+        """Begin deliveries anew."""
+        self.in_air.forget()
+
+    def aloft(self, seen: Aloft) -> int | None:
+        """Back to where it took off."""
+        return self.in_air.turns(seen, (seen.origin,))
+
+
 class Online:
-    """The product's online policy (`planner.online.evaluated`), without turning back in flight, which the world cannot fly yet."""
+    """The product's online policy as its own evaluation flies it (`planner.online.evaluated`): nothing is decided between stations."""
 
     def __init__(self, planned: Planned) -> None:
         drone = planned.scenario.drone(planned.request.drone or "")
@@ -170,6 +202,14 @@ class Online:
             return rest
         return tuple(self.policy.over(self._standing(seen, as_off=True), rest))
 
+    def forget(self) -> None:
+        """Nothing was noted."""
+
+    def aloft(self, seen: Aloft) -> int | None:
+        """On: see above."""
+        del seen
+        return None
+
     def _standing(self, seen: Seen, *, as_off: bool = False) -> Standing:
         names = [site.id for site in self.start.scenario.wind_sites]
         wind: tuple[NDArray[np.float64], NDArray[np.float64]] = (
@@ -178,7 +218,7 @@ class Online:
         )
         network = self.start.network
         busy = {one.id: seen.line(node) for node, one in enumerate(network.stations) if one.pads}
-        visited = tuple(network.stations[int(network.tail[flight.segments[0]])].id for flight in seen.flights)
+        visited = tuple(network.stations[flight.origin].id for flight in seen.flights)
         rules, cost = self.start.rules, self.needs.cost
         back_s = rules.climb_s + rules.descent_s if as_off else 0.0
         return Standing(

@@ -103,6 +103,7 @@ def cruise(
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
     elapsed_s: NDArray[np.float64],
     clock_s: NDArray[np.float64],
+    middle: NDArray[np.float64],
 ) -> Cruise:
     """Fly every run straight from one place to another at flight height.
 
@@ -112,6 +113,8 @@ def cruise(
         From where, and to where; who does not fly stays at its place.
     elapsed_s, clock_s : ndarray, shape (runs,)
         When each begins, since the start of its wind, and by the clock of the record.
+    middle : ndarray, shape (runs, 2)
+        Of the segment that this is a piece of, for winds that are the same all along one.
     """
     begin, end = ends
     length = np.linalg.norm(end - begin, axis=1)
@@ -125,7 +128,7 @@ def cruise(
         if not busy.any():
             break
         if step % MEAN_EVERY == 0:
-            place = 0.5 * (begin + end) if air.wind.by_segment else begin + course * gone[:, None]
+            place = middle if air.wind.by_segment else begin + course * gone[:, None]
             mean = air.aloft(place, elapsed_s + took, clock_s + took)
         speed = np.hypot(mean[:, 0], mean[:, 1])
         unit = np.where(speed[:, None] > 1e-9, mean / np.maximum(speed, 1e-9)[:, None], [1.0, 0.0])

@@ -97,7 +97,11 @@ def update_forecast(
     check_observations(observations)
     model = residual or ResidualModel()
     where = places(observations)
-    misses = _misses(ensemble, observations)
+    seen = ensemble.at_times(where[1], where[2], where[0])
+    told = np.array([(one.north_mps, one.east_mps) for one in observations]).T
+    misses = np.stack(
+        tuple(one - expected for one, expected in zip(told, seen, strict=True)), axis=-1
+    )  # (members, observations, 2)
     noise = np.array([one.variance for one in observations])
     sites = np.zeros(len(ensemble.site_lat)), ensemble.site_lat, ensemble.site_lon
     weight = ensemble.weights(where[1], where[2])
@@ -109,8 +113,11 @@ def update_forecast(
     fine = refined(ensemble, slot_s)
     begin, latest = fine.start_s + np.arange(fine.slots) * fine.slot_s, float(where[0].max())
     middle = np.where(begin <= latest, np.minimum(begin + fine.slot_s / 2.0, latest), begin + fine.slot_s / 2.0)
-    shift = np.einsum("tk,ks,mkc->cmts", model.fade(middle, where[0]), reach, pressed, optimize=True)
-    moved = replace(fine, north=fine.north + shift[0], east=fine.east + shift[1])
+    # sum over observations k of fade[t, k] reach[k, s] pressed[m, k, c], as one product of matrices
+    felt = (model.fade(middle, where[0])[:, None, :] * reach.T).reshape(-1, len(observations))
+    shift = (felt @ pressed.transpose(1, 2, 0).reshape(len(observations), -1)).reshape(fine.slots, -1, 2, len(fine))
+    north, east = shift.transpose(2, 3, 0, 1)
+    moved = replace(fine, north=fine.north + north, east=fine.east + east)
     if not float((moved.probability * likelihood).sum()) > 0.0:
         return moved
     return moved.weighted(_flattened(moved.probability, likelihood, least_members))
@@ -130,13 +137,3 @@ def _flattened(probability: NDArray[np.float64], likelihood: NDArray[np.float64]
         power = 0.5 * (low + high)
         low, high = (power, high) if worth(probability * likelihood**power) >= least else (low, power)
     return likelihood**low
-
-
-def _misses(ensemble: WindEnsemble, observations: Sequence[WindObservation]) -> NDArray[np.float64]:
-    """Observations minus members, (members, observations, 2)."""
-    found = np.empty((len(ensemble), len(observations), 2))
-    for number, one in enumerate(observations):
-        north, east = ensemble.wind_at(one.lat_deg, one.lon_deg, ensemble.slot_at(one.time_s))
-        found[:, number, 0] = one.north_mps - north
-        found[:, number, 1] = one.east_mps - east
-    return found
