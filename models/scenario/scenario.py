@@ -10,9 +10,10 @@ from zoneinfo import ZoneInfo
 from skyway.models.airspace.airspace import Airspace
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base import views
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import InputError, refuse
 from skyway.models.base.units import utc
 from skyway.models.network.builders import with_zones
+from skyway.models.scenario.checks import zone_faults
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
@@ -174,6 +175,7 @@ class Scenario:
         zones = network.zones or Airspace(cruise_height_m=self.rules.cruise_height_m)
         if files:
             more, notes = read_airspace(files)
+            refuse(zone_faults(self.network.stations, Airspace(more), "", ""))
             zones = zones.with_zones(more, notes)
             network = with_zones(network, zones)
             warnings = (*warnings, *(str(note) for note in notes[:MAX_NOTES]))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.airspace.ways import at_any_height
+from skyway.models.airspace.ways import at_any_height, columns, level_flights
 from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import above_factors, cleared_grounds_m, wind_factors
@@ -249,11 +249,17 @@ class Reach:
         return np.asarray(self.pads[near])
 
     def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the straight way to each station crosses no zone, shape (n,)."""
+        """Whether the straight way to each station, and the descent there, come into no zone that is closed at any time, shape (n,)."""
         zones = self.network.zones
         if zones is None:
             return np.ones(len(nodes), dtype=bool)
-        return ~zones.crossed_by(at_any_height(*here, self.network.lat[nodes], self.network.lon[nodes]))
+        lat, lon, ground_m = self.network.lat[nodes], self.network.lon[nodes], self.network.ground_m[nodes]
+        cruise_m = self.rules.cruise_height_m
+        if self.network.over is not None:  # a divert is as high as the terrain asks for
+            return ~zones.crossed_by(at_any_height(*here, lat, lon))
+        above_m = np.maximum(self.network.ground_at_m(*here), self.cleared_m)
+        level = level_flights((*here, lat, lon), (above_m, ground_m), cruise_m)
+        return ~(zones.crossed_by(level) | zones.crossed_by(columns(lat, lon, ground_m, cruise_m)))
 
     # Legs
 

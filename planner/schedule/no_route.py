@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.airspace.ways import columns
 from skyway.models.base.errors import NoRouteError
 from skyway.models.base.formatting import distance_text, duration, height_text, percent
 from skyway.models.base.geodesy import coarse_distance_m
@@ -43,13 +44,33 @@ def _joined_nodes(problem: Problem) -> NDArray[np.bool_]:
     return _reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))
 
 
+def _held_in_zone(problem: Problem) -> str | None:
+    """Say that the start or the destination lies in a zone that is always closed; None where neither does."""
+    network = problem.network
+    zones = network.zones
+    if zones is None:
+        return None
+    for node in (problem.destination, problem.origin):
+        here = [node]
+        climb = columns(network.lat[here], network.lon[here], network.ground_m[here], problem.rules.cruise_height_m)
+        for number in zones.hits(climb)[1].tolist():
+            zone, volume = zones.zones[zones.volumes[number][0]], zones.volumes[number][1]
+            if zones.always_closed[number]:
+                return (
+                    f"{network.stations[node].id} lies in the zone {zone.label} of {zone.source}, {zone.kind} from {volume} at all times, or nearer"
+                    " to it than the margin; choose another place"
+                )
+    return None
+
+
 def _parted(problem: Problem, start: str, goal: str) -> str:
     """Say which parts of the network origin and destination are in, and where the parts come nearest to each other."""
     network = problem.network
     here = _joined_nodes(problem)
     part = next(part for part in network.parts() if goal in part)
     there = np.array([station.id in part for station in network.stations]) & ~here
-    near, far = np.flatnonzero(here), np.flatnonzero(there)
+    landed = np.array([not station.flyover for station in network.stations])
+    near, far = np.flatnonzero(here & landed), np.flatnonzero(there & landed)
     lat, lon = (np.array([getattr(station, name) for station in network.stations]) for name in ("lat", "lon"))
     gaps = np.array([coarse_distance_m(float(lat[node]), float(lon[node]), lat[far], lon[far]) for node in near])
     a, b = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
@@ -170,6 +191,9 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     start = network.stations[problem.origin].id
     goal = network.stations[problem.destination].id
     if not joined(problem):
+        held = _held_in_zone(problem)
+        if held is not None:
+            return NoRouteError(f"no route from {start} to {goal}: {held}", constraint="airspace")
         return NoRouteError(_parted(problem, start, goal), constraint="disconnected")
     charge = np.array([lookahead.flight(segment, problem.depart_s)[1] for segment in range(len(network.tail))])
     reached = _reached(problem, charge <= lookahead.budget)
