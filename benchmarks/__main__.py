@@ -24,7 +24,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = ("speed", "ies", "exact", "robust", "dense", "evaluate", "promises", "gap", "weather", "airspace")
+MEASURED = ("speed", "ies", "exact", "robust", "dense", "evaluate", "promises", "gap", "weather", "airspace", "terrain")
 """Benchmarks that return figures."""
 
 

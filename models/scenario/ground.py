@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import height_text, place_text
-from skyway.models.flight.way_heights import Over
+from skyway.models.flight.way_heights import Over, segment_heights
 from skyway.models.terrain.obstacles import FOOT_M
 
 if TYPE_CHECKING:
@@ -85,6 +85,12 @@ def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) ->
     if missing:
         some = ", ".join(missing[:4]) + (", …" if len(missing) > 4 else "")
         yield f"{len(missing)} stations lie over a void of the terrain model, or beyond it: {some}"
-    lost = len(network.tail) - len(flown.tail)
+    kept = set(zip(flown.tail.tolist(), flown.head.tolist(), strict=True))
+    pairs = [pair for pair in zip(network.tail.tolist(), network.head.tolist(), strict=True) if pair not in kept]
+    if not pairs or flown.over is None:
+        return
+    left_out = np.array(pairs, dtype=np.int64)  # some for zones that their heights come into
+    heights = segment_heights(flown.lat, flown.lon, flown.ground_m, left_out, flown.over)
+    lost = int(np.isnan(heights.up_m).sum())
     if lost:
         yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are left out"

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -277,16 +277,21 @@ scenario = typer.Typer(help="Create and check scenarios.", no_args_is_help=True,
 @scenario.command("init")
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder to write; it must not exist or be empty.")],
+    example: Annotated[
+        Literal["template", "hills"],
+        typer.Option(help="template: every part of a scenario; hills: terrain model and obstacles."),
+    ] = "template",
 ) -> None:
     """Write a commented example scenario.
 
     Examples
     --------
       skyway scenario init my-scenario
+      skyway scenario init hills --example hills
     """
     from skyway.scenario_template import write_template
 
-    for path in write_template(folder):
+    for path in write_template(folder, example):
         typer.echo(f"wrote {path}")
     typer.echo(f"next: edit {folder / 'scenario.toml'}, then: skyway scenario check {folder}")
 

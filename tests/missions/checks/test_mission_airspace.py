@@ -90,7 +90,13 @@ def test_kernels_and_checks_give_the_same_answer_for_every_leg_and_time():
                 depart = NOON + timedelta(minutes=minutes, seconds=1)
                 by_planner = segment is not None and land(air, 0, (segment,), depart.timestamp()) < math.inf
                 report = check(legs[goal], conditions=flown_by, zones=network.zones, depart_s=depart.timestamp())
-                assert by_planner == (not zone_errors(report)), (seed, goal, minutes, [str(f) for f in zone_errors(report)], airspace.zones)
+                assert by_planner == (not zone_errors(report)), (
+                    seed,
+                    goal,
+                    minutes,
+                    [str(f) for f in zone_errors(report)],
+                    airspace.zones,
+                )
                 answers[by_planner] += 1
     assert min(answers.values()) >= 15
 
@@ -128,5 +134,5 @@ def test_conditions_and_authorizations_on_the_way_are_told_and_heights_kept():
     low = replace(M200_V2, max_height_m=80.0)  # over the start, which lies 30 m lower, the way is 90 m above the ground
     for zones_of, drone in ((Airspace(max_height_m=80.0), M200_V2), (Airspace(), low)):
         found = check(document, conditions=FlightConditions(drone), zones=zones_of).findings
-        assert [finding.severity for finding in found if finding.code == "above-max-height"] [:1] == ["error"]
+        assert [finding.severity for finding in found if finding.code == "above-max-height"][:1] == ["error"]
     assert not [f for f in check(document, zones=Airspace(max_height_m=95.0)).findings if f.code == "above-max-height"]
