@@ -63,17 +63,19 @@ class Placing:
             triangles = Delaunay(points, qhull_options="Qbb Qc Qz QJ" if len(points) < 5 else "Qbb Qc Qz Q12")
         except QhullError:
             return None
-        number = triangles.find_simplex(wanted, tol=1e-9)
         found = np.zeros((len(wanted), len(points)))
-        inside = np.flatnonzero(number >= 0)
-        affine = triangles.transform[number[inside]]
-        first = np.einsum("pij,pj->pi", affine[:, :2], wanted[inside] - affine[:, 2])
-        parts = np.column_stack((first, 1.0 - first.sum(axis=1)))
-        rows = found[inside]
-        np.put_along_axis(rows, triangles.simplices[number[inside]], parts, axis=1)
-        found[inside] = rows
-        for row in np.flatnonzero(number < 0):
-            away = np.hypot(*(points - wanted[row]).T)
+        corners = points[triangles.simplices]  # (triangle, corner, 2)
+        double = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sound = np.abs(double) > 1e-9 * spacing_m**2
+        for row, place in enumerate(wanted):
+            ways = corners - place
+            parts = np.stack([_cross(ways[:, (k + 1) % 3], ways[:, (k + 2) % 3]) for k in range(3)], axis=1)
+            shares = np.where(sound[:, None], parts / np.where(sound, double, 1.0)[:, None], -np.inf)
+            best = int(np.argmax(shares.min(axis=1)))
+            if shares[best].min() >= -1e-9:
+                found[row, triangles.simplices[best]] = shares[best]
+                continue
+            away = np.hypot(*(points - place).T)
             if away.min() > 1.5 * spacing_m:
                 return None
             found[row, int(np.argmin(away))] = 1.0
@@ -87,6 +89,11 @@ class Placing:
         known = np.isfinite(part).astype(np.float64) @ self.weights.T
         total = np.nan_to_num(part) @ self.weights.T
         return np.where(known >= 0.5, total / np.where(known >= 0.5, known, 1.0), np.nan)
+
+
+def _cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cross products of vectors in the plane, shape (…,); scipy's point location starts threads, which stall on a busy machine."""
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def _measured(weather: Weather) -> NDArray[np.bool_]:
