@@ -11,9 +11,9 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from skyway.models.base.formatting import later_text, percent, weekday_clock
+from skyway.models.base.formatting import later_text, percent
 from skyway.models.base.units import S_PER_H, from_posix, iso
-from skyway.models.flight.weather_closures import unchecked_limits, weather_closures
+from skyway.models.flight.weather_closures import closures_told
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.drone_choice import candidates
 from skyway.planner.exact.exact import ExactSearch
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 
 TOLD_S = 6 * 3600.0
 """Closures within so much after a delivery are told."""
-MOST_TOLD = 4
 LATE = 0.95
 """So many deliveries have arrived when a plan is compared with the end of its forecast."""
 SMALL_NETWORK = 200
@@ -242,26 +241,11 @@ def _doubts(
     if summary.quantile_s(LATE) > wind.known_until_s:
         ends = iso(from_posix(wind.known_until_s))
         doubts.append(f"the delivery may last longer than the forecast, which ends at {ends}: {wind.then}")
-    return (*doubts, *_closures_told(problem, schedule), *wind.notes)
-
-
-def _closures_told(problem: Problem, schedule: NDArray[np.float64]) -> list[str]:
-    """Tell when the weather closes flights about the time of a delivery, and which limits could not be checked."""
-    zone = ZoneInfo(problem.scenario.timezone)
     landed_s = float(schedule[-1, TOUCH_DOWN])
     until_s = (landed_s if math.isfinite(landed_s) else problem.depart_s) + TOLD_S
-    found = weather_closures(problem.forecast, problem.drone, problem.rules)
-    near = [one for one in found if one.end_s > problem.depart_s and one.begin_s < until_s]
-    notes = [
-        f"closed from {weekday_clock(from_posix(one.begin_s), zone)} to {weekday_clock(from_posix(one.end_s), zone)}, because of {one.why}"
-        for one in near[:MOST_TOLD]
-    ]
-    if len(near) > MOST_TOLD:
-        notes.append(f"closed {len(near) - MOST_TOLD} times more")
-    unknown = unchecked_limits(problem.forecast, problem.drone, problem.rules)
-    if unknown:
-        notes.append(f"limits that could not be checked, since the forecast does not tell it: {', '.join(unknown)}")
-    return notes
+    zone = ZoneInfo(problem.scenario.timezone)
+    closed = closures_told(wind, problem.drone, problem.rules, zone, problem.depart_s, until_s)
+    return (*doubts, *closed, *wind.notes)
 
 
 def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.base.formatting import weekday_clock
 from skyway.models.base.units import from_posix
 from skyway.models.drones.weather_limits import NO_LIMITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from zoneinfo import ZoneInfo
 
     from numpy.typing import NDArray
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 ZERO_C_K = 273.15
 SUNSET_DEG = -0.833
 """Height of the sun's centre at sunrise and sunset: its radius and the refraction at the horizon."""
+MOST_TOLD = 4
+"""Closures that are told one by one."""
 ICING_SHARE = 0.1
 """Of the members."""
 
@@ -79,6 +83,23 @@ def unchecked_limits(ensemble: WindEnsemble, drone: Drone, rules: FlightRules) -
         "icing": (limits.no_icing, "icing"),
     }
     return tuple(name for name, (set_, key) in asked.items() if set_ and key not in known)
+
+
+def closures_told(
+    ensemble: WindEnsemble, drone: Drone, rules: FlightRules, zone: ZoneInfo, begin_s: float, until_s: float
+) -> list[str]:
+    """Tell people when the weather closes flights between two instants, and which limits could not be checked."""
+    near = [one for one in weather_closures(ensemble, drone, rules) if one.end_s > begin_s and one.begin_s < until_s]
+    notes = [
+        f"closed from {weekday_clock(from_posix(one.begin_s), zone)} to {weekday_clock(from_posix(one.end_s), zone)}, because of {one.why}"
+        for one in near[:MOST_TOLD]
+    ]
+    if len(near) > MOST_TOLD:
+        notes.append(f"closed {len(near) - MOST_TOLD} times more")
+    unknown = unchecked_limits(ensemble, drone, rules)
+    if unknown:
+        notes.append(f"limits that could not be checked, since the forecast does not tell it: {', '.join(unknown)}")
+    return notes
 
 
 def _of_weather(weather: HourlyWeather, limits: WeatherLimits) -> Iterator[WeatherClosure]:

@@ -102,6 +102,17 @@ def test_every_command_flies_in_the_forecast_that_is_handed_over(capsys, tmp_pat
     assert checked["forecast"] != checked["record"]
 
 
+def test_weather_for_a_scenario_and_a_departure_says_what_a_plan_would_fly_in(capsys, westerly):
+    words = ("weather", str(westerly), "--scenario", "newyork", "--depart")
+    code, out, _ = run(capsys, *words, REQUEST[-1])
+    assert code == 0
+    assert "from 2013-07-10 14:30Z on: WindEnsemble(60 members" in out
+    code, _, err = run(capsys, *words, "2013-07-13T10:30-04:00")
+    assert code == 2
+    assert f"{westerly}: does not cover the departure at 2013-07-13T14:30:00Z" in err
+    assert "fetch a newer forecast" in err
+
+
 def test_a_scenario_flies_in_the_forecast_that_it_names(capsys, tmp_path, westerly):
     folder = tmp_path / "s"
     assert run(capsys, "scenario", "init", str(folder))[0] == 0

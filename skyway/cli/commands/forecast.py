@@ -197,7 +197,7 @@ def show(
 ) -> None:
     """Show what weather files hold: fields, heights, grid, members, issue and valid times, gaps.
 
-    ``skyway weather FILE …`` does the same. With a scenario grids are cut to its region.
+    ``skyway weather FILE …`` does the same. With a scenario grids are cut to its region; with a departure, too, it says what a plan would fly in, or why it cannot.
 
     Examples
     --------
@@ -206,6 +206,7 @@ def show(
     """
     from skyway.cli.views.weather import print_weather, weather_report
     from skyway.models.weather.readers.reading import read_weather
+    from skyway.models.weather.region_files import listed
     from skyway.models.weather.weather import Box
     from skyway.models.wind.history import station_places
 
@@ -215,12 +216,17 @@ def show(
         world = log_options.load_named(scenario)
         box = Box.around(world.network.lat, world.network.lon)
         stations = station_places(world.wind_sites)
-    found = read_weather(files, box, near_s=near_s, stations=stations)
+    found = read_weather(listed(files), box, near_s=near_s, stations=stations)
     report = weather_report(found)
     if as_json:
         typer.echo(json_text(report, indent=1))
         return
     print_weather(found, report)
+    if scenario is not None and depart is not None:
+        ready = world.forecast_from(files, from_posix(near_s), hours=24)
+        typer.echo(f"for {world.name} from {from_posix(near_s):%Y-%m-%d %H:%MZ} on: {ready!r}")
+        for note in ready.notes:
+            typer.echo(f"Note: {note}")
 
 
 @weather.command("verify")

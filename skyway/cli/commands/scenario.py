@@ -253,7 +253,10 @@ def wind(
         known, true = conditions.winds(world, conditions.instant, conditions.truth)
         ensemble = known.forecast
     options.hint_at_warnings(world, conditions.scenario)
+    from zoneinfo import ZoneInfo
+
     from skyway.cli.views.wind import print_wind
+    from skyway.models.flight.weather_closures import closures_told
     from skyway.now import told_conditions
     from skyway.plots.wind_summary import wind_report
 
@@ -267,6 +270,10 @@ def wind(
         typer.echo(json_text(report, indent=1))
         return
     print_wind(report, world)
+    zone, begin_s = ZoneInfo(world.timezone), conditions.instant.timestamp()
+    for drone in world.drones:
+        for closed in closures_told(ensemble, drone, world.rules, zone, begin_s, begin_s + hours * 3600.0):
+            say(f"{drone.id}: {closed}")
     for note in (*told_conditions(known.conditions), *known.notes, *ensemble.notes):
         say(f"Note: {note}")
 

@@ -153,19 +153,32 @@ def test_what_was_learnt_is_taken_off_and_stretched(tmp_path):
     np.testing.assert_allclose(found.east.std(axis=0), 2.0 * bare.east.std(axis=0))
 
 
-def test_of_one_model_the_newest_issue_counts_and_models_share_the_probability(tmp_path):
-    issues = []
-    for shift, name in ((0, "old"), (1, "new")):
-        answer = wf.open_meteo(
-            {"wind_speed_10m": [5.0 + shift] * 12, "wind_direction_10m": [270] * 12},
-            {"wind_speed_10m": "m/s", "wind_direction_10m": "°"},
-            hours=12,
+def test_of_one_model_the_newest_issue_counts_and_the_change_is_told(tmp_path):
+    old, new = (
+        wf.write_grib(
+            tmp_path / f"{h}.grib2",
+            lambda m, hour, z, lat, lon, h=h: (h / 3.0 + 0 * lat, 0 * lat),
+            hours=range(12 - h, 22 - h, 3),
+            heights=(80,),
+            issued_h=h,
         )
-        issues.append(wf.write_json(tmp_path / f"{name}.json", answer))
+        for h in (9, 12)
+    )
+    found = forecast_ensemble(read_weather([new, old]), region(), NONE)
+    np.testing.assert_allclose(found.east, 4.0, atol=1e-3)
+    assert "IFS: from the issue of 2013-07-10T09:00:00Z to the next, the wind at 80 m changed by 1.0 m/s" in found.notes
+    assert any("issued 2013-07-10T12:00:00Z" in note for note in found.notes)
+
+
+def test_models_beside_each_other_share_the_probability(tmp_path):
+    columns = {"wind_speed_10m": [6.0] * 12, "wind_direction_10m": [270] * 12}
+    answer = wf.write_json(
+        tmp_path / "a.json", wf.open_meteo(columns, {"wind_speed_10m": "m/s", "wind_direction_10m": "°"}, hours=12)
+    )
     grib = wf.write_grib(tmp_path / "a.grib2", linear, members=[0, 1], hours=(0, 3, 6, 9), heights=(10,))
-    found = forecast_ensemble(read_weather([issues[1], grib]), region(height_m=10.0), NONE)
-    assert found.labels[-2:] == ("IFS 0", "IFS 1")
-    np.testing.assert_allclose(found.probability[-2:], [0.25, 0.25])
+    found = forecast_ensemble(read_weather([answer, grib]), region(height_m=10.0), NONE)
+    assert found.labels == ("Open-Meteo best match", "IFS 0", "IFS 1")
+    np.testing.assert_allclose(found.probability, [0.5, 0.25, 0.25])
     np.testing.assert_allclose(found.east[0], 6.0)
 
 

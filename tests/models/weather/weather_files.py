@@ -29,6 +29,7 @@ def write_grib(
     packing="grid_simple",
     grid="regular_ll",
     missing=(),
+    issued_h=12,
 ):
     """Write u and v of ``wind(member, hour, height, lat, lon)``, which gives components as the grid has them."""
     import pyproj  # noqa: F401
@@ -43,7 +44,7 @@ def write_grib(
                     ec.codes_set_values(
                         handle, np.arange({"regular_ll": 117, "rotated_ll": 63, "lambert": 120}[grid], dtype=np.float64)
                     )
-                    _set(ec, handle, dataDate=20130710, dataTime=1200, bitsPerValue=16, centre="ecmf")
+                    _set(ec, handle, dataDate=20130710, dataTime=100 * issued_h, bitsPerValue=16, centre="ecmf")
                     if member is not None:
                         _set(
                             ec,
