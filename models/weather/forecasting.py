@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import duration
+from skyway.models.base.formatting import duration, speed_text
 from skyway.models.base.geodesy import inverse
 from skyway.models.base.units import from_posix, iso
 from skyway.models.weather.hourly import hourly_weather
@@ -136,7 +136,7 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
     notes += [f"left out: {error.faults[0]}" for error in faults]
     for lag in lags(usable):
         notes.append(
-            f"{lag.model}: from the issue of {iso(from_posix(lag.earlier_s))} to the next, the wind at {lag.height_m:g} m changed by {lag.rms_mps:.1f} m/s"
+            f"{lag.model}: from the issue of {iso(from_posix(lag.earlier_s))} to the next, the wind at {lag.height_m:g} m changed by {speed_text(lag.rms_mps)}"
         )
     for one in newest.values():
         age_s = region.depart_s - one.issued_s

@@ -22,6 +22,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_text
+from skyway.models.base.formatting import speed_text
 from skyway.models.base.json_text import json_text
 from skyway.models.wind.estimation.field import ResidualModel
 
@@ -181,7 +182,7 @@ def with_errors(
         note = "its one course is given errors"
     north, east = np.repeat(north, each, axis=0), np.repeat(east, each, axis=0)
     noise = _noise(given, each, north.shape[1:], distance_m, error.tau_s, slot_s, seed)
-    note = f"{note}: {error.source}, {wanted[0]:.1f} m/s a component at first"
+    note = f"{note}: {error.source}, {speed_text(float(wanted[0]))} a component at first"
     return Courses(north + missing * noise[0], east + missing * noise[1], each, note)
 
 

@@ -18,9 +18,9 @@ def run(capsys, *words):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("nam_conus80km_20180917_00z_f000.grib2", ["GRIB, NAM, issued 2018-09-17 00:00Z, 1 course", "lambert 93 x 65, 79.1 km apart", "and 167 more"]),
-        ("openmeteo_newyork_20251228.json", ["issue time not told", "2025-12-28 00:00Z to", "Not for planning: has wind speeds or gusts, but no direction"]),
-        ("kjfk_taf.json", ["TAF, KJFK, issued 2024-05-09 03:15Z", "2024-05-09 03:00Z to 2024-05-10 06:00Z", "visibility"]),
+        ("nam_conus80km_20180917_00z_f000.grib2", ["GRIB, NAM, issued 2018-09-17 00:00 UTC, 1 course", "lambert 93 x 65, 79.1 km apart", "and 167 more"]),
+        ("openmeteo_newyork_20251228.json", ["issue time not told", "2025-12-28 00:00 UTC to", "Not for planning: has wind speeds or gusts, but no direction"]),
+        ("kjfk_taf.json", ["TAF, KJFK, issued 2024-05-09 03:15 UTC", "2024-05-09 03:00 UTC to 2024-05-10 06:00 UTC", "visibility"]),
         ("gfs_wind_heights_baltic_20230720.nc", ["10 times, usually every 3 h", "54.08° N to 54.99° N, 13.08° E to 13.99° E"]),
     ],
 )  # fmt: skip
@@ -106,7 +106,7 @@ def test_weather_for_a_scenario_and_a_departure_says_what_a_plan_would_fly_in(ca
     words = ("weather", str(westerly), "--scenario", "newyork", "--depart")
     code, out, _ = run(capsys, *words, REQUEST[-1])
     assert code == 0
-    assert "from 2013-07-10 14:30Z on: WindEnsemble(60 members" in out
+    assert "from 2013-07-10 14:30 UTC on: WindEnsemble(60 members" in out
     code, _, err = run(capsys, *words, "2013-07-13T10:30-04:00")
     assert code == 2
     assert f"{westerly}: does not cover the departure at 2013-07-13T14:30:00Z" in err

@@ -13,7 +13,7 @@ import typer
 from skyway.cli import log_options, options
 from skyway.cli.log_options import Columns, open_any
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import distance_text
+from skyway.models.base.formatting import date_clock, distance_text
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix
 
@@ -224,7 +224,7 @@ def show(
     print_weather(found, report)
     if scenario is not None and depart is not None:
         ready = world.forecast_from(files, from_posix(near_s), hours=24)
-        typer.echo(f"for {world.name} from {from_posix(near_s):%Y-%m-%d %H:%MZ} on: {ready!r}")
+        typer.echo(f"for {world.name} from {date_clock(from_posix(near_s), named=True)} on: {ready!r}")
         for note in ready.notes:
             typer.echo(f"Note: {note}")
 
@@ -396,5 +396,7 @@ def fetch(
     for one in found:
         one.needs_wind()
         if one.times_s[-1] < begin.timestamp() + hours * 3600.0 - 1.0:
-            typer.echo(f"skyway: the forecast ends at {from_posix(float(one.times_s[-1])):%Y-%m-%d %H:%MZ}", err=True)
+            typer.echo(
+                f"skyway: the forecast ends at {date_clock(from_posix(float(one.times_s[-1])), named=True)}", err=True
+            )
     typer.echo(f"next: skyway weather {output}", err=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import distance_text, duration
+from skyway.models.base.formatting import date_clock, distance_text, duration, percent, speed_text
 from skyway.models.base.units import from_posix, iso
 from skyway.models.weather.lags import Lag, lags
 from skyway.models.weather.weather import EAST, FROM, GUST, NORTH, SPEED, UNITS, FieldKey
@@ -151,7 +151,7 @@ def print_weather(weathers: Sequence[Weather], report: WeatherReport) -> None:
         apart = duration(lag.later_s - lag.earlier_s)
         say(
             f"{lag.model}: from the issue of {_stamp(lag.earlier_s)} to the next one, {apart} later, the wind at {lag.height_m:g} m changed by "
-            f"{lag.rms_mps:.1f} m/s (root mean square over {lag.times} common times)"
+            f"{speed_text(lag.rms_mps)} (root mean square over {lag.times} common times)"
         )
 
 
@@ -163,7 +163,7 @@ def _when(one: Weather) -> str:
 
 
 def _stamp(posix_s: float) -> str:
-    return f"{from_posix(float(posix_s)):%Y-%m-%d %H:%MZ}"
+    return date_clock(from_posix(float(posix_s)), named=True)
 
 
 def _print_fields(told: IssueReport) -> None:
@@ -189,7 +189,7 @@ def _print_fields(told: IssueReport) -> None:
         digits = [
             f"{value:.1f}" if math.isfinite(value) else "unknown" for value in (one.least, one.mean, one.greatest)
         ]
-        sheet.add(f"  {shown}", f"{one.height_m:g}", *digits, one.unit, f"{100.0 * one.missing:.0f} %")
+        sheet.add(f"  {shown}", f"{one.height_m:g}", *digits, one.unit, percent(one.missing))
     sheet.show()
 
 

@@ -22,6 +22,7 @@ ELSEWHERE = {
     "skyway/report/svg.py": "names of the ticks of a time axis, as long as its span needs",
     "skyway/plots/charge.py": "ticks of an axis, named by matplotlib",
     "skyway/flying.py": "the name of a file",
+    "skyway/fetching/providers.py": "addresses of files on the servers of other people",
     "link/wire/recorder.py": "the name of a file",
     "link/telemetry/timebase.py": "milliseconds, in which clocks are compared",
     "sim_stub/autopilot/px4/missions.py": "what PX4 says, letter by letter",
