@@ -22,6 +22,8 @@ MAX_SEGMENTS = 4_000_000
 MAX_PIXELS = 2_000_000_000
 MAX_WINDOW = 150_000_000
 """Pixels of the largest window that is read: 0.6 GB."""
+MAX_TILE = 1 << 28
+"""Pixels of a tile or strip."""
 MAX_TAG_BYTES = 64 * 1024 * 1024
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _CODES = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i", 11: "f", 12: "d", 13: "I", 16: "Q", 17: "q", 18: "Q"}
@@ -198,6 +200,10 @@ class _Reader:
         self.order, self.big = "<", False
 
     def _take(self, at: int, length: int) -> bytes:
+        if at >= 1 << 62:
+            raise InputError(
+                "has a directory that contradicts itself: it is damaged", self.file, remedy="fetch it again"
+            )
         self.stream.seek(at)
         data = self.stream.read(length)
         if len(data) < length:
@@ -277,11 +283,20 @@ def _image(tags: dict[int, tuple[float, ...] | str], file: str, *, big: bool, or
     tiled = 322 in tags
     tile = (number(323, 0), number(322, 0)) if tiled else (min(number(278, rows), rows), columns)
     counts = -(-rows // max(tile[0], 1)) * -(-columns // max(tile[1], 1))
-    offsets, lengths = (np.array(tags.get(tag) or (), dtype=np.int64) for tag in ((324, 325) if tiled else (273, 279)))
-    if min(tile) < 1 or max(tile) > 1_000_000 or not counts == len(offsets) == len(lengths) or counts > MAX_SEGMENTS:
-        raise InputError("has a directory that contradicts itself: it is damaged", file, remedy="fetch it again")
+    damaged = "has a directory that contradicts itself: it is damaged"
+    places = [tags.get(tag) for tag in ((324, 325) if tiled else (273, 279))]
+    if any(not isinstance(one, tuple) or max(one, default=0) >= 1 << 62 for one in places):
+        raise InputError(damaged, file, remedy="fetch it again")
+    offsets, lengths = (np.array(one, dtype=np.int64) for one in places)
+    if (
+        min(tile) < 1
+        or tile[0] * tile[1] > MAX_TILE
+        or not counts == len(offsets) == len(lengths)
+        or counts > MAX_SEGMENTS
+    ):
+        raise InputError(damaged, file, remedy="fetch it again")
     if (offsets < 0).any() or (lengths < 0).any() or int(lengths.max()) > 1 << 30:
-        raise InputError("has a directory that contradicts itself: it is damaged", file, remedy="fetch it again")
+        raise InputError(damaged, file, remedy="fetch it again")
     return TiffImage(
         file=file, rows=rows, columns=columns, compression=_COMPRESSIONS[compression],
         predictor=1 if compression == 1 else predictor, tile=tile, tiled=tiled, big=big,

@@ -275,3 +275,25 @@ def test_a_truncated_or_misnamed_hgt_is_refused(tmp_path):
     shutil.copy(tmp_path / "hill.hgt", tmp_path / "N40W074.hgt.zip")
     with pytest.raises(InputError, match="fetch it again"):
         read_raster(str(tmp_path / "N40W074.hgt.zip"))
+
+
+def test_damaged_bytes_are_refused_or_read_and_never_a_traceback(tmp_path):
+    sources = [
+        written(tmp_path / "a.tif", hills(40, 50).astype("int16"), compress="lzw").read_bytes(),
+        written(
+            tmp_path / "b.tif", hills(40, 50).astype("float32"), compress="deflate", predictor=3, BIGTIFF="YES"
+        ).read_bytes(),
+    ]
+    rng = np.random.default_rng(7)
+    path = tmp_path / "damaged.tif"
+    refused = 0
+    for number in range(160):
+        data = bytearray(sources[number % 2])
+        for place in rng.integers(0, [64, 600, len(data)][number % 3], rng.integers(1, 8)):
+            data[int(place)] = int(rng.choice([0, 1, 127, 255, rng.integers(256)]))
+        path.write_bytes(data[: int(rng.integers(20, len(data)))] if number % 5 == 0 else data)
+        try:
+            terrain_contents(str(path))
+        except InputError:
+            refused += 1
+    assert refused > 20
