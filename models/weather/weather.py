@@ -210,11 +210,6 @@ class Weather:
         return tuple(sorted(norths & {key.height_m for key in self.fields if key.quantity == EAST}))
 
     @property
-    def gaps(self) -> int:
-        """Values that are missing."""
-        return int(sum(np.isnan(values).sum() for values in self.fields.values()))
-
-    @property
     def step_s(self) -> float:
         """The usual distance of its times; NaN where there is one time."""
         return float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else math.nan

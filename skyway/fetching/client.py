@@ -7,7 +7,7 @@ import os
 import time
 import urllib.error
 import urllib.request
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 from http.client import HTTPException
 from pathlib import Path
@@ -56,7 +56,6 @@ class Client:
     requests: int = 0
     received: int = 0
     cached: int = 0
-    _told: list[str] = field(default_factory=list)
 
     def get(self, url: str, *, begin: int | None = None, end: int | None = None, keeps: bool = False) -> bytes:
         """Fetch a URL, or its bytes from `begin` to `end` (the last one included; None: to the end of the file).

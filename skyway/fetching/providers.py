@@ -49,8 +49,6 @@ class Wanted:
     hours: int
     stations: tuple[str, ...] = ()
     """Identifiers of aerodromes."""
-    server: str | None = None
-    """In place of the provider's own."""
     api_key: str | None = None
 
 

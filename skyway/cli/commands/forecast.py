@@ -399,4 +399,3 @@ def fetch(
             typer.echo(
                 f"skyway: the forecast ends at {date_clock(from_posix(float(one.times_s[-1])), named=True)}", err=True
             )
-    typer.echo(f"next: skyway weather {output}", err=True)
