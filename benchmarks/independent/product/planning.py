@@ -86,8 +86,10 @@ class Planned:
 
 
 def scenario_of(city: str) -> Scenario:
-    """The product's scenario of a city."""
-    return {"new-york": new_york_scenario, "melbourne": melbourne_scenario}[city]()
+    """The product's scenario of a city, on level ground: the worlds have no hills, and the wind on a leg depends on them."""
+    scenario = {"new-york": new_york_scenario, "melbourne": melbourne_scenario}[city]()
+    level = tuple(replace(station, elevation_m=0.0) for station in scenario.network.stations)
+    return replace(scenario, network=replace(scenario.network, stations=level))
 
 
 @lru_cache(maxsize=8)
