@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from skyway.building import build_scenario
+from skyway.link.supervisor.legs import plan_leg
 from skyway.missions import FlightConditions, check, family_named
 from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
 from skyway.missions.builder.leg_builder import LegBuilder
@@ -55,6 +56,9 @@ def test_plan_mission_and_check_fly_the_same_heights(seed):
             document = leg_mission(composition, number, family, options).documents[0]
             base = composition.stations[service.origin].elevation_m
             told = service.heights
+            last = number == len(composition.services) - 1
+            flown = plan_leg(composition, service, family, options, last=last).document  # what fly uploads
+            assert flown.mission.items == document.mission.items
             # the mission: heights over the way, from the items alone
             items = [item for item in document.mission.items if item.point is not None and item.is_flown_to][1:-1]
             flown_m = [item.z + base for item in items]
