@@ -155,7 +155,7 @@ def _judged(way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], ov
         what = "the ground"
         if np.isfinite(obstacle[worst]) and obstacle[worst] > ground[worst]:
             what = f"the obstacle {over.terrain.obstacles.names[int(which[worst])]}"
-        message = f"touches {what} at {_place(way, worst)}: flies at {height_text(float(way.height_m[worst]))}, and its top is at {height_text(float(solid[worst]))} above sea level"  # fmt: skip
+        message = f"touches {what} at {_place(way, worst)}: flies at {height_text(float(way.height_m[worst]))}, and {what} reaches up to {height_text(float(solid[worst]))} above sea level"  # fmt: skip
         fly = height_text(math.ceil(over.clearance.least_m - float(left[worst])))
         yield Finding("error", int(way.item[worst]), "below-terrain", message, f"fly {fly} higher there")
         return
