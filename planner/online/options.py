@@ -111,7 +111,7 @@ def other_stations(
     """Return the outcome of flying straight to stations that no zone lies before."""
     index = reach.network.index
     nodes = np.array([index[name] for name in names], dtype=np.int64)
-    nodes = nodes[reach.clear(here, nodes)] if len(nodes) else nodes
+    nodes = nodes[reach.clear(here, nodes, time_s)] if len(nodes) else nodes
     if not len(nodes):
         return []
     flown = reach.to_stations(here, time_s, nodes)

@@ -76,7 +76,7 @@ def divert_cover(
         sure = reach.p_below(soc, cost, floor_soc) <= epsilon
         near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc) <= epsilon))
         near = near[np.argsort(reach.expected(cost)[near])][:12]
-        safe[row, near[reach.clear(place, nodes[near])]] = True
+        safe[row, near[reach.clear(place, nodes[near], begins + float(mean_s[row]))]] = True
     uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
     gap = float(points[uncovered[0]][1]) if len(uncovered) else None
     most = reach.parameters.max_diverts if most is None else most

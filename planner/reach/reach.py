@@ -44,6 +44,8 @@ _NEVER_SOC = 10.0
 """Ten full batteries: what a way over unknown ground is taken to cost."""
 MOST = 0.5
 """Least probability of the members in which the wind lets a drone fly, for these alone to count."""
+DIVERT_S = 1800.0
+"""A divert has landed by then: zones that become active later do not count."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -248,18 +250,27 @@ class Reach:
             near[nearest] |= distance_m[nearest] <= 1.01 * most_m
         return np.asarray(self.pads[near])
 
-    def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the straight way to each station, and the descent there, come into no zone that is closed at any time, shape (n,)."""
+    def clear(self, here: Place, nodes: NDArray[np.int64], from_s: float) -> NDArray[np.bool_]:
+        """Whether the straight way to each station, and the descent there, come into no zone that is closed then, shape (n,).
+
+        Within `DIVERT_S` from a time on, POSIX seconds.
+        """
         zones = self.network.zones
+        free = np.ones(len(nodes), dtype=bool)
         if zones is None:
-            return np.ones(len(nodes), dtype=bool)
+            return free
         lat, lon, ground_m = self.network.lat[nodes], self.network.lon[nodes], self.network.ground_m[nodes]
         cruise_m = self.rules.cruise_height_m
-        if self.network.over is not None:  # a divert is as high as the terrain asks for
-            return ~zones.crossed_by(at_any_height(*here, lat, lon))
-        above_m = np.maximum(self.network.ground_at_m(*here), self.cleared_m)
-        level = level_flights((*here, lat, lon), (above_m, ground_m), cruise_m)
-        return ~(zones.crossed_by(level) | zones.crossed_by(columns(lat, lon, ground_m, cruise_m)))
+        ways = [at_any_height(*here, lat, lon)]  # over a terrain model a divert is as high as that asks for
+        if self.network.over is None:
+            above_m = np.maximum(self.network.ground_at_m(*here), self.cleared_m)
+            ways = [
+                level_flights((*here, lat, lon), (above_m, ground_m), cruise_m),
+                columns(lat, lon, ground_m, cruise_m),
+            ]
+        for part in ways:
+            free[[one.way for one in zones.conflicts(part, from_s, from_s + DIVERT_S)]] = False
+        return free
 
     # Legs
 

@@ -81,7 +81,13 @@ def test_a_low_zone_closes_no_divert_over_it_and_one_at_its_end_does():
         airspace = Airspace((zone("prohibited", box, ceiling=ceiling),))
         scenario = build_scenario(STATIONS, segments=[("a", "b")], zones=airspace)
         reach = Reach(scenario, CALM, M200_V2, 0.1, EnergyBelief())
-        assert reach.clear((47.0, 8.0), reach.pads[1:]).tolist() == [clear]
+        assert reach.clear((47.0, 8.0), reach.pads[1:], NOON.timestamp()).tolist() == [clear]
+    ended = build_scenario(STATIONS, segments=[("a", "b")], zones=Airspace((zone("prohibited", until_min=10),)))
+    reach = Reach(ended, CALM, M200_V2, 0.1, EnergyBelief())
+    clear_at = [
+        reach.clear((47.0, 8.0), reach.pads[1:], NOON.timestamp() + 60.0 * minutes).tolist() for minutes in (0, 11)
+    ]
+    assert clear_at == [[False], [True]]
 
 
 def test_zones_with_lat_and_lon_swapped_are_refused(tmp_path):
