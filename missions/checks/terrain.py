@@ -13,7 +13,7 @@ from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
-from skyway.models.base.formatting import height_text, place_text
+from skyway.models.base.formatting import distance_text, height_text, place_text
 from skyway.models.composition.heights import LegHeights, NearObstacle, obstacles_told
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _over_words(metres: float) -> str:
 
 
 def _place(way: _Way, k: int) -> str:
-    return f"{place_text(float(way.lat[k]), float(way.lon[k]))}, {way.along_m[k] / 1000.0:.1f} km along"
+    return f"{place_text(float(way.lat[k]), float(way.lon[k]))}, {distance_text(float(way.along_m[k]))} along"
 
 
 def _told(

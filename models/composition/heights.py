@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.formatting import distance_text, height_text
 from skyway.models.flight.clearance import Clearance
 
 if TYPE_CHECKING:
@@ -127,10 +128,10 @@ def obstacles_told(
 
 def least_words(heights: LegHeights) -> str:
     """Least clearance of a leg in words, and where it is."""
-    at = f"{heights.least_along_m / 1000.0:.1f} km along"
+    at = f"{distance_text(heights.least_along_m)} along"
     if heights.least_m < 0.0:
-        return f"{-heights.least_m:.0f} m below the highest ground or obstacle in the corridor, {at}"
-    return f"least clearance {heights.least_m:.0f} m over ground and obstacles in the corridor, {at}"
+        return f"{height_text(-heights.least_m)} below the highest ground or obstacle in the corridor, {at}"
+    return f"least clearance {height_text(heights.least_m)} over ground and obstacles in the corridor, {at}"
 
 
 def least_at_m(along_m: Sequence[float], heights_m: Sequence[float], place_m: float) -> float:

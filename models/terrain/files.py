@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.formatting import distance_text
 from skyway.models.terrain.geotiff import read_geotiff
 from skyway.models.terrain.hgt import is_hgt, read_hgt
 from skyway.models.terrain.obstacles import FOOT_M, Obstacles, joined, read_obstacles
@@ -102,7 +103,7 @@ def _fine_enough(raster: Raster) -> Raster:
     """Refuse a model whose cells are wider than what a leg flies over."""
     widest_m = max(raster.spacing_m())
     if widest_m > COARSEST_M:
-        problem = f"has cells of {widest_m / 1000.0:.1f} km: they say nothing about the ground below a leg"
+        problem = f"has cells of {distance_text(widest_m)}: they say nothing about the ground below a leg"
         raise InputError(problem, raster.file, remedy="take a finer model, such as Copernicus GLO-30")
     return raster
 

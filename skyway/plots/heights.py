@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import height_text
 from skyway.models.composition.heights import least_at_m
 from skyway.plots.pictures import CALM, INK, MUTED, MUTED_INK, ROUTE, new_figure, plain_axes, save_figure
 
@@ -58,7 +59,7 @@ def draw_heights(axes: Any, legs: Sequence[LegHeights | None], names: Sequence[s
         flown = least_at_m(one.path_along_m, one.path_height_m, one.least_along_m)
         mark = "least clearance" if first else None
         axes.plot([at_km, at_km], [flown - one.least_m, flown], color=INK, linewidth=1.2, marker="_", label=mark)
-        axes.annotate(f"{one.least_m:.0f} m", (at_km, flown - 0.5 * one.least_m), textcoords="offset points", xytext=(4, -3), fontsize=7, color=INK)  # fmt: skip
+        axes.annotate(height_text(one.least_m), (at_km, flown - 0.5 * one.least_m), textcoords="offset points", xytext=(4, -3), fontsize=7, color=INK)  # fmt: skip
         if number < len(names):
             axes.annotate(names[number], (begin_km, floor), textcoords="offset points", xytext=(2, 3), fontsize=7, color=MUTED_INK)  # fmt: skip
         begin_km = along[-1]

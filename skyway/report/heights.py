@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.fields import finite
+from skyway.models.base.formatting import height_text
 from skyway.models.composition.heights import least_at_m
 from skyway.report.flight_report import PlannedHeights
 from skyway.report.svg import BROAD, HEIGHT, nice_step, safe, swatch
@@ -79,7 +80,7 @@ def drawn_heights(document: FlightReport) -> str:
         at, flown = begin + leg.least_along_m, least_at_m(leg.path_along_m, leg.path_height_m, leg.least_along_m)
         parts.append(f'<path class="level" d="M{x(at):.1f} {y(flown):.1f}V{y(flown - leg.least_m):.1f}"/>')
         parts.append(
-            f'<text class="level-name" x="{x(at) + 4:.1f}" y="{y(flown - 0.5 * leg.least_m) + 4:.1f}">{leg.least_m:.0f} m</text>'
+            f'<text class="level-name" x="{x(at) + 4:.1f}" y="{y(flown - 0.5 * leg.least_m) + 4:.1f}">{height_text(leg.least_m)}</text>'
         )
     tick = nice_step(ends[-1] / 1000.0)
     marks = [k * tick for k in range(int(ends[-1] / 1000.0 / tick) + 1)]

@@ -9,7 +9,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.views.sheet import say
 from skyway.models.base.errors import Fault, InputError, refuse
-from skyway.models.base.formatting import distance_text
+from skyway.models.base.formatting import distance_text, percent, with_unit
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -76,10 +76,11 @@ def _say_terrain(one: TerrainContents) -> None:
     unit = "metres" if one.unit_m == 1.0 else f"units of {one.unit_m:g} m, shown in metres,"
     above = "above a datum that the file does not name" if one.datum == "unknown" else f"above {one.datum}"
     say(f"  heights  {unit} {above}; each is that {means}")
-    spread = "none is known" if one.least_m is None else f"{one.least_m:.1f} to {one.greatest_m:.1f} m"
+    spread = "none is known" if one.least_m is None else f"{one.least_m:.1f} to {with_unit(one.greatest_m, 'm')}"
     total = one.rows * one.columns
     say(
-        f"  values   {spread}; voids: {one.voids:,} of {total:,}" + (f" ({one.voids / total:.1%})" if one.voids else "")
+        f"  values   {spread}; voids: {one.voids:,} of {total:,}"
+        + (f" ({percent(one.voids / total, 1)})" if one.voids else "")
     )
     if one.note is not None:
         say(f"  note     {one.note}")
@@ -90,9 +91,9 @@ def _say_obstacles(one: ObstacleContents) -> None:
     if one.points:
         say(f"  extent   {one.south:.5f} to {one.north:.5f} N, {one.west:.5f} to {one.east:.5f} E")
     if one.tallest_m is not None:
-        say(f"  tallest  {one.tallest_m:.1f} m above ground")
+        say(f"  tallest  {with_unit(one.tallest_m, 'm')} above ground")
     if one.highest_m is not None:
-        say(f"  highest  {one.highest_m:.1f} m above mean sea level")
+        say(f"  highest  {with_unit(one.highest_m, 'm')} above mean sea level")
 
 
 def _height_at(text: str, files: list[str], obstacles: list[str]) -> dict[str, float | None]:
@@ -119,5 +120,5 @@ def _place_words(place: dict[str, float | None]) -> str:
     where = f"{place['lat']:.6f},{place['lon']:.6f}"
     if place["ground_m"] is None:
         return f"{where}: no height: a void, or beyond the files"
-    top = "not known throughout" if place["top_m"] is None else f"{place['top_m']:.1f} m"
-    return f"{where}: ground {place['ground_m']:.1f} m above mean sea level, highest within {WITHIN_M:g} m: {top}"
+    top = "not known throughout" if place["top_m"] is None else with_unit(place["top_m"], "m")
+    return f"{where}: ground {with_unit(place['ground_m'], 'm')} above mean sea level, highest within {WITHIN_M:g} m: {top}"
