@@ -96,6 +96,7 @@ def test_a_search_that_was_cut_off_is_counted_and_never_averaged_into_delivery_t
     assert "≥ 1000.0" in report.markdown([], [pfs, ies], {}, [])
 
 
+@pytest.mark.slow
 def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatch):
     few = [rival for rival in contenders(46) if rival.planner in {"pfs-charge-aware", "shortest"}]
     monkeypatch.setattr("benchmarks.planners.trials.contenders", lambda _: few)
@@ -166,6 +167,7 @@ def long_instance():
     return read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
 
 
+@pytest.mark.slow
 def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
     few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, rolling horizon", "pfs, full"})
     monkeypatch.setattr("benchmarks.planners.bench_rolling.RIVALS", few)

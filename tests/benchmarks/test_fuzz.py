@@ -41,6 +41,7 @@ def test_a_child_that_compiles_past_the_deadline_is_stopped_and_none_answered_is
     assert "FOUND" not in told
 
 
+@pytest.mark.slow
 def test_what_was_answered_before_the_deadline_is_counted(monkeypatch, capsys):
     child(says({"begin": 7}, END, {"begin": 8}) + SLEEP, monkeypatch)
     assert fuzz.main(["--strict", "--seconds", "3"]) == 0

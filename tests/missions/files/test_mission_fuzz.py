@@ -96,6 +96,7 @@ def test_thousands_of_damaged_files_are_read_or_refused(shared_data, count):
     assert 0.1 * count < read < 0.9 * count
 
 
+@pytest.mark.slow
 def test_damaged_files_do_not_fill_the_memory(shared_data):
     tracemalloc.start()
     try:

@@ -43,6 +43,7 @@ def test_a_kernel_read_from_disk_can_be_called_by_one_that_is_compiled_after_it(
     assert _run(tmp_path, loaded_first) == "2.0 3.0 1"
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_again_when_a_constant_of_another_file_changes(tmp_path):
     (tmp_path / "constants.py").write_text("FACTOR = 2.0\n")
     (tmp_path / "callee.py").write_text(f"from constants import FACTOR\n{CALLEE.format('FACTOR')}")
@@ -60,6 +61,7 @@ def test_a_kernel_in_a_folder_that_cannot_be_written_is_compiled_all_the_same(tm
     assert _run(tmp_path, code, HOME="/dev/null", XDG_CACHE_HOME="/dev/null") == "2.0"
 
 
+@pytest.mark.slow
 def test_kernels_of_a_host_program_are_left_alone(tmp_path):
     """Its kernels, its cache and its numba are as they would be without skyway."""
     (tmp_path / "callee.py").write_text(CALLEE.format(1.0))

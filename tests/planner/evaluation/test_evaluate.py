@@ -433,6 +433,7 @@ def flown_at(times_s):
     return Flown(np.arange(len(times)), np.full(len(times), DELIVERED), none, times, times, times, times, times)
 
 
+@pytest.mark.slow
 def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_one_moment():
     """Four in ten arrive at 100 s: nobody can promise that moment with 10 %, and the plan does not."""
     rng = np.random.default_rng(4)

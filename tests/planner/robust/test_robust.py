@@ -212,6 +212,7 @@ def test_a_plan_is_found_that_beats_the_charge_aware_search_in_the_same_truths(
     assert mine.counts["delivered"] >= theirs.counts["delivered"]
 
 
+@pytest.mark.slow
 def test_planning_anew_at_each_stop_delivers_and_keeps_the_reserve(newyork, held_out, realizations):
     request, _, forecast = held_out
     start = Problem(newyork, request, newyork.drone("m200"), forecast)
