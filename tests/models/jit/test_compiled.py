@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CALLEE = "from skyway.models.jit.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
 CALLER = "from callee import inner\nfrom skyway.models.jit.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
 
