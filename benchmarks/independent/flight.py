@@ -33,12 +33,9 @@ class _Out:
     run: Run
     off_s: float
     way: tuple[int, ...]
-    place: NDArray[np.float64]
     node: int
     """Landed at when it is not further: the last station that it was over."""
     flown: tuple[int, ...] = ()
-    gone_m: float = 0.0
-    """On the segment that it flies on."""
     turned: int | None = None
     pieces: list[Piece] = field(default_factory=list)
 
@@ -54,9 +51,7 @@ def fly(setting: Setting, policy: Policy, going: dict[int, tuple[Leave, float]],
     share = setting.vehicle / setting.batteries.holds_j
     now = np.array([going[run.number][1] if run.number in going else run.time_s for run in runs])
     soc = np.array([run.soc for run in runs])
-    outs = {
-        n: _Out(runs[n], off, one.segments, ground.xy[runs[n].node], runs[n].node) for n, (one, off) in going.items()
-    }
+    outs = {n: _Out(runs[n], off, one.segments, runs[n].node) for n, (one, off) in going.items()}
     place = ground.xy[[run.node for run in runs]]
 
     def spend(seconds: NDArray[np.float64], climb: float) -> None:
@@ -72,7 +67,7 @@ def fly(setting: Setting, policy: Policy, going: dict[int, tuple[Leave, float]],
         end, middle = place.copy(), place.copy()
         for n, one in outs.items():
             if not one.ends:
-                end[n], middle[n] = _next(setting, one)
+                end[n], middle[n] = _next(setting, one, place[n])
         part = cruise(
             air, gusts, setting.power, how, (place, end), now - setting.begin_s, now + setting.shift_s, middle
         )
@@ -81,7 +76,14 @@ def fly(setting: Setting, policy: Policy, going: dict[int, tuple[Leave, float]],
         for n, one in outs.items():
             if not one.ends:
                 wind = float(part.wind[n, 0]), float(part.wind[n, 1])
-                _arrived(setting, policy, one, end[n], (float(now[n]), float(part.took_s[n]), float(soc[n])), wind)
+                _arrived(
+                    setting,
+                    policy,
+                    one,
+                    (place[n], end[n]),
+                    (float(now[n]), float(part.took_s[n]), float(soc[n])),
+                    wind,
+                )
         place = end
     spend(how.descent_s * flying, -how.descent_mps)
     came = now.copy()
@@ -95,17 +97,17 @@ def fly(setting: Setting, policy: Policy, going: dict[int, tuple[Leave, float]],
         _landed(setting, one, (float(came[n]), float(now[n]), float(soc[n])))
 
 
-def _next(setting: Setting, out: _Out) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _next(setting: Setting, out: _Out, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where the next piece ends, and the middle of the straight flight that it is of."""
     ground = setting.ground
     if out.turned is not None:
-        target = ground.xy[out.turned] if out.turned != HERE else out.place
-        return target, 0.5 * (out.place + target)
+        target = ground.xy[out.turned] if out.turned != HERE else place
+        return target, 0.5 * (place + target)
     segment = out.way[len(out.flown)]
     tail, head = ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
-    left_m = float(np.linalg.norm(head - out.place))
+    left_m = float(np.linalg.norm(head - place))
     # No piece is shorter than half of the others.
-    end = head if left_m <= 1.5 * LOOK_M else out.place + (head - out.place) * (LOOK_M / left_m)
+    end = head if left_m <= 1.5 * LOOK_M else place + (head - place) * (LOOK_M / left_m)
     return end, 0.5 * (tail + head)
 
 
@@ -113,22 +115,21 @@ def _arrived(
     setting: Setting,
     policy: Policy,
     out: _Out,
-    end: NDArray[np.float64],
+    piece: tuple[NDArray[np.float64], NDArray[np.float64]],
     at: tuple[float, float, float],
     wind: tuple[float, float],
 ) -> None:
-    """Note a piece that was flown, and ask what now; `at` is the time, how long the piece took, and the charge."""
-    ground, run, (now, took, soc) = setting.ground, out.run, at
-    before, out.place = out.place, end
+    """Note a piece that was flown from where to where, and ask what now; `at` is the time, how long the piece took, and the charge."""
+    ground, run, (begin, end), (now, took, soc) = setting.ground, out.run, piece, at
     if out.turned is not None:
-        # Nothing is asked any more.
+        # Nothing more is asked.
         out.node, out.turned, out.way = out.turned, None, out.flown
         return
     segment = out.way[len(out.flown)]
     tail, head = ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
     length = float(np.linalg.norm(head - tail))
     gone = float(np.linalg.norm(end - tail)) / length
-    middle = float(np.linalg.norm(0.5 * (before + end) - tail)) / length
+    middle = float(np.linalg.norm(0.5 * (begin + end) - tail)) / length
     out.pieces.append(Piece(now - 0.5 * took, segment, middle, wind))
     if np.array_equal(end, head):
         out.node, out.flown = int(ground.head[segment]), (*out.flown, segment)

@@ -155,13 +155,24 @@ HERE = -1
 
 
 class Policy(Protocol):
-    """Decides for the drone; asked at every landing, at each `Leave.look_s`, when a new report is out, and right before a take-off."""
+    """Decides for the drone; asked at every landing, at each `Leave.look_s`, when a new report is out, and right before a take-off.
+
+    Who derives from it goes on over stations and in the air, and keeps no notes.
+    """
 
     def leave(self, seen: Seen) -> Leave | None:
         """How to leave, or None to give up."""
 
     def over(self, seen: Seen, rest: tuple[int, ...]) -> tuple[int, ...]:
         """Segments to go on with over a station with pads; none: land there."""
+        del seen
+        return rest
 
     def aloft(self, seen: Aloft) -> int | None:
         """A station to turn to at once, straight, or `HERE`; None to fly on. Asked every `flight.LOOK_M` of the way out."""
+        del seen
+        return None
+
+    def forget(self) -> None:
+        """Drop what was noted of deliveries before."""
+        return

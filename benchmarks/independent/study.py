@@ -19,13 +19,14 @@ from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days, percent, wilson
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from datetime import date
     from pathlib import Path
 
+    from benchmarks.independent.information import Policy
     from benchmarks.independent.worlds import World
 
-PLANNERS = {
+PLANNERS: dict[str, Callable[[planning.Planned], Policy]] = {
     "robust": policies.Robust,
     "robust-turning": policies.TurningRobust,
     "online": policies.Online,

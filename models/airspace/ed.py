@@ -114,7 +114,7 @@ def zone_of_ed318(feature: dict[str, Any], notes: Notes, source: str) -> Zone | 
 
 
 def check_metadata(document: dict[str, Any], notes: Notes) -> None:
-    """Refuse a collection whose dates are none: nobody knows whether it still counts."""
+    """Refuse a collection whose dates cannot be read: whether it is in force is unknown."""
     found = document.get("metadata", document.get("datasetMetadata"))
     if isinstance(found, dict):
         for name in METADATA_DATES:

@@ -8,6 +8,7 @@ import msgspec
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.journal import parts
+    from skyway.models.composition.schema import LegHeights
     from skyway.report.series import LegWind, Series
 
 
@@ -63,19 +64,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "f
     soc_arrive: float | None
     ground_speed_mps: float | None
     p_reserve: float | None
-    heights: PlannedHeights | None = None
-
-
-class PlannedHeights(msgspec.Struct, frozen=True, kw_only=True):
-    """Heights of a leg over a terrain model, as in the plan."""
-
-    along_m: list[float]
-    ground_m: list[float]
-    top_m: list[float]
-    path_along_m: list[float]
-    path_height_m: list[float]
-    least_m: float
-    least_along_m: float
+    heights: LegHeights | None = None
 
 
 class Stop(msgspec.Struct, frozen=True, kw_only=True):

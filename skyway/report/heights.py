@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.models.base.fields import finite
 from skyway.models.base.formatting import height_text
 from skyway.models.composition.heights import least_at_m
-from skyway.report.flight_report import PlannedHeights
+from skyway.models.composition.schema import LegHeights
 from skyway.report.svg import BROAD, HEIGHT, nice_step, safe, swatch
 
 if TYPE_CHECKING:
@@ -21,19 +21,19 @@ MOST = 5_000
 """Points of a leg that are drawn."""
 
 
-def planned_heights(leg: dict[str, Any]) -> PlannedHeights | None:
+def planned_heights(leg: dict[str, Any]) -> LegHeights | None:
     """Read the heights of a leg of a plan; None where they are missing or damaged."""
     given = leg.get("heights")
     if not isinstance(given, dict):
         return None
-    columns = {
+    columns: dict[str, Any] = {
         name: _numbers(given.get(name)) for name in ("along_m", "ground_m", "top_m", "path_along_m", "path_height_m")
     }
     least, at = finite(given.get("least_m")), finite(given.get("least_along_m"))
     counts = [len(column) for column in columns.values()]
     if least is None or at is None or not counts[0] == counts[1] == counts[2] > 1 or not counts[3] == counts[4] > 0:
         return None
-    return PlannedHeights(**columns, least_m=least, least_along_m=at)
+    return LegHeights(**columns, least_m=least, least_along_m=at)
 
 
 def _numbers(values: Any) -> list[float]:

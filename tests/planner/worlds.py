@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 
+from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
 from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.rules import FlightRules
@@ -79,3 +81,12 @@ def make_request(scenario, rng, **changes) -> Request:
         "seed": int(rng.integers(1_000_000)),
     }
     return Request(**(values | changes))
+
+
+def best_time(search):
+    """Run a search: the best itinerary and its time in seconds; None and infinity where there is no route."""
+    try:
+        itinerary = search.solve()
+    except NoRouteError:
+        return None, math.inf
+    return itinerary, search.best_s - search.problem.depart_s

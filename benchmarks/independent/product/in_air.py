@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -13,9 +12,9 @@ from benchmarks.independent.information import HERE
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
 from skyway.models.wind.estimation.forecast_update import REPRESENTATION_MPS, SLOT_S, update_forecast
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.options import along_way
-from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.problem.error_model import USUAL_ERRORS
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ class InAir:
 
     def __init__(self, start: Problem) -> None:
         self.start = start
-        self.policy = OnlinePolicy(start.scenario, replace(start.request, drone=start.drone.id), start.parameters)
+        self.policy = RollingRobust(start).policy
         rules = start.rules
         self._height_m, self._exponent = rules.cruise_height_m, rules.wind_profile_exponent
         self._base = start.forecast.at_height(self._height_m, self._exponent)
@@ -50,7 +49,7 @@ class InAir:
         self._next_look: dict[tuple[int, int], int] = {}
 
     def forget(self) -> None:
-        """Begin deliveries anew."""
+        """Drop what was noted of deliveries before."""
         self._measured.clear()
         self._memory.clear()
         self._next_look.clear()

@@ -33,7 +33,7 @@ from skyway.models.wind.triangle import speed_from
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
-from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.power import PowerModel
@@ -83,6 +83,10 @@ class Planned:
     forecast: WindEnsemble
     result: PlanResult
     promise: Promise
+
+    def problem(self) -> Problem:
+        """Return what was planned from, for the drone of the plan."""
+        return Problem(self.scenario, self.request, self.scenario.drone(self.request.drone or ""), self.forecast)
 
 
 def scenario_of(city: str) -> Scenario:

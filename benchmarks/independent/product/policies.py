@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.independent.information import Leave
+from benchmarks.independent.information import Leave, Policy
 from benchmarks.independent.product.in_air import InAir
 from skyway.models.flight.kernels import NEVER, land
 from skyway.models.wind.triangle import height_factor
 from skyway.planner.evaluation.policies import Standing
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.problem.error_model import USUAL_ERRORS
-from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import LOOK_S, is_room
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
     from benchmarks.independent.information import Aloft, Flown, Seen
     from benchmarks.independent.product.planning import Planned
+    from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.information_kernels import Known
 
 WAIT_S = 300.0
@@ -85,7 +85,7 @@ def energy_shown(flights: tuple[Flown, ...], cost: tuple[float, float]) -> tuple
     return tuple((one.told_off - one.told_down) / (cost[1] + cost[0] * (one.down_s - one.off_s)) for one in flights)
 
 
-class Robust:
+class Robust(Policy):
     """The fixed route of `robust`, never turned, each flight charged for by the product's rule with the reports that are out."""
 
     def __init__(self, planned: Planned) -> None:
@@ -132,24 +132,11 @@ class Robust:
             leg += flight.end == self.ends[leg]
         return leg
 
-    def forget(self) -> None:
-        """Nothing was noted."""
-
-    def aloft(self, seen: Aloft) -> int | None:
-        """On, as `evaluate` flies it."""
-        del seen
-        return None
-
     def _roomy(self, leg: int, seen: Seen, base: float) -> bool:
         if self.room.most >= 1.0 or self.problem.network.pads[self.ends[leg]] == 0:
             return True
         flight_s = max(base - self.needs.cost[1], 0.0) / self.needs.cost[0]
         return is_room(self.room, leg, seen.line(self.ends[leg]), seen.time_s, flight_s)
-
-    def over(self, seen: Seen, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """On: the route is fixed."""
-        del seen
-        return rest
 
 
 class TurningRobust(Robust):
@@ -160,7 +147,7 @@ class TurningRobust(Robust):
         self.in_air = InAir(self.problem)
 
     def forget(self) -> None:
-        """Begin deliveries anew."""
+        """Drop what was noted of deliveries before."""
         self.in_air.forget()
 
     def aloft(self, seen: Aloft) -> int | None:
@@ -168,12 +155,11 @@ class TurningRobust(Robust):
         return self.in_air.turns(seen, (seen.origin,))
 
 
-class Online:
+class Online(Policy):
     """The product's online policy as its own evaluation flies it (`planner.online.evaluated`): nothing is decided between stations."""
 
     def __init__(self, planned: Planned) -> None:
-        drone = planned.scenario.drone(planned.request.drone or "")
-        self.start = Problem(planned.scenario, planned.request, drone, planned.forecast)
+        self.start = planned.problem()
         self.policy = RollingRobust(self.start)
         known = known_at(self.start, USUAL_ERRORS, measured=True, epsilon=0.25 * self.start.epsilon)
         self.needs = Needs(self.start, known)
@@ -201,14 +187,6 @@ class Online:
         if aloft(seen, self.start) is None:
             return rest
         return tuple(self.policy.over(self._standing(seen, as_off=True), rest))
-
-    def forget(self) -> None:
-        """Nothing was noted."""
-
-    def aloft(self, seen: Aloft) -> int | None:
-        """On: see above."""
-        del seen
-        return None
 
     def _standing(self, seen: Seen, *, as_off: bool = False) -> Standing:
         names = [site.id for site in self.start.scenario.wind_sites]

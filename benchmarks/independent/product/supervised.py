@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from benchmarks.independent.information import Leave
+from benchmarks.independent.information import Leave, Policy
 from benchmarks.independent.product.in_air import InAir
 from skyway.planner.online.information import Information
-from skyway.planner.problem.problem import Problem
 
 if TYPE_CHECKING:
     from benchmarks.independent.information import Aloft, Seen
@@ -32,12 +31,11 @@ class _Stay:
     told: float
 
 
-class Supervised:
-    """`planner.online.policy.OnlinePolicy` as `link.supervisor` consults it."""
+class Supervised(Policy):
+    """`planner.online.policy.OnlinePolicy` as `link.supervisor` consults it: it decides all along the way, not over stations."""
 
     def __init__(self, planned: Planned) -> None:
-        drone = planned.scenario.drone(planned.request.drone or "")
-        self.start = Problem(planned.scenario, planned.request, drone, planned.forecast)
+        self.start = planned.problem()
         self.plan = planned.result.composition
         self.in_air = InAir(self.start)
         self._stay: dict[int, _Stay] = {}
@@ -45,7 +43,7 @@ class Supervised:
         self._diverts: dict[int, tuple[str, ...]] = {}
 
     def forget(self) -> None:
-        """Begin deliveries anew."""
+        """Drop what was noted of deliveries before."""
         self.in_air.forget()
         self._stay.clear()
         self._plan.clear()
@@ -96,11 +94,6 @@ class Supervised:
             plan=plan if in_force else None,
         )
         return air.policy.on_ground(info, tell=True)
-
-    def over(self, seen: Seen, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """On: `fly` decides all along the way, see `aloft`."""
-        del seen
-        return rest
 
     def aloft(self, seen: Aloft) -> int | None:
         """Where `fly` would turn to: stations inside its fence."""

@@ -8,12 +8,11 @@ from datetime import timedelta
 import numpy as np
 import pytest
 import shapely
-from worlds import DEPART, make_request, make_wind, make_world
+from worlds import DEPART, best_time, make_request, make_wind, make_world
 
 from skyway.models.airspace.activation import Activation, Period
 from skyway.models.airspace.airspace import Airspace
 from skyway.models.airspace.zone import Volume, Zone
-from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.builders import build_network
@@ -50,14 +49,6 @@ def zones_over(rng, stations, count, *, half=0.004):
         when = Activation(tuple(window(rng) for _ in range(int(rng.integers(1, 3)))))
         found.append(Zone(f"z{number}", f"z{number}", "prohibited", (Volume(shapely.box(*box)),), when))
     return Airspace(tuple(found))
-
-
-def best_time(search):
-    try:
-        itinerary = search.solve()
-    except NoRouteError:
-        return None, math.inf
-    return itinerary, search.best_s - search.problem.depart_s
 
 
 def test_with_charging_wind_and_queues_it_equals_the_exhaustive_search_of_the_planners():

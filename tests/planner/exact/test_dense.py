@@ -1,13 +1,11 @@
 """In dense networks the exact planner looks near the straight way first: the answer stays the best there is, and bounds hold."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import make_request, make_wind, make_world
+from worlds import best_time, make_request, make_wind, make_world
 
-from skyway.models.base.errors import NoRouteError
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import mean_bound_s
@@ -31,14 +29,6 @@ def city(seed, *, parameters, stations=40, length_m=60_000.0):
     wind = make_wind(rng, mean_mps=float(rng.choice([1.0, 4.0, 7.0])))
     request = make_request(scenario, rng, reserve_soc=0.2, payload_kg=0.5)
     return Problem(scenario, request, scenario.drones[0], wind, parameters=parameters)
-
-
-def best_time(search):
-    try:
-        itinerary = search.solve()
-    except NoRouteError:
-        return None, math.inf
-    return itinerary, search.best_s - search.problem.depart_s
 
 
 def near_first(problem):

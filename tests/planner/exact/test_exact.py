@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from referee_grid import Grid
-from worlds import DEPART, make_request, make_wind, make_world
+from worlds import DEPART, best_time, make_request, make_wind, make_world
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
@@ -41,14 +41,6 @@ def instance(seed, *, in_flight=False):
         request = replace(request, state=State(DEPART, None, here, float(rng.uniform(0.3, 0.9))))
     problem = Problem(scenario, request, scenario.drones[0], wind)
     return problem, problem.queue_paths(range(len(problem.network)), 0)
-
-
-def best_time(search):
-    try:
-        itinerary = search.solve()
-    except NoRouteError:
-        return None, math.inf
-    return itinerary, search.best_s - search.problem.depart_s
 
 
 def compare(seeds, **state):
