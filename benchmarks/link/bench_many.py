@@ -1,8 +1,8 @@
-"""Fifty vehicles on one UDP port at fifty messages a second each: how much of a core that takes, all told.
+"""Fifty vehicles on one UDP port at fifty messages a second each: how much of a core that takes, all told, and forwarded.
 
 Everything is real: packets come over the loopback from another process, each vehicle from an address of its own, every
 packet is recorded, checked, and made into telemetry by a `VehicleMonitor` of its own. What counts is the time of this process on
-the processor, the kernel's on its behalf included.
+the processor, the kernel's on its behalf included. Forwarded, all of it also goes to a ground station, which counts what it gets.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from pathlib import Path
 
 from skyway.link.protocol.opening import open_connection
 from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
-from skyway.link.wire.frames import FrameWriter
+from skyway.link.wire.frames import FrameReader, FrameWriter
 
 WANTED_CORE = 0.5
 """Share of a core that 50 vehicles may take at most."""
+WANTED_FORWARDED = 0.25
+"""The same where they are only checked, recorded and forwarded."""
 VEHICLES, RATE_HZ = 50, 50.0
 _MIX = ("ATTITUDE",) * 5 + ("GLOBAL_POSITION_INT",) * 3 + ("VFR_HUD", "SYS_STATUS")
 _TICK_S = 0.02
@@ -56,19 +58,29 @@ def _words(name: str, boot_ms: int) -> dict[str, float]:
     return {"voltage_battery": 45_600, "current_battery": 1200, "battery_remaining": 80}
 
 
-def measure(vehicles: int = VEHICLES, seconds: float = 10.0) -> tuple[float, int, int]:
-    """Return the share of a core, the messages taken and the samples made."""
-    with tempfile.TemporaryDirectory() as folder:
-        connection = open_connection("udpin:127.0.0.1:0", record=Path(folder))
+def measure(
+    vehicles: int = VEHICLES, seconds: float = 10.0, *, watched: bool = True, forward: bool = False
+) -> tuple[float, int, int]:
+    """Return the share of a core, the messages taken, and the samples made, or the messages that a client got."""
+    client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    client.bind(("127.0.0.1", 0))
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_000_000)
+    client.settimeout(0.0)
+    there = (f"udpout:127.0.0.1:{client.getsockname()[1]}",) if forward else ()
+    with tempfile.TemporaryDirectory() as folder, client:
+        connection = open_connection("udpin:127.0.0.1:0", record=Path(folder), forward=there)
         port = connection.transport.port  # type: ignore[attr-defined]
         other = multiprocessing.get_context("spawn").Process(
             target=fleet, args=(port, vehicles, seconds + 3 * _SETTLE_S)
         )
         other.start()
         connection.wait(lambda: len(connection.peers) == vehicles, 30.0)
-        seen = [VehicleMonitor(connection, system) for system in list(connection.peers)]
+        seen = [VehicleMonitor(connection, system) for system in list(connection.peers)] if watched else []
         connection.run_for(_SETTLE_S)
-        before = sum(one.peer.received for one in seen)
+        peers = list(connection.peers.values())
+        before = sum(one.received for one in peers)
+        _waiting(client)
+        came: list[bytes] = []
         for one in seen:
             one.take_samples()
         used, begun = time.process_time(), time.monotonic()
@@ -76,12 +88,26 @@ def measure(vehicles: int = VEHICLES, seconds: float = 10.0) -> tuple[float, int
         while time.monotonic() < begun + seconds:
             connection.run_for(0.1)
             samples += sum(len(one.take_samples()) for one in seen)
+            came += _waiting(client)
         share = (time.process_time() - used) / (time.monotonic() - begun)
-        taken = sum(one.peer.received for one in seen) - before
+        taken = sum(one.received for one in peers) - before
+        if forward:
+            reader = FrameReader(datagrams=True)
+            samples = sum(1 for data in came for _ in reader.feed(data))
         other.terminate()
         other.join()
         connection.close()
     return share, taken, samples
+
+
+def _waiting(client: socket.socket) -> list[bytes]:
+    """Datagrams that have come to a client."""
+    found = []
+    while True:
+        try:
+            found.append(client.recv(65536))
+        except BlockingIOError:
+            return found
 
 
 def main() -> None:
@@ -94,6 +120,11 @@ def main() -> None:
     print(
         f"{given.vehicles} vehicles: {taken / given.seconds:.0f} messages/s, {samples / given.seconds:.0f} samples/s, "
         f"{100 * share:.0f} % of a core; wanted < {100 * WANTED_CORE:.0f} %   {WANTED_CORE / share:.2f} x what is asked for"
+    )
+    share, taken, came = measure(given.vehicles, given.seconds, watched=False, forward=True)
+    print(
+        f"{given.vehicles} vehicles forwarded: {taken / given.seconds:.0f} messages/s, {100 * came / taken:.1f} % of them came, "
+        f"{100 * share:.0f} % of a core; wanted < {100 * WANTED_FORWARDED:.0f} %   {WANTED_FORWARDED / share:.2f} x what is asked for"
     )
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from skyway.link.forwarding.forwarder import Forwarder
     from skyway.link.supervisor import Operator, Outcome
     from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
@@ -167,6 +168,7 @@ class Stage:
         self.journal_path = folder / f"flight-{story.autopilot}-{story.seed}.jsonl"
         self.operator = operator or NobodyThere()
         self.supervisor: Supervisor | None = None
+        self.forwarder: Forwarder | None = None
 
     def reports(self, time_s: float) -> tuple[WindObservation, ...]:
         """Of each airport the newest report that is out: observed at minute 51 of its hour, out five minutes later."""
@@ -198,7 +200,8 @@ class Stage:
         """Connect, and put a supervisor in charge."""
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
         key = self.story.vehicle.get("signing_key")
-        connection = Connection(link, self.lockstep.clock, signing=None if key is None else Signing(key))
+        signing = None if key is None else Signing(key)
+        connection = Connection(link, self.lockstep.clock, signing=signing, forwarder=self.forwarder)
         vehicle = Vehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         supervisor = self.supervisor = Supervisor(

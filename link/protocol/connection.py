@@ -7,14 +7,16 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from skyway.link.forwarding.forwarder import POLL_S
 from skyway.link.protocol.exchange import Carrier, RoundTrip, Target
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Collection, Iterable
 
+    from skyway.link.forwarding.forwarder import Forwarder
     from skyway.link.protocol.exchange import Exchange
     from skyway.link.wire.messages import Message
     from skyway.link.wire.recorder import Recorder
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 HEARTBEAT_S = 1.0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
+PLANNER_COMPONENT = 195
+"""Our component id where other ground stations share the link: theirs is mostly 190, and their system id mostly ours."""
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
 """Types (MAV_TYPE) of what else sends heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
@@ -125,11 +129,14 @@ class Connection(Carrier):
         recorder: Recorder | None = None,
         system: int = GROUND_SYSTEM,
         signing: Signing | None = None,
+        forwarder: Forwarder | None = None,
     ) -> None:
         if signing is not None:
             signing.advance_to(clock.posix_s())
         self.transport, self.clock, self.recorder = transport, clock, recorder
-        self.system, self.component = system, GROUND_COMPONENT
+        self.forwarder = forwarder
+        """Hands packets to other ground stations, and theirs to the vehicles."""
+        self.system, self.component = (system, GROUND_COMPONENT) if forwarder is None else forwarder.own
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
@@ -138,7 +145,7 @@ class Connection(Carrier):
         """A vehicle has our id; it cannot be told from ourselves."""
         self.shared_client: SharedClient | None = None
         """Another sender on this connection; our own heartbeats pause meanwhile."""
-        self._writer = FrameWriter(system, GROUND_COMPONENT, signing=signing)
+        self._writer = FrameWriter(self.system, self.component, signing=signing)
         self._routed = transport if isinstance(transport, UdpSocket) else None
         self._reader = FrameReader(signing, datagrams=self._routed is not None)
         self._beat_s = -math.inf
@@ -176,6 +183,9 @@ class Connection(Carrier):
     def pump(self, timeout_s: float = 0.0) -> None:
         """Take what has come, waiting for it at most so long; keep our heartbeat."""
         now = self.clock.now_s()
+        if self.forwarder is not None:
+            timeout_s = min(timeout_s, POLL_S)
+            self._serve_clients(self.forwarder, now)
         if self.shared_client is not None:
             due_s = now + _GUEST_S
             for system, frame in self.shared_client.frames():
@@ -190,6 +200,13 @@ class Connection(Carrier):
         if data:
             self._take(data)
 
+    def _serve_clients(self, forwarder: Forwarder, now: float) -> None:
+        forwarder.flush()
+        asked = self._exchange
+        busy = "" if asked is None or asked.done else asked.transfers
+        for system, frame in forwarder.collect(now, busy):
+            self._pass_on(frame, system)
+
     def _beat(self, now: float) -> None:
         self._beat_s = now
         fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
@@ -198,12 +215,19 @@ class Connection(Carrier):
             frame = self._writer.frame("HEARTBEAT", fields, version)
             self._own.append(frame)
             self._pass_on(frame, 0)
+            if self.forwarder is not None:
+                self.forwarder.announce(frame, now)
 
     def _take(self, data: bytes) -> None:
         now = self.clock.now_s()
         for frame, message in self._reader.feed(data):
             if self.recorder is not None:
                 self.recorder.frame(frame)
+            if self.forwarder is not None:
+                if self.forwarder.came_back(frame, now):
+                    continue
+                if frame not in self._own:
+                    self.forwarder.hand_out(frame, message, now)
             if message is not None and frame not in self._own:  # routers send our own words back
                 self._hear(message, now)
             if self.shared_client is not None:
@@ -243,6 +267,11 @@ class Connection(Carrier):
             self.conflict = self.conflict or StationConflictError(message.system, message.component)
         elif message["autopilot"] != _INVALID_AUTOPILOT:
             self.namesake = True
+
+    def keep_rates(self, numbers: Collection[int]) -> None:
+        """Let no other ground station change how often these messages come."""
+        if self.forwarder is not None:
+            self.forwarder.rates_kept = frozenset((*self.forwarder.rates_kept, *numbers))
 
     def refuse_conflict(self) -> None:
         """Refuse to send to a vehicle that cannot tell us from another station.
@@ -314,9 +343,11 @@ class Connection(Carrier):
         self.wait(lambda: False, duration_s)
 
     def close(self) -> None:
-        """Close transport and recording."""
+        """Close transport, clients and recording."""
         try:
             self.transport.close()
+            if self.forwarder is not None:
+                self.forwarder.close()
         finally:
             if self.recorder is not None:
                 self.recorder.close()

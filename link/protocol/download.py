@@ -29,6 +29,8 @@ def wire_item(message: Message) -> WireItem:
 class Download(Exchange):
     """Reads what a vehicle holds, item by item in order: PX4 ends the transfer at any other."""
 
+    transfers = "MISSION_"
+
     def __init__(
         self,
         target: Target,
@@ -129,6 +131,7 @@ class Clear(Question):
     """Clears what a vehicle holds of one kind; to ask twice does no harm."""
 
     give_up_s, soonest_s = GIVE_UP_S, 0.0
+    transfers = "MISSION_"
 
     def __init__(self, target: Target, kind: MissionKind) -> None:
         super().__init__(target, "MISSION_CLEAR_ALL", mission_type=int(kind))

@@ -81,6 +81,9 @@ class Target:
 class Exchange(ABC):
     """One question with its answers."""
 
+    transfers = ""
+    """What the names of its messages begin with, where a vehicle can do only one such transfer at a time."""
+
     def __init__(self, target: Target) -> None:
         self.target, self.round_trip = target, target.round_trip
         self.outbox: list[tuple[str, dict[str, Any]]] = []

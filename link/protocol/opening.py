@@ -5,8 +5,11 @@ from __future__ import annotations
 import binascii
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
+from skyway.link.forwarding.forwarder import Forwarder
+from skyway.link.forwarding.permission import Permission
+from skyway.link.protocol.connection import GROUND_SYSTEM, PLANNER_COMPONENT, Connection
 from skyway.link.wire.address import parse_address
 from skyway.link.wire.recorder import Recorder
 from skyway.link.wire.signing import Signing
@@ -14,6 +17,9 @@ from skyway.link.wire.transport import open_transport
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
 """Environment variable with the signing key in hexadecimal digits."""
@@ -63,11 +69,13 @@ def open_connection(
     record: Path | None,
     system: int = GROUND_SYSTEM,
     key: bytes | None = None,
+    forward: Sequence[str] = (),
+    permission: Permission = Permission.PILOT,
 ) -> Connection:
     """Open a connection string, such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
 
-    It is recorded in the folder `record`; None records nothing, which only tests do. An `InputError` or `LinkLostError`
-    says that it cannot be opened.
+    It is recorded in the folder `record`; None records nothing, which only tests do. Other ground stations at the addresses
+    `forward` share it, and may order what `permission` allows. An `InputError` or `LinkLostError` says that it cannot be opened.
     """
     if not 1 <= system <= 255:
         raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
@@ -75,12 +83,25 @@ def open_connection(
     clock = WallClock()
     signing = None if key is None else Signing(key)
     recorder = None if record is None else Recorder(record, clock, name=f"{address.kind}-{address.port}")
+    forwarder = None
     try:
+        if forward:
+            signed = (lambda: None) if key is None else lambda: _signing(key, clock)
+            forwarder = Forwarder(forward, permission, own=(system, PLANNER_COMPONENT), signing=signed)
         transport = open_transport(address)
     except Exception:
+        if forwarder is not None:
+            forwarder.close()
         if recorder is not None:
             recorder.close()
             for path in recorder.paths:
                 path.unlink(missing_ok=True)  # nothing was said
         raise
-    return Connection(transport, clock, recorder=recorder, system=system, signing=signing)
+    return Connection(transport, clock, recorder=recorder, system=system, signing=signing, forwarder=forwarder)
+
+
+def _signing(key: bytes, clock: WallClock) -> Signing:
+    """State of a signed link to a client."""
+    made = Signing(key)
+    made.advance_to(clock.posix_s())
+    return made

@@ -53,6 +53,8 @@ class Upload(Exchange):
     `progress` is told how many of them have been asked for, and of how many.
     """
 
+    transfers = "MISSION_"
+
     def __init__(
         self,
         target: Target,

@@ -250,6 +250,7 @@ class VehicleMonitor:
         """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""
         wanted = self.its_messages()
         self.rates.want(wanted, self.connection.clock.now_s())
+        self.connection.keep_rates(wanted)
         for number, rate in wanted.items():
             self._wish(number, rate)
 

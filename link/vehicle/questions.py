@@ -69,6 +69,7 @@ class AskedVehicle(VehicleMonitor):
         for yet is asked for again as long as it does not come.
         """
         wanted, refused = self.its_messages(rates_hz), []
+        self.connection.keep_rates(wanted)
         for number, rate in wanted.items():
             asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate if rate > 0.0 else 0.0)
             result = self._do(asked).result

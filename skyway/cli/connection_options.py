@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -34,6 +34,10 @@ class Driver(StrEnum):
 
 
 CONNECT_HELP = "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD."
+FORWARD_HELP = (
+    "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may fly (modes, arming), "
+    "not change missions and parameters: --forward-commands."
+)
 Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes nothing is changed.")]
 
 
@@ -48,13 +52,23 @@ class Line:
         typer.Option(help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment."),
     ] = None
     record: Annotated[Path, typer.Option(help="Folder for recordings (.tlog).")] = Path("recordings")
+    forward: Annotated[list[str] | None, typer.Option(help=FORWARD_HELP)] = None
+    forward_commands: Annotated[
+        Literal["none", "pilot", "all"], typer.Option(help="What other ground stations may order: see --forward.")
+    ] = "pilot"
 
     @contextmanager
     def opened(self) -> Iterator[Connection]:
-        """Open the connection; everything on it is recorded."""
+        """Open the connection; everything on it is recorded, and forwarded where that is asked for."""
+        from skyway.link.forwarding.permission import Permission
         from skyway.link.protocol.opening import open_connection, read_key
 
-        connection = open_connection(self.connect, record=self.record, system=self.ground, key=read_key(self.key_file))
+        connection = open_connection(
+            self.connect, record=self.record, system=self.ground, key=read_key(self.key_file),
+            forward=self.forward or (), permission=Permission(self.forward_commands),
+        )  # fmt: skip
+        if connection.forwarder is not None:
+            connection.forwarder.tell = lambda note: typer.echo(note.said, err=True)
         try:
             yield connection
         finally:

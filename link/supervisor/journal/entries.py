@@ -317,6 +317,16 @@ class LinkNote(Entry, frozen=True, kw_only=True, tag="link"):
     gone_s: float | None = None
 
 
+class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
+    """Another ground station, to which the link is forwarded, did something, or was refused it."""
+
+    client: str | None
+    system: int | None
+    component: int | None
+    what: str | None
+    order: str | None
+
+
 class Rebooted(Entry, frozen=True, kw_only=True, tag="reboot"):
     """The vehicle has restarted."""
 

@@ -183,6 +183,8 @@ def _flown(
 
     view.doing(f"connecting: {link.connect}")
     with link.aboard() as vehicle:
+        if vehicle.connection.forwarder is not None:
+            vehicle.connection.forwarder.tell = None  # told and journaled by the supervisor
         view.doing("waiting for telemetry and the time of the vehicle")
         clock = _clock(vehicle, console)
         now = from_posix(clock.posix_s())

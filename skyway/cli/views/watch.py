@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -24,6 +25,8 @@ _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 WIDE = 110
 """Columns from which on the table has a row for each vehicle."""
 _SILENT_S = 5.0
+_CLIENT_NOTES = 5
+"""So many of the newest notes about other ground stations are shown."""
 _UNKNOWN = "unknown"
 
 
@@ -121,6 +124,9 @@ class Watched:
         self.connection = connection
         self.vehicles: dict[int, VehicleMonitor] = {}
         self.strange: dict[int, int] = {}
+        self._of_clients: deque[str] = deque(maxlen=_CLIENT_NOTES)
+        if connection.forwarder is not None:
+            connection.forwarder.tell = lambda note: self._of_clients.append(note.said)
         self._asked_s: dict[int, float] = {}
 
     def run_for(self, duration_s: float) -> None:
@@ -160,7 +166,7 @@ class Watched:
             said.append(f"packets rejected: {told}")
         if self.connection.conflict is not None:
             said.append(str(self.connection.conflict))
-        return said
+        return [*said, *self._of_clients]
 
 
 def show(watched: Watched, end_s: float, *, as_json: bool) -> None:
