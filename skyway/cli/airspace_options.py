@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from skyway.cli import options
+from skyway import typed_values
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,7 @@ def zones_of(region: Scenario | None, files: Sequence[Path], authorized: Sequenc
     for note in notes:
         typer.echo(f"warning: {note}", err=True)
     known = own or Airspace()
-    with options.as_typed():
+    with typed_values.as_typed():
         return replace(known, zones=(*known.zones, *more)).with_authorized(authorized)
 
 

@@ -34,6 +34,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "params": "parameters",
     },
     "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
+    "Page": {"serve": "demo"},
     "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench", "settings": "bench"},
 }
 """Headings; under each its commands in order, with the module of `skyway.cli.commands` that holds them."""

@@ -19,6 +19,10 @@ EXTRAS = {
     "gribberish": "weather",
     "h5netcdf": "weather",
     "h5py": "weather",
+    "nicegui": "web",
+    "fastapi": "web",
+    "starlette": "web",
+    "uvicorn": "web",
 }
 """Extra of the distribution that installs each package."""
 

@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 
 import typer
 
-from skyway.cli import options
+from skyway import typed_values
 from skyway.link.logs.reader import FORMATS, titles
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text
@@ -92,7 +92,9 @@ def log_forecast(
 
     world = load_named(scenario)
     start = from_posix(dated(log))
-    ensemble = options.wind_forecast(world, start, None, file, None, start.astimezone(ZoneInfo(world.timezone)).date())
+    ensemble = typed_values.wind_forecast(
+        world, start, None, file, None, start.astimezone(ZoneInfo(world.timezone)).date()
+    )
     warn_if_far(log, ensemble)
     rules = world.rules
     aloft = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
@@ -144,5 +146,5 @@ def towards(text: str) -> tuple[float, float]:
     """Read ``SPEED@FROM`` as (north, east) TOWARDS, m/s."""
     from skyway.models.wind.triangle import vector
 
-    north, east = vector(*options.parse_wind(text))
+    north, east = vector(*typed_values.parse_wind(text))
     return float(north), float(east)

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated
 
 import typer
 
 from skyway.cli import completion, options
-from skyway.models.base.errors import InputError
-from skyway.scenarios import load_scenario, with_terrain
-
-if TYPE_CHECKING:
-    from skyway.models.composition.composition import Recharge as RechargeMode
-    from skyway.models.scenario.scenario import Scenario
-    from skyway.models.wind.forecast import WindEnsemble
-    from skyway.now import KnownPads, KnownWind
-    from skyway.planner.problem.request import Request
+from skyway.planning import Conditions, Delivery, Pads
 
 Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")]
 OBSERVED_HELP = (
@@ -31,7 +22,7 @@ _PLACE = "station id, part of its name, or lat,lon."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RequestOptions:
+class RequestOptions(Delivery):
     """What is carried, from where to where, and by what."""
 
     start: Annotated[str, typer.Option("--from", help=f"Start: {_PLACE}", autocompletion=completion.stations)]
@@ -48,30 +39,9 @@ class RequestOptions:
     ] = "enough"
     seed: Annotated[int, typer.Option(help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
 
-    def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
-        """Return what is asked, and the scenario: targets given as lat,lon join its network."""
-        from skyway.models.composition.composition import State
-        from skyway.planner.problem.request import Request
-
-        scenario, origin = options.place(scenario, self.start, "--from")
-        scenario, destination = options.place(scenario, self.to, "--to")
-        state = State(depart, origin, None, options.percent(self.soc, "--soc"))
-        with options.as_typed():
-            return scenario, Request(
-                state=state,
-                destination=destination,
-                payload_kg=self.payload,
-                drone=self.drone,
-                airspeed_mps=self.airspeed,
-                reserve_soc=options.percent(self.reserve, "--reserve", high=95.0),
-                recharge=cast("RechargeMode", self.recharge),
-                seed=self.seed,
-                objective=options.parse_objective(objective),
-            )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConditionOptions:
+class ConditionOptions(Conditions):
     """Where and when it is flown, and in which wind."""
 
     scenario: options.ScenarioArgument = None
@@ -99,72 +69,12 @@ class ConditionOptions:
     zones: options.Zones = None
     authorized: options.Authorized = None
 
-    def loaded(self) -> Scenario:
-        """Return the scenario, over the terrain, with the zones and the authorizations that are named."""
-        with options.as_typed():
-            region = with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
-            return region.with_airspace(self.zones or (), self.authorized or ())
-
-    @property
-    def instant(self) -> datetime:
-        """Departure; without one, now."""
-        return options.parse_depart(self.depart)
-
-    @property
-    def for_now(self) -> bool:
-        """Whether the departure is at this moment, give or take some minutes: then the scenario's own observations count, unasked."""
-        from skyway.now import NOW_S
-
-        return abs((self.instant - datetime.now(UTC)).total_seconds()) <= NOW_S
-
-    def winds(self, scenario: Scenario, depart: datetime, truth: str | None) -> tuple[KnownWind, WindEnsemble | None]:
-        """Return the wind that is forecast, given what was observed, and the wind that will blow, where that is given."""
-        from skyway.now import HOW, KnownWind, condition_forecast, observed_winds
-        from skyway.planner.problem.problem import HORIZON_H
-
-        true, day = options.true_wind(scenario, depart, truth)
-        if self.wind is not None and self.observed:
-            remedy = "leave one of them out: a constant wind knows of no other"
-            raise InputError("--wind and --observed exclude each other", remedy=remedy)
-        if self.forecast_error is not None and not self.forecast:
-            remedy = "give the forecast, too; for a scenario's own: [forecast] error"
-            raise InputError("goes with --forecast", field="--forecast-error", remedy=remedy)
-        by_record = self.wind is None and not self.forecast
-        of_scenario = self.for_now and by_record and not self.observed
-        given = scenario.observed_wind if of_scenario else tuple(self.observed or ())
-
-        def forecast(begin: datetime, hours: int) -> WindEnsemble:
-            if by_record and not scenario.has_forecast and (scenario.history is not None or true is None):
-                return scenario.forecast(begin, hours, truth=day)
-            if begin < depart and self.forecast:
-                try:  # observations before the departure are compared with the wind of their hour, where the forecast has it
-                    return scenario.forecast_from(self.forecast, begin, hours, error=self.forecast_error, truth=day)
-                except InputError:
-                    pass
-            return options.wind_forecast(scenario, depart, self.wind, self.forecast, true, day, self.forecast_error)
-
-        if not given:
-            alone = of_scenario and true is None and not scenario.has_forecast
-            return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
-        found = observed_winds(scenario, given, depart, missing_ok=of_scenario)
-        return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PadOptions:
+class PadOptions(Pads):
     """Which pads are busy."""
 
     pads: Annotated[
         str | None,
         typer.Option(help="Pads busy now: a pad service tcp:HOST:PORT, asked once, or a file of its answers."),
     ] = None
-
-    def known(self, scenario: Scenario, depart: datetime, *, for_now: bool) -> KnownPads | None:
-        """Return what is known of the pads; None where nothing was handed over."""
-        from skyway.now import pads_now
-
-        if self.pads is not None:
-            return pads_now(scenario, self.pads, depart)
-        if for_now and scenario.observed_pads is not None:
-            return pads_now(scenario, scenario.observed_pads, depart, asked=False)
-        return None

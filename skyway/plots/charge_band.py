@@ -12,6 +12,8 @@ from skyway.planner.schedule.itinerary import fly_sampled
 from skyway.planner.schedule.schedule_kernels import PAD, READY, SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from skyway.planner.result import PlanResult
@@ -35,15 +37,34 @@ class ChargeBand:
 
 def charge_band(result: PlanResult) -> ChargeBand | None:
     """Return the spread of the charge over the simulated deliveries of a plan; None where none arrives."""
+    schedule, weight = _arriving(result)
+    if not len(weight):
+        return None
+    return band_of(schedule, weight, float(result.problem.depart_s), float(result.problem.soc))
+
+
+def charge_by_leg(result: PlanResult, levels: Sequence[float]) -> NDArray[np.float64] | None:
+    """Return quantiles of the charge at the take-offs and landings of a plan, shape (legs, 2, levels); None where no run arrives."""
+    schedule, weight = _arriving(result)
+    if not len(weight):
+        return None
+    return np.array(
+        [
+            [[weighted_quantile(leg[:, column], weight, level) for level in levels] for column in (SOC_TAKE_OFF, SOC_LANDING)]
+            for leg in schedule.transpose(1, 0, 2)
+        ]
+    )  # fmt: skip
+
+
+def _arriving(result: PlanResult) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Simulated deliveries that arrive: schedules, shape (runs, legs, columns), and their probabilities."""
     robust = result.robust
     if robust is not None:
         schedule, weight = robust.out_of_sample.schedule, robust.out_of_sample.weight
     else:
         schedule, weight = fly_sampled(result.problem, result.itinerary)
     arrives = np.isfinite(schedule).all(axis=(1, 2))
-    if not arrives.any():
-        return None
-    return band_of(schedule[arrives], weight[arrives], float(result.problem.depart_s), float(result.problem.soc))
+    return schedule[arrives], weight[arrives]
 
 
 def band_of(schedule: NDArray[np.float64], weight: NDArray[np.float64], depart_s: float, soc: float) -> ChargeBand:

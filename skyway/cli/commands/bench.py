@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import skyway
+from skyway import typed_values
 from skyway.cli import options
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.errors import InputError
@@ -37,7 +38,7 @@ def planners(
       skyway bench planners --quick
       skyway bench planners --output results --resume
     """
-    parameters = options.planner_parameters(settings)
+    parameters = typed_values.planner_parameters(settings)
     module = _benchmark()
     for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep, parameters=parameters):
         typer.echo(str(path))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import airspace_options, options
 from skyway.cli.options import FamilyName
 from skyway.models.base.errors import InputError
@@ -137,7 +138,7 @@ def _weather(
     if wind is not None:
         if (depart is not None and not zoned) or forecast:
             raise InputError("a steady wind and a forecast exclude each other", field="--wind, --depart")
-        return SteadyWind(*options.parse_wind(wind))
+        return SteadyWind(*typed_values.parse_wind(wind))
     if depart is None and forecast:
         raise InputError("a forecast needs a departure", field="--forecast", remedy="give --depart, the first take-off")
     if depart is None or (region is None and zoned and not forecast):
@@ -167,8 +168,8 @@ def _conditions(
     return FlightConditions(
         vehicle,
         payload_kg,
-        options.percent(soc_percent, "--soc"),
-        options.percent(reserve_percent, "--reserve"),
+        typed_values.percent(soc_percent, "--soc"),
+        typed_values.percent(reserve_percent, "--reserve"),
         rules.climb_rate_mps if rules else 5.0,
         rules.descent_rate_mps if rules else 3.0,
         weather or SteadyWind(),

@@ -1,4 +1,4 @@
-"""Command ``demo``."""
+"""Commands ``demo`` and ``serve``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from skyway.cli import options
 from skyway.cli.options import FamilyName
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import InputError, refuse
@@ -49,21 +50,56 @@ def demo(
         raise InputError("goes with --calibration-flight only", field="--payload", value=payload, remedy=remedy)
     from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
 
-    options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
+    wanted = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
     if plan_only:
-        typer.echo(str(plan_demo(options)))
+        typer.echo(str(plan_demo(wanted)))
         return
-    outcome = run_demo(options, typer.echo)
-    for line in tell_end(options, outcome):
+    outcome = run_demo(wanted, typer.echo)
+    for line in tell_end(wanted, outcome):
         typer.echo(line)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 
 
+def serve(
+    scenario: options.ScenarioArgument = None,
+    host: Annotated[str, typer.Option(help="Address to listen at; any but loopback needs --token.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen at.")] = 8080,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            envvar="SKYWAY_TOKEN",
+            help="What each browser is asked for once; better in SKYWAY_TOKEN, which no list of processes shows.",
+        ),
+    ] = None,
+    folder: Annotated[
+        Path,
+        typer.Option(
+            help="Work folder: plans, missions, journals and logs are read and written there, and nowhere else."
+        ),
+    ] = Path(),
+    outline: Annotated[
+        Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")
+    ] = None,
+) -> None:
+    """Serve the operator's page: plan, check, replay and watch in a browser.
+
+    Examples
+    --------
+      skyway serve
+      skyway serve my-scenario --port 8081 --outline coast.geojson
+      SKYWAY_TOKEN=$(openssl rand -hex 16) skyway serve --host 0.0.0.0
+    """
+    from skyway.web.server import ServeOptions
+    from skyway.web.server import serve as run
+
+    given = ServeOptions(scenario=scenario, host=host, port=port, token=token, folder=folder, outline=outline)
+    run(given, lambda words: typer.echo(words, err=True))
+
+
 def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     """Record a calibration flight of the drone of the demonstration."""
     from skyway.calibration_flight import record_square
-    from skyway.cli import options
     from skyway.demo import DRONE, PAYLOAD_KG
 
     options.refuse_overwriting(path, force=force)

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import options
 from skyway.cli.connection_options import Link
 from skyway.cli.option_groups import with_groups
@@ -110,7 +111,7 @@ def fly(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
     )
     options.refuse_overwriting(journal, report, force=False)
-    parameters = options.planner_parameters(settings)
+    parameters = typed_values.planner_parameters(settings)
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
@@ -130,7 +131,7 @@ def fly(
             composition=composition,
             scenario=region,
             request=request,
-            forecast=options.wind_forecast(
+            forecast=typed_values.wind_forecast(
                 region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
             ),
             observed=seen,
@@ -247,7 +248,7 @@ def _check_words(planner: str, wind: str | None, forecast: list[Path] | None) ->
         )
         raise InputError(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}")
     if wind is not None:
-        options.parse_wind(wind)
+        typed_values.parse_wind(wind)
     for one in forecast or ():
         if not one.exists():
             raise InputError("no such file", str(one), field="--forecast")

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import log_options, options
 from skyway.cli.log_options import Columns, open_any
 from skyway.models.base.errors import InputError
@@ -84,7 +85,7 @@ def forecast(
     if not 1.0 <= slot <= 360.0:
         raise InputError("out of range", field="--slot", value=slot, remedy="1 to 360 minutes")
     options.refuse_overwriting(output, force=force)
-    instant = None if depart is None else options.parse_depart(depart)
+    instant = None if depart is None else typed_values.parse_depart(depart)
     world = log_options.load_named(scenario)
     if not world.wind_sites:
         raise InputError("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]")
@@ -210,7 +211,7 @@ def show(
     from skyway.models.weather.weather import Box
     from skyway.models.wind.history import station_places
 
-    near_s = options.parse_depart(depart).timestamp()
+    near_s = typed_values.parse_depart(depart).timestamp()
     box, stations = None, {}
     if scenario is not None:
         world = log_options.load_named(scenario)
@@ -382,7 +383,7 @@ def fetch(
         )
     options.refuse_overwriting(output, force=force)
     chosen, world = PROVIDERS[provider], log_options.load_named(region)
-    begin = options.parse_depart(depart)
+    begin = typed_values.parse_depart(depart)
     box = Box.around(world.network.lat, world.network.lon)
     stations = tuple(name for name in station_places(world.wind_sites) if len(name) == 4)
     wanted = Wanted(box, begin, hours, stations, api_key=api_key)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import completion, options
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions, Depart, PadOptions, RequestOptions
@@ -15,19 +17,13 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, ROBUST
+from skyway.planning import solve, solve_window, with_pads
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from datetime import datetime
+    from collections.abc import Callable, Iterator
 
-    from skyway.models.scenario.scenario import Scenario
-    from skyway.models.wind.forecast import WindEnsemble
-    from skyway.now import KnownPads, KnownWind
     from skyway.planner.departure import Departure
-    from skyway.planner.parameters.planner import PlannerParameters
-    from skyway.planner.problem.request import Request
-    from skyway.planner.result import PlanResult
 
 PLANNER_HELP = (
     f"{', '.join((ROBUST, *FORECAST_PLANNERS))}; with perfect information: {', '.join(CLAIRVOYANT_PLANNERS)}."
@@ -75,24 +71,32 @@ def plan(
     """
     from skyway.cli.views import plan_reasons
     from skyway.models.base.files import write_atomically
-    from skyway.models.composition.file import save, to_json
+    from skyway.models.composition.file import save
+    from skyway.plan_document import plan_document
     from skyway.planner.report import plan_report
 
     options.refuse_overwriting(output, geojson, plot, force=force)
     options.check_picture(plot)
-    options.check_planners([planner], "--planner")
-    parameters = options.planner_parameters(settings)
+    typed_values.check_planners([planner], "--planner")
+    parameters = typed_values.planner_parameters(settings)
     world = conditions.loaded()
     request = asked.request(world, conditions.instant, objective)
     tried: list[Departure] = []
     if depart_window is None:
-        (world, wanted), busy = _with_pads(request, conditions, pads)
-        result = _solve(world, wanted, conditions, planner, time_limit, parameters, quiet=as_json, busy=busy)
+        (world, wanted), busy = with_pads(request, conditions, pads)
+        with _shown(_sequences, quiet=as_json) as progress:
+            result = solve(
+                world, wanted, conditions, planner,
+                time_limit_s=time_limit, parameters=parameters, busy=busy, progress=progress,
+            )  # fmt: skip
     else:
         if pads.pads is not None:
             problem = "cannot be combined with --depart-window: the pads of now say little of the departures tried"
             raise InputError(problem, field="--pads", value=pads.pads, remedy="leave one of them out")
-        result, tried = _solve_window(*request, conditions, depart_window, planner, parameters, quiet=as_json)
+        with _shown(_departures, quiet=as_json) as progress:
+            result, tried = solve_window(
+                *request, conditions, depart_window, planner, parameters=parameters, progress=progress
+            )
     options.hint_at_warnings(world, conditions.scenario)
     composition = result.composition
     if output is not None:
@@ -109,7 +113,7 @@ def plan(
     options.say_written(output, geojson, plot)
     report = plan_report(result, tried, alternatives, explain=explain)
     if as_json:
-        typer.echo(json_text(to_json(composition) | plan_reasons.as_json(report), indent=1))
+        typer.echo(json_text(plan_document(report), indent=1))
         return
     from skyway.cli.views.plan import print_plan
 
@@ -144,14 +148,18 @@ def compare(
     from skyway.planner.result import Comparison
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
-    options.check_planners(names, "--planners")
-    parameters = options.planner_parameters(settings)
+    typed_values.check_planners(names, "--planners")
+    parameters = typed_values.planner_parameters(settings)
     world = conditions.loaded()
-    (world, wanted), busy = _with_pads(asked.request(world, conditions.instant), conditions, pads)
+    (world, wanted), busy = with_pads(asked.request(world, conditions.instant), conditions, pads)
     answers: list[Comparison] = []
     for name in names:
         try:
-            result = _solve(world, wanted, conditions, name, time_limit, parameters, quiet=as_json, busy=busy)
+            with _shown(_sequences, quiet=as_json) as progress:
+                result = solve(
+                    world, wanted, conditions, name,
+                    time_limit_s=time_limit, parameters=parameters, busy=busy, progress=progress,
+                )  # fmt: skip
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
@@ -205,10 +213,10 @@ def evaluate(
     from skyway.planner.online.evaluated import RollingRobust
     from skyway.planner.plan import plan
 
-    options.check_planners([planner], "--planner", (ROBUST, *FORECAST_PLANNERS))
-    parameters = options.planner_parameters(settings)
-    world, request = asked.request(load_scenario(scenario), options.parse_depart(depart))
-    with options.as_typed():
+    typed_values.check_planners([planner], "--planner", (ROBUST, *FORECAST_PLANNERS))
+    parameters = typed_values.planner_parameters(settings)
+    world, request = asked.request(load_scenario(scenario), typed_values.parse_depart(depart))
+    with typed_values.as_typed():
         held_out = season_days(world, request, days, seed=request.seed)
         forecast = held_out_forecast(world, request, held_out)
         result = plan(world, request, planner=planner, forecast=forecast, parameters=parameters)
@@ -222,116 +230,20 @@ def evaluate(
     typer.echo(found.to_json() if as_json else found.summary())
 
 
-def _with_pads(
-    asked: tuple[Scenario, Request], conditions: ConditionOptions, pads: PadOptions
-) -> tuple[tuple[Scenario, Request], KnownPads | None]:
-    """Return what is asked, with what is known of the pads now."""
-    from dataclasses import replace
-
-    scenario, request = asked
-    busy = pads.known(scenario, request.state.time, for_now=conditions.for_now)
-    if busy is not None:
-        request = replace(request, state=busy.seen_from(request.state))
-    return (scenario, request), busy
+def _sequences(labels_expanded: int, best_s: float) -> None:
+    best = "none yet" if best_s == float("inf") else duration(best_s)
+    typer.echo(f"\r  {labels_expanded} sequences, best {best} ", nl=False, err=True)
 
 
-def _solve(
-    scenario: Scenario,
-    request: Request,
-    conditions: ConditionOptions,
-    planner: str,
-    time_limit_s: float,
-    parameters: PlannerParameters,
-    *,
-    quiet: bool,
-    busy: KnownPads | None,
-) -> PlanResult:
-    """Plan with the wind that was asked for."""
-    from skyway.now import with_conditions
-    from skyway.planner.plan import plan as plan_delivery
-
-    if not time_limit_s > 0:
-        raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
-    truth, clairvoyant = conditions.truth, planner in CLAIRVOYANT_PLANNERS
-    if truth is None and clairvoyant and conditions.wind is None and conditions.forecast is None:
-        truth = _own_day(scenario, request)
-
-    def progress(labels_expanded: int, best_s: float) -> None:
-        best = "none yet" if best_s == float("inf") else duration(best_s)
-        typer.echo(f"\r  {labels_expanded} sequences, best {best} ", nl=False, err=True)
-
-    with options.as_typed():
-        known, true = conditions.winds(scenario, request.state.time, truth)
-        result = plan_delivery(
-            scenario, request, planner=planner, forecast=known.forecast, truth=true, time_limit_s=time_limit_s,
-            progress=_shown(progress, quiet=quiet), parameters=parameters,
-        )  # fmt: skip
-    _clear_progress(quiet=quiet or not clairvoyant)
-    seen, notes = ((), ()) if busy is None else (busy.conditions, busy.notes)
-    if clairvoyant:  # it is told the wind
-        return with_conditions(result, seen, notes)
-    return with_conditions(result, (*known.conditions, *seen), (*known.notes, *notes))
+def _departures(done: int, count: int) -> None:
+    typer.echo(f"\r  {done} of {count} departures ", nl=False, err=True)
 
 
-def _solve_window(
-    scenario: Scenario,
-    request: Request,
-    conditions: ConditionOptions,
-    window: str,
-    planner: str,
-    parameters: PlannerParameters,
-    *,
-    quiet: bool,
-) -> tuple[PlanResult, list[Departure]]:
-    """Plan for the best departure of a window."""
-    from skyway.now import with_conditions
-    from skyway.planner.departure import plan_within
-
-    if planner in CLAIRVOYANT_PLANNERS or conditions.truth is not None:
-        problem = "cannot be combined with planners that have perfect information"
-        remedy = "robust or one of the pfs planners, without --actual-wind"
-        raise InputError(problem, field="--depart-window", remedy=remedy)
-    length_s = options.parse_duration(window, "--depart-window")
-
-    winds: dict[datetime, KnownWind] = {}
-
-    def known(depart: datetime) -> WindEnsemble:
-        winds[depart] = conditions.winds(scenario, depart, None)[0]
-        return winds[depart].forecast
-
-    def progress(done: int, count: int) -> None:
-        typer.echo(f"\r  {done} of {count} departures ", nl=False, err=True)
-
-    with options.as_typed():
-        found = plan_within(
-            scenario, request, length_s, planner=planner, forecast=known,
-            progress=_shown(progress, quiet=quiet), parameters=parameters,
-        )  # fmt: skip
-    _clear_progress(quiet=quiet)
-    result, tried = found
-    wind = winds[result.problem.request.state.time]
-    return with_conditions(result, wind.conditions, wind.notes), tried
-
-
-def _shown(progress: Callable[..., None], *, quiet: bool) -> Callable[..., None] | None:
-    """Return what shows progress, where a person watches a terminal."""
-    return None if quiet or not sys.stderr.isatty() else progress
-
-
-def _clear_progress(*, quiet: bool) -> None:
-    if not quiet and sys.stderr.isatty():
-        typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
-
-
-def _own_day(scenario: Scenario, request: Request) -> str | None:
-    """Local date of the departure, where the record holds its wind: then that is the truth."""
-    from zoneinfo import ZoneInfo
-
-    from skyway.planner.problem.problem import HORIZON_H
-
-    day = request.state.time.astimezone(ZoneInfo(scenario.timezone)).date()
-    try:
-        scenario.truth(day, request.state.time, HORIZON_H)
-    except InputError:
-        return None
-    return day.isoformat()
+@contextmanager
+def _shown(progress: Callable[..., None], *, quiet: bool) -> Iterator[Callable[..., None] | None]:
+    """Yield what shows progress, where a person watches a terminal, and wipe the line at the end."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    yield progress
+    typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)

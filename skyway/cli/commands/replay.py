@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import log_options, options
 from skyway.cli.log_options import Columns, LogFile, System, open_any
 from skyway.models.base.errors import InputError
@@ -101,7 +102,7 @@ def replay(
     expected, strays = log_options.log_forecast(opened, wind, forecast, scenario)
     if settings:
         usual = strays or (WindFilterSettings() if expected else NO_FORECAST)
-        strays = options.settings_of(settings, usual).wind.filter
+        strays = typed_values.settings_of(settings, usual).wind.filter
     drag_model, sensor = log_options.air_of(drag)
     asked = ReplayOptions(
         system=system, vehicle=cast("Kind | None", vehicle), from_s=first, to_s=last,

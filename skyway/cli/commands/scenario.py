@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import options
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions
@@ -249,7 +250,7 @@ def wind(
     options.refuse_overwriting(plot, force=force)
     options.check_picture(plot)
     world = conditions.loaded()
-    with options.as_typed():
+    with typed_values.as_typed():
         known, true = conditions.winds(world, conditions.instant, conditions.truth)
         ensemble = known.forecast
     options.hint_at_warnings(world, conditions.scenario)

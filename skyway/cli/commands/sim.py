@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import options, typed_words
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
@@ -103,7 +104,7 @@ def sim(
 
     if lasting is not None and not lasting > 0.0:
         raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
-    begins = options.parse_depart(depart)
+    begins = typed_values.parse_depart(depart)
     known, places = _placed(load_scenario(scenario), at)
     asked = FleetOptions(
         stations=known.network.stations,
@@ -113,7 +114,7 @@ def sim(
         autopilot=autopilot,
         firmware=firmware,
         drone=known.drones[0] if known.drones else None,
-        soc=options.percent(soc, "--soc"),
+        soc=typed_values.percent(soc, "--soc"),
         payload_kg=payload,
         seed=seed,
         warm=warm,
@@ -144,7 +145,7 @@ def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[S
     """Stations where the vehicles stand; a position becomes a station of its own."""
     places = []
     for text in at or [scenario.network.stations[0].id]:
-        scenario, station_id = options.place(scenario, text, "--at")
+        scenario, station_id = typed_values.place(scenario, text, "--at")
         places.append(station_id)
     stations = {station.id: station for station in scenario.network.stations}
     return scenario, tuple(stations[place] for place in places)
@@ -195,5 +196,5 @@ def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth |
     constant = parse_constant(text)
     if constant is not None:
         return constant
-    series, _ = options.true_wind(scenario, begins, text, "--wind")
+    series, _ = typed_values.true_wind(scenario, begins, text, "--wind")
     return None if series is None else RecordedWind(series)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway import typed_values
 from skyway.cli import options
 from skyway.cli.views.sheet import say
 from skyway.models.base.errors import Fault, InputError, refuse
@@ -102,7 +103,7 @@ def _height_at(text: str, files: list[str], obstacles: list[str]) -> dict[str, f
 
     from skyway.models.terrain.files import read_terrain
 
-    found = options.parse_position(text)
+    found = typed_values.parse_position(text)
     if found is None:
         raise InputError("not a place", field="--at", value=text, remedy="LAT,LON in degrees")
     known = read_terrain(files, obstacles)

@@ -1,0 +1,91 @@
+"""What is told of a plan beside its schedule, for machines as JSON and for people in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.base.formatting import duration, later_text, percent, speed_text
+from skyway.models.base.units import iso
+from skyway.models.composition.file import figure_json, to_json
+from skyway.planner.uncertainties import ENERGY, GUSTS, NOT_COUNTED, PADS, WIND
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.planner.explain import StopReason
+    from skyway.planner.report import PlanReport
+    from skyway.planner.uncertainties import Uncertainty
+
+
+def plan_document(report: PlanReport) -> dict[str, object]:
+    """Return a plan for machines: the composition, and what was asked for beside it."""
+    found: dict[str, object] = to_json(report.result.composition)
+    if report.bound is not None:
+        found["bound"] = vars(report.bound) | {"gap": report.bound.gap}
+    if report.departures:
+        found["departures"] = [
+            {
+                "depart": iso(one.depart),
+                "delivery_mean_s": one.delivery_s,
+                "delivery_mean": None if one.delivery is None else figure_json(one.delivery),
+                "p_on_time": one.p_on_time,
+            }
+            for one in report.departures
+        ]
+    if report.alternatives is not None:
+        found["alternatives"] = [to_json(plan.composition) for plan in report.alternatives[1:]]
+    if report.reasons is not None:
+        found["explanation"] = {
+            "stops": [_reason_json(one) for one in report.reasons],
+            "charges": [vars(one) for one in report.charges],
+            "rests_on": [_uncertainty_json(one) for one in report.rests_on or ()],
+            "not_counted": NOT_COUNTED,
+        }
+    return found
+
+
+def _reason_json(one: StopReason) -> dict[str, object]:
+    found = {name: value for name, value in vars(one).items() if name != "later"}
+    later = None if one.later is None else figure_json(one.later)
+    return found | {"later_s": None if one.later is None else one.later.value, "later": later}
+
+
+def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
+    return vars(one) | {"gain": None if one.gain is None else figure_json(one.gain)}
+
+
+def why_here(one: StopReason) -> str:
+    """Return why a stop is made."""
+    if one.runner_up is None or one.later is None:
+        return "without this stop there is no route"
+    way = "the best route stops at " + ", ".join(one.runner_up) if one.runner_up else "the best route has no stop"
+    safety = "" if one.later.value >= 0.0 else ", but is less safe"
+    return f"without this stop {way}: {later_text(one.later)}{safety}"
+
+
+def why_so_much(one: StopReason) -> str:
+    """Return what the charge at a stop is for."""
+    parts = (
+        f"{percent(one.leaves)} on average: {percent(one.expected)} for the flight, {percent(one.margin)} margin for "
+        f"stronger wind, gusts and a vehicle that uses more energy, {percent(one.reserve)} reserve on landing"
+    )
+    if one.idle >= 1.0 - 1e-9:
+        return f"in the simulated deliveries the drone never charges here; it leaves with {parts}"
+    if one.idle > 0.5:
+        return f"{percent(one.idle)} of the deliveries leave at once; the others charge to {parts}"
+    return f"the drone charges to {parts}"
+
+
+UNCERTAINTIES = {WIND: "wind ahead", GUSTS: "gusts", ENERGY: "energy of the drone", PADS: "other drones at pads"}
+"""What each is called."""
+_SIZES: dict[str, Callable[[float], str]] = {
+    WIND: lambda size: f"{speed_text(size)} a component",
+    GUSTS: lambda size: f"{percent(size)} of the wind",
+    ENERGY: lambda size: f"{percent(size)} of a flight's energy",
+    PADS: lambda size: f"{duration(size)} of waiting",
+}
+
+
+def size_words(one: Uncertainty) -> str:
+    """Return how uncertain it is."""
+    return _SIZES[one.name](one.size)

@@ -1,0 +1,236 @@
+"""Planning as it is asked for, on a command line or on a page: what is typed becomes a request, a wind and a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path  # noqa: TC003  options read these annotations at run time
+from typing import TYPE_CHECKING, cast
+from zoneinfo import ZoneInfo
+
+from skyway import typed_values
+from skyway.models.base.errors import InputError
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, ROBUST
+from skyway.scenarios import load_scenario, with_terrain
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.models.composition.composition import Recharge as RechargeMode
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.now import KnownPads, KnownWind
+    from skyway.planner.departure import Departure
+    from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.problem.request import Request
+    from skyway.planner.result import PlanResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delivery:
+    """What is carried, from where to where, and by what; percent and places as they are typed."""
+
+    start: str
+    to: str
+    payload: float
+    drone: str | None = None
+    reserve: float = 20.0
+    soc: float = 100.0
+    airspeed: float | None = None
+    recharge: str = "enough"
+    seed: int = 0
+
+    def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
+        """Return what is asked, and the scenario: targets given as lat,lon join its network."""
+        from skyway.models.composition.composition import State
+        from skyway.planner.problem.request import Request
+
+        scenario, origin = typed_values.place(scenario, self.start, "--from")
+        scenario, destination = typed_values.place(scenario, self.to, "--to")
+        state = State(depart, origin, None, typed_values.percent(self.soc, "--soc"))
+        with typed_values.as_typed():
+            return scenario, Request(
+                state=state,
+                destination=destination,
+                payload_kg=self.payload,
+                drone=self.drone,
+                airspeed_mps=self.airspeed,
+                reserve_soc=typed_values.percent(self.reserve, "--reserve", high=95.0),
+                recharge=cast("RechargeMode", self.recharge),
+                seed=self.seed,
+                objective=typed_values.parse_objective(objective),
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """Where and when it is flown, and in which wind; all as typed."""
+
+    scenario: Path | None = None
+    depart: str | None = None
+    wind: str | None = None
+    forecast: list[Path] | None = None
+    forecast_error: Path | None = None
+    truth: str | None = None
+    observed: list[str] | None = None
+    terrain: list[str] | None = None
+    obstacles: list[str] | None = None
+    zones: list[Path] | None = None
+    authorized: list[str] | None = None
+
+    def loaded(self) -> Scenario:
+        """Return the scenario, over the terrain, with the zones and the authorizations that are named."""
+        with typed_values.as_typed():
+            region = with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
+            return region.with_airspace(self.zones or (), self.authorized or ())
+
+    @property
+    def instant(self) -> datetime:
+        """Departure; without one, now."""
+        return typed_values.parse_depart(self.depart)
+
+    @property
+    def for_now(self) -> bool:
+        """Whether the departure is at this moment, give or take some minutes: then the scenario's own observations count, unasked."""
+        from skyway.now import NOW_S
+
+        return abs((self.instant - datetime.now(UTC)).total_seconds()) <= NOW_S
+
+    def winds(self, scenario: Scenario, depart: datetime, truth: str | None) -> tuple[KnownWind, WindEnsemble | None]:
+        """Return the wind that is forecast, given what was observed, and the wind that will blow, where that is given."""
+        from skyway.now import HOW, KnownWind, condition_forecast, observed_winds
+        from skyway.planner.problem.problem import HORIZON_H
+
+        true, day = typed_values.true_wind(scenario, depart, truth)
+        if self.wind is not None and self.observed:
+            remedy = "leave one of them out: a constant wind knows of no other"
+            raise InputError("--wind and --observed exclude each other", remedy=remedy)
+        if self.forecast_error is not None and not self.forecast:
+            remedy = "give the forecast, too; for a scenario's own: [forecast] error"
+            raise InputError("goes with --forecast", field="--forecast-error", remedy=remedy)
+        by_record = self.wind is None and not self.forecast
+        of_scenario = self.for_now and by_record and not self.observed
+        given = scenario.observed_wind if of_scenario else tuple(self.observed or ())
+
+        def forecast(begin: datetime, hours: int) -> WindEnsemble:
+            if by_record and not scenario.has_forecast and (scenario.history is not None or true is None):
+                return scenario.forecast(begin, hours, truth=day)
+            if begin < depart and self.forecast:
+                try:  # observations before the departure are compared with the wind of their hour, where the forecast has it
+                    return scenario.forecast_from(self.forecast, begin, hours, error=self.forecast_error, truth=day)
+                except InputError:
+                    pass
+            return typed_values.wind_forecast(
+                scenario, depart, self.wind, self.forecast, true, day, self.forecast_error
+            )
+
+        if not given:
+            alone = of_scenario and true is None and not scenario.has_forecast
+            return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
+        found = observed_winds(scenario, given, depart, missing_ok=of_scenario)
+        return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pads:
+    """Which pads are busy, as typed."""
+
+    pads: str | None = None
+
+    def known(self, scenario: Scenario, depart: datetime, *, for_now: bool) -> KnownPads | None:
+        """Return what is known of the pads; None where nothing was handed over."""
+        from skyway.now import pads_now
+
+        if self.pads is not None:
+            return pads_now(scenario, self.pads, depart)
+        if for_now and scenario.observed_pads is not None:
+            return pads_now(scenario, scenario.observed_pads, depart, asked=False)
+        return None
+
+
+def with_pads(
+    asked: tuple[Scenario, Request], conditions: Conditions, pads: Pads
+) -> tuple[tuple[Scenario, Request], KnownPads | None]:
+    """Return what is asked, with what is known of the pads now."""
+    scenario, request = asked
+    busy = pads.known(scenario, request.state.time, for_now=conditions.for_now)
+    if busy is not None:
+        request = replace(request, state=busy.seen_from(request.state))
+    return (scenario, request), busy
+
+
+def solve(
+    scenario: Scenario,
+    request: Request,
+    conditions: Conditions,
+    planner: str = ROBUST,
+    *,
+    time_limit_s: float,
+    parameters: PlannerParameters,
+    busy: KnownPads | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> PlanResult:
+    """Plan with the wind that was asked for; `progress` is called with sequences evaluated and the best time, see `planner.plan.plan`."""
+    from skyway.now import with_conditions
+    from skyway.planner.plan import plan
+
+    if not time_limit_s > 0:
+        raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
+    truth, clairvoyant = conditions.truth, planner in CLAIRVOYANT_PLANNERS
+    if truth is None and clairvoyant and conditions.wind is None and conditions.forecast is None:
+        truth = _own_day(scenario, request)
+    with typed_values.as_typed():
+        known, true = conditions.winds(scenario, request.state.time, truth)
+        result = plan(
+            scenario, request, planner=planner, forecast=known.forecast, truth=true, time_limit_s=time_limit_s,
+            progress=progress, parameters=parameters,
+        )  # fmt: skip
+    seen, notes = ((), ()) if busy is None else (busy.conditions, busy.notes)
+    if clairvoyant:  # it is told the wind
+        return with_conditions(result, seen, notes)
+    return with_conditions(result, (*known.conditions, *seen), (*known.notes, *notes))
+
+
+def solve_window(
+    scenario: Scenario,
+    request: Request,
+    conditions: Conditions,
+    window: str,
+    planner: str = ROBUST,
+    *,
+    parameters: PlannerParameters,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[PlanResult, list[Departure]]:
+    """Plan for the best departure of a window, and return the departures tried; `progress` is called with how many of how many."""
+    from skyway.now import with_conditions
+    from skyway.planner.departure import plan_within
+
+    if planner in CLAIRVOYANT_PLANNERS or conditions.truth is not None:
+        problem = "cannot be combined with planners that have perfect information"
+        remedy = "robust or one of the pfs planners, without --actual-wind"
+        raise InputError(problem, field="--depart-window", remedy=remedy)
+    length_s = typed_values.parse_duration(window, "--depart-window")
+    winds: dict[datetime, KnownWind] = {}
+
+    def known(depart: datetime) -> WindEnsemble:
+        winds[depart] = conditions.winds(scenario, depart, None)[0]
+        return winds[depart].forecast
+
+    with typed_values.as_typed():
+        result, tried = plan_within(
+            scenario, request, length_s, planner=planner, forecast=known, progress=progress, parameters=parameters
+        )
+    wind = winds[result.problem.request.state.time]
+    return with_conditions(result, wind.conditions, wind.notes), tried
+
+
+def _own_day(scenario: Scenario, request: Request) -> str | None:
+    """Local date of the departure, where the record holds its wind: then that is the truth."""
+    from skyway.planner.problem.problem import HORIZON_H
+
+    day = request.state.time.astimezone(ZoneInfo(scenario.timezone)).date()
+    try:
+        scenario.truth(day, request.state.time, HORIZON_H)
+    except InputError:
+        return None
+    return day.isoformat()

@@ -1,0 +1,43 @@
+"""The page as an ASGI application: NiceGUI, our files, and documents for scripts of the page."""
+
+from __future__ import annotations
+
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+from nicegui import app as pages
+from nicegui import ui
+
+from skyway.web.server import RECONNECT_S
+from skyway.web.site import Site
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from skyway.web.server import ServeOptions
+
+
+def application(options: ServeOptions) -> Any:
+    """Return the application; one for each process."""
+    from skyway.web import documents
+    from skyway.web.pages import plan
+
+    site = Site(options)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        site.start()
+        yield
+        site.stop()
+
+    outer = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    documents.add(outer, site)
+    plan.add(site)
+    pages.config.socket_io_js_transports = ["websocket"]
+    pages.config.endpoint_documentation = "none"
+    ui.run_with(
+        outer, title="skyway", tailwind=False, dark=None, language="en-US", reconnect_timeout=RECONNECT_S,
+        message_history_length=200, binding_refresh_interval=None, show_welcome_message=False, gzip_middleware_factory=None,
+    )  # fmt: skip
+    return outer

@@ -1,0 +1,183 @@
+"""Charts of a plan as SVG: bars of what the drone does, the arrival as a distribution, the charge as a fan.
+
+Text is escaped; colours are classes of ``static/page.css``. Marks differ by pattern too, never by colour alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.formatting import duration
+from skyway.report.svg import safe, time_ticks
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import tzinfo
+
+WIDTH = 720.0
+LEFT, RIGHT = 76.0, 14.0
+BAR = 22.0
+PATTERNS = (
+    '<defs><pattern id="p-wait" width="6" height="6" patternUnits="userSpaceOnUse"><path d="M0 6L6 0" class="hatch"/></pattern>'
+    '<pattern id="p-hold" width="6" height="6" patternUnits="userSpaceOnUse"><path d="M0 0L6 6M0 6L6 0" class="hatch"/></pattern>'
+    '<pattern id="p-charge" width="6" height="6" patternUnits="userSpaceOnUse"><circle cx="3" cy="3" r="1.2" class="dot"/></pattern></defs>'
+)
+KINDS = {"fly": "flies", "wait": "waits for a pad", "charge": "charges", "hold": "holds"}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A time axis of a chart."""
+
+    begin_s: float
+    end_s: float
+    zone: tzinfo
+
+    def x(self, at_s: float) -> float:
+        """Right of the left edge."""
+        share = (at_s - self.begin_s) / max(self.end_s - self.begin_s, 1.0)
+        return LEFT + min(max(share, 0.0), 1.0) * (WIDTH - LEFT - RIGHT)
+
+    def ticks(self, top: float, bottom: float) -> str:
+        """Grid and clock times."""
+        offset_s = (datetime.fromtimestamp(self.begin_s, self.zone).utcoffset() or timedelta()).total_seconds()
+        parts = []
+        for at_s, name in time_ticks(self.begin_s + offset_s, self.end_s + offset_s, 8):
+            x = self.x(at_s - offset_s)
+            parts.append(f'<path class="grid" d="M{x:.1f} {top:g}V{bottom:g}"/>')
+            parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 14:g}" text-anchor="middle">{name}</text>')
+        return "".join(parts)
+
+
+def bars(plans: Sequence[dict[str, Any]], names: Sequence[str], zone: tzinfo) -> str:
+    """Return the bars of some plans on one time axis: what the drone does in the typical schedule of each."""
+    everything = [bar for plan in plans for bar in plan["bars"]]
+    if not everything:
+        return ""
+    frame = Frame(min(one["begin_s"] for one in everything), max(one["end_s"] for one in everything), zone)
+    bottom = 8.0 + (BAR + 8.0) * len(plans)
+    parts = [PATTERNS, frame.ticks(4.0, bottom)]
+    for row, (plan, name) in enumerate(zip(plans, names, strict=True)):
+        y = 8.0 + (BAR + 8.0) * row
+        parts.append(f'<text class="name" x="{LEFT - 8:g}" y="{y + 15:g}" text-anchor="end">{safe(name)}</text>')
+        for one in plan["bars"]:
+            x, width = frame.x(one["begin_s"]), max(frame.x(one["end_s"]) - frame.x(one["begin_s"]), 1.5)
+            lasts = duration(one["end_s"] - one["begin_s"])
+            shape = f'x="{x:.1f}" y="{y:g}" width="{width:.1f}" height="{BAR:g}"'
+            pattern = "" if one["kind"] == "fly" else f'<rect {shape} fill="url(#p-{one["kind"]})"/>'
+            label = ""
+            if width > 44.0:
+                label = f'<text class="on-bar" x="{x + width / 2:.1f}" y="{y + 15:g}" text-anchor="middle">{one["kind"]}</text>'
+            words = f"{KINDS[one['kind']]} {lasts}: {one['where']}"
+            parts.append(
+                f'<g><title>{safe(words)}</title><rect class="bar {one["kind"]}" {shape}/>{pattern}{label}</g>'
+            )
+    said = "; ".join(f"{KINDS[one['kind']]} {duration(one['end_s'] - one['begin_s'])}" for one in plans[0]["bars"])
+    return _svg("".join(parts), bottom + 20.0, f"What the drone does in the typical schedule: {said}")
+
+
+def arrivals(plan: dict[str, Any], zone: tzinfo) -> str:
+    """Return the distribution of the arrival, with the promise and the deadline."""
+    found = plan["arrivals"]
+    if found is None:
+        return ""
+    edges, shares = found["edges_s"], found["share"]
+    deadline = plan["deadline_s"]
+    end_s = max([edges[-1], *([deadline] if deadline else [])])
+    frame = Frame(min(plan["depart_s"], edges[0]), end_s, zone)
+    top, bottom = 20.0, 130.0
+    most = max(shares) or 1.0
+    parts = [frame.ticks(top, bottom)]
+    for number, share in enumerate(shares):
+        x, right = frame.x(edges[number]), frame.x(edges[number + 1])
+        height = (bottom - top) * share / most
+        late = deadline is not None and edges[number] >= deadline
+        style = "mass late" if late else "mass"
+        parts.append(
+            f'<rect class="{style}" x="{x:.1f}" y="{bottom - height:.1f}" width="{max(right - x - 0.6, 0.6):.1f}" height="{height:.1f}"/>'
+        )
+    marks = [
+        (found["quantiles_s"]["0.5"], "half", "median"),
+        (found["quantiles_s"]["0.95"], "95 %: the promise", "promise"),
+    ]
+    if deadline is not None:
+        marks.append((deadline, "deadline", "deadline"))
+    for row, (at_s, words, style) in enumerate(sorted(marks)):
+        x = frame.x(at_s)
+        anchor = "end" if x > WIDTH * 0.75 else "start"
+        dx = -4 if anchor == "end" else 4
+        parts.append(f'<path class="mark {style}" d="M{x:.1f} {top - 10:g}V{bottom:g}"/>')
+        parts.append(
+            f'<text class="mark-name" x="{x + dx:.1f}" y="{top - 2 + 13 * (row % 3):g}" text-anchor="{anchor}">{words}</text>'
+        )
+    parts.append(f'<text class="name" x="{LEFT - 8:g}" y="{bottom:g}" text-anchor="end">arrival</text>')
+    if found["beyond"] > 0.0:
+        parts.append(
+            f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom - 4:g}" text-anchor="end">{100.0 * found["beyond"]:.1f} % later</text>'
+        )
+    said = ", ".join(f"{words} by {_clock(at_s, zone)}" for at_s, words, _ in sorted(marks))
+    return _svg("".join(parts), bottom + 20.0, f"Distribution of the arrival: {said}")
+
+
+def charge(plan: dict[str, Any]) -> str:
+    """Return the charge over the legs as a fan: quantiles of the simulated deliveries, the typical schedule, and the reserve."""
+    legs = plan["charge"]["legs"]
+    if not legs:
+        return ""
+    top, bottom = 10.0, 150.0
+    wide = (WIDTH - LEFT - RIGHT) / len(legs)
+
+    def y(soc: float) -> float:
+        return bottom - (bottom - top) * min(max(soc, 0.0), 1.0)
+
+    parts = []
+    for soc in (0.0, 0.25, 0.5, 0.75, 1.0):
+        parts.append(f'<path class="grid" d="M{LEFT:g} {y(soc):.1f}H{WIDTH - RIGHT:g}"/>')
+        parts.append(
+            f'<text class="tick" x="{LEFT - 8:g}" y="{y(soc) + 4:.1f}" text-anchor="end">{100 * soc:.0f} %</text>'
+        )
+    for number, leg in enumerate(legs):
+        left = LEFT + wide * number + 0.08 * wide
+        right = left + 0.84 * wide
+        words = f"leg {number + 1}, {leg['from']} to {leg['to']}: {100 * leg['typical'][0]:.0f} % to {100 * leg['typical'][1]:.0f} %"
+        if leg["fan"] is not None:
+            leaves, lands = leg["fan"]
+            words += f"; 9 of 10 deliveries land with {100 * lands[0]:.0f} to {100 * lands[-1]:.0f} %"
+            for low, high, style in ((0, -1, "outer"), (1, -2, "inner")):
+                corners = (left, leaves[low]), (right, lands[low]), (right, lands[high]), (left, leaves[high])
+                parts.append(f'<path class="fan {style}" d="M{"L".join(f"{x:.1f} {y(s):.1f}" for x, s in corners)}Z"/>')
+        begin, end = leg["typical"]
+        parts.append(f'<path class="typical" d="M{left:.1f} {y(begin):.1f}L{right:.1f} {y(end):.1f}"/>')
+        shown = f"to {leg['to']}" if wide > 90.0 else str(number + 1)
+        parts.append(
+            f'<text class="tick" x="{(left + right) / 2:.1f}" y="{bottom + 14:g}" text-anchor="middle">{safe(_short(shown, wide))}</text>'
+        )
+        parts.append(
+            f'<rect x="{left:.1f}" y="{top:g}" width="{right - left:.1f}" height="{bottom - top:g}" fill="transparent"><title>{safe(words)}</title></rect>'
+        )
+    reserve = plan["reserve_soc"]
+    parts.append(f'<path class="reserve" d="M{LEFT:g} {y(reserve):.1f}H{WIDTH - RIGHT:g}"/>')
+    parts.append(
+        f'<text class="mark-name" x="{LEFT + 4:g}" y="{y(reserve) + 14:.1f}">reserve {safe(plan["reserve"])}</text>'
+    )
+    lowest = min(leg["typical"][1] for leg in legs)
+    said = (
+        f"Charge over {len(legs)} legs: lowest {100 * lowest:.0f} % in the typical schedule, reserve {plan['reserve']}"
+    )
+    return _svg("".join(parts), bottom + 20.0, said)
+
+
+def _short(words: str, width: float) -> str:
+    """Cut a text that is wider than its place."""
+    most = max(int(width / 6.5), 3)
+    return words if len(words) <= most else words[: most - 1] + "…"
+
+
+def _svg(inner: str, height: float, words: str) -> str:
+    return f'<svg class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{safe(words)}">{inner}</svg>'
+
+
+def _clock(at_s: float, zone: tzinfo) -> str:
+    return datetime.fromtimestamp(at_s, zone).strftime("%H:%M")

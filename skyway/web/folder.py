@@ -1,0 +1,112 @@
+"""The work folder: the only place that the page reads and writes files in."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.files import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MOST_FILES = 5000
+"""Files of a folder that are looked at."""
+MOST_DEEP = 4
+"""Folders within folders."""
+_ODD = re.compile(r"[^\w.+=@-]+")
+_RESERVED = frozenset({"", ".", ".."})
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A file of the folder."""
+
+    name: str
+    """Path within the folder, with slashes."""
+    size: int
+    """Bytes."""
+    modified_s: float
+    """POSIX seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """A folder that nothing leads out of: neither ``..`` nor an absolute path nor a link."""
+
+    root: Path
+
+    def path(self, name: str) -> Path:
+        """Return the path of a name within the folder; an `InputError` where it leads out, or is no name."""
+        root = self.root.resolve()
+        if (
+            not name
+            or any(len(part) > 255 for part in name.split("/"))
+            or "\0" in name
+            or "\\" in name
+            or Path(name).is_absolute()
+        ):
+            raise InputError("not a file of the work folder", field="file", value=name[:200])
+        try:
+            path = (root / name).resolve()
+        except (OSError, RuntimeError) as error:
+            raise InputError("not a file of the work folder", field="file", value=name[:200]) from error
+        if not path.is_relative_to(root) or path == root:
+            raise InputError("not a file of the work folder", field="file", value=name[:200])
+        return path
+
+    def existing(self, name: str) -> Path:
+        """Return the path of a file that is there."""
+        path = self.path(name)
+        if not path.is_file():
+            raise InputError("no such file in the work folder", field="file", value=name[:200])
+        return path
+
+    def files(self, *endings: str) -> list[Found]:
+        """Return the files with some endings, the newest first; hidden folders and links are passed over."""
+        found: list[Found] = []
+        self._look(self.root.resolve(), 0, tuple(endings), found)
+        return sorted(found, key=lambda one: (-one.modified_s, one.name))
+
+    def _look(self, folder: Path, depth: int, endings: tuple[str, ...], found: list[Found]) -> None:
+        root = self.root.resolve()
+        try:
+            entries = sorted(folder.iterdir())
+        except OSError:
+            return
+        for entry in entries:
+            if entry.name.startswith(".") or entry.is_symlink() or len(found) >= MOST_FILES:
+                continue
+            if entry.is_dir() and depth < MOST_DEEP:
+                self._look(entry, depth + 1, endings, found)
+            elif entry.name.lower().endswith(endings) and entry.is_file():
+                state = entry.stat()
+                found.append(Found(entry.relative_to(root).as_posix(), state.st_size, state.st_mtime))
+
+    def write(self, name: str, content: bytes, *, force: bool = False) -> Path:
+        """Write a file, whole or not at all; one that is there is replaced only with `force`."""
+        path = self.path(name)
+        if not path.parent.is_dir():
+            raise InputError("no such folder in the work folder", field="file", value=name[:200])
+        write_atomically(path, content, force=force)
+        return path
+
+    def free_name(self, wanted: str, taken: Sequence[str] = ()) -> str:
+        """Return a name that no file has: as wanted, else with a number."""
+        path = Path(safe_name(wanted))
+        for number in range(1, 1000):
+            name = path.name if number == 1 else f"{path.stem}-{number}{path.suffix}"
+            if name not in taken and not self.path(name).exists():
+                return name
+        raise InputError("a thousand files of this name are there", field="file", value=wanted[:200])
+
+
+def safe_name(name: str) -> str:
+    """Return a name of a file without folders and odd signs; 120 characters at most."""
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    kept = _ODD.sub("_", last).lstrip(".")
+    path = Path(kept[-120:] if len(kept) > 120 else kept)
+    return "file" if path.name in _RESERVED else path.name

@@ -1,0 +1,247 @@
+"""What stands between the network and the page: who may ask, from where, how much, and what browsers may load.
+
+An ASGI application around another. It answers nothing itself but refusals and the sign-in.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import html
+import secrets
+import time
+from dataclasses import dataclass, field
+from http.cookies import CookieError, SimpleCookie
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, urlsplit
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, MutableMapping
+
+    Message = MutableMapping[str, Any]
+    Receive = Callable[[], Awaitable[Message]]
+    Send = Callable[[Message], Awaitable[None]]
+    App = Callable[[MutableMapping[str, Any], Receive, Send], Awaitable[None]]
+
+MAX_BODY = 64 * 2**20
+"""Bytes of one request: a flight log of an hour, with room to spare."""
+BODY_S = 120.0
+"""A browser that takes longer to send a request is cut off."""
+COOKIE = "skyway_session"
+SIGN_IN = "/sign-in"
+WRONG_S = 1.0
+"""After a wrong token the answer waits so long, one at a time: nobody tries many."""
+LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+_POLICY = (
+    "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'; object-src 'none'"
+)
+"""Nothing from another host. NiceGUI's Vue compiles templates in the browser, hence 'unsafe-eval'; a script in the page needs the nonce."""
+_HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), microphone=(), geolocation=(), usb=()"),
+)
+
+
+@dataclass(slots=True)
+class Guard:
+    """The guard of an application.
+
+    Attributes
+    ----------
+    app : ASGI application
+        What is guarded.
+    token : str or None
+        What a person types once in each browser; None lets everyone in who may connect.
+    max_body : int
+        Bytes of one request.
+    """
+
+    app: App
+    token: str | None = None
+    max_body: int = MAX_BODY
+    _trying: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    async def __call__(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
+        """Let a request through, or refuse it."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        if (refused := self._refused(scope, headers)) is not None:
+            await _refuse(scope, send, *refused)
+        elif scope["path"] == SIGN_IN and scope["type"] == "http":
+            await self._sign_in(scope, headers, receive, send)
+        elif not self._known(headers):
+            if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in headers.get("accept", ""):
+                await _see_other(send, SIGN_IN)
+            else:
+                await _refuse(scope, send, 401, "sign in first")
+        elif scope["type"] == "websocket":
+            await self.app(scope, receive, send)
+        else:
+            await self._pass(scope, receive, send)
+
+    def _refused(self, scope: MutableMapping[str, Any], headers: dict[str, str]) -> tuple[int, str] | None:
+        """Return status and reason of what no browser on our page would ask."""
+        host = headers.get("host", "")
+        if self.token is None and _name(host) not in LOOPBACK:
+            return 403, "this page answers at its own address only"  # a name of somebody else's that points here
+        origin = headers.get("origin")
+        changing = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
+        if changing and (origin is None or urlsplit(origin).netloc != host):
+            return 403, "the request comes from another page"
+        if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") != "navigate":
+            return 403, "the request comes from another page"
+        if scope["type"] == "http" and scope["path"].startswith("/_nicegui_ws"):
+            return 400, "this page speaks over a WebSocket"
+        length = headers.get("content-length", "0")
+        if not length.isdigit() or int(length) > self.max_body:
+            return 413, f"more than {self.max_body // 2**20} MiB in one request"
+        return None
+
+    def _known(self, headers: dict[str, str]) -> bool:
+        if self.token is None:
+            return True
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        except CookieError:
+            return False
+        return cookie is not None and hmac.compare_digest(cookie.value.encode(), _session(self.token).encode())
+
+    async def _sign_in(
+        self, scope: MutableMapping[str, Any], headers: dict[str, str], receive: Receive, send: Send
+    ) -> None:
+        """Ask for the token, or take it."""
+        if self.token is None:
+            await _see_other(send, "/")
+            return
+        if scope["method"] in SAFE_METHODS:
+            await _page(send, 200, "")
+            return
+        body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
+        given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
+        async with self._trying:
+            right = hmac.compare_digest(given.encode(), self.token.encode())
+            if not right:
+                await asyncio.sleep(WRONG_S)
+        if not right:
+            await _page(send, 403, "That is not the token.")
+            return
+        secure = "; Secure" if scope.get("scheme") == "https" or headers.get("x-forwarded-proto") == "https" else ""
+        cookie = f"{COOKIE}={_session(self.token)}; HttpOnly; SameSite=Strict; Path=/; Max-Age=2592000{secure}"
+        await _see_other(send, "/", (b"set-cookie", cookie.encode()))
+
+    async def _pass(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
+        """Hand a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
+
+        Pages are asked for uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
+        """
+        nonce = secrets.token_urlsafe(16)
+        begun: Message = {}
+        pieces: list[bytes] = []
+
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                kept = [(name, value) for name, value in message["headers"] if name.lower() != b"server"]
+                kept += [*_HEADERS, (b"content-security-policy", _POLICY.format(nonce=nonce).encode())]
+                begun.update(message, headers=kept)
+                if not _is_html(kept):
+                    await send(begun)
+            elif not _is_html(begun.get("headers", ())):
+                await send(message)
+            else:
+                pieces.append(message.get("body", b""))
+                if not message.get("more_body"):
+                    text = b"".join(pieces).replace(b"<script", b'<script nonce="' + nonce.encode() + b'"')
+                    headers = [(name, value) for name, value in begun["headers"] if name.lower() != b"content-length"]
+                    await send({**begun, "headers": [*headers, (b"content-length", str(len(text)).encode())]})
+                    await send({"type": "http.response.body", "body": text})
+
+        wants_page = any(name == b"accept" and b"text/html" in value for name, value in scope["headers"])
+        dropped = {b"x-forwarded-prefix", b"accept-encoding"} if wants_page else {b"x-forwarded-prefix"}
+        plain = {**scope, "headers": [pair for pair in scope["headers"] if pair[0] not in dropped]}
+        await self.app(plain, _bounded(receive, self.max_body, time.monotonic() + BODY_S), answer)
+
+
+def _name(host: str) -> str:
+    """Name of a Host header without its port."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_html(headers: Any) -> bool:
+    return any(name.lower() == b"content-type" and value.startswith(b"text/html") for name, value in headers)
+
+
+def _session(token: str) -> str:
+    """What a browser keeps instead of the token: the same after a restart."""
+    return hmac.new(token.encode(), b"skyway session", hashlib.sha256).hexdigest()
+
+
+def _bounded(receive: Receive, most: int, until: float) -> Receive:
+    """Return what receives no more than so many bytes and no later than a time; then the browser counts as gone."""
+    left, whole = most, False
+
+    async def bounded() -> Message:
+        nonlocal left, whole
+        if whole or left < 0:
+            return await receive() if whole else {"type": "http.disconnect"}
+        try:
+            message = await asyncio.wait_for(receive(), max(until - time.monotonic(), 0.01))
+        except TimeoutError:
+            left = -1
+            return {"type": "http.disconnect"}
+        left -= len(message.get("body", b""))
+        whole = left >= 0 and not message.get("more_body")
+        return message if left >= 0 else {"type": "http.disconnect"}
+
+    return bounded
+
+
+async def _body(receive: Receive) -> bytes:
+    pieces = []
+    while (message := await receive())["type"] == "http.request":
+        pieces.append(message.get("body", b""))
+        if not message.get("more_body"):
+            break
+    return b"".join(pieces)
+
+
+async def _refuse(scope: MutableMapping[str, Any], send: Send, status: int, reason: str) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": 4403, "reason": reason})
+        return
+    headers = [*_HEADERS, (b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": f"skyway: {reason}\n".encode()})
+
+
+async def _see_other(send: Send, where: str, *more: tuple[bytes, bytes]) -> None:
+    headers = [*_HEADERS, (b"location", where.encode()), (b"cache-control", b"no-store"), *more]
+    await send({"type": "http.response.start", "status": 303, "headers": headers})
+    await send({"type": "http.response.body", "body": b""})
+
+
+async def _page(send: Send, status: int, fault: str) -> None:
+    """Send the page that asks for the token."""
+    text = (
+        (resources.files("skyway.web") / "static" / "sign_in.html").read_text().replace("{{fault}}", html.escape(fault))
+    )
+    policy = (
+        b"default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
+    )
+    headers = [*_HEADERS, (b"content-type", b"text/html; charset=utf-8"), (b"content-security-policy", policy)]
+    headers += [(b"cache-control", b"no-store")]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": text.encode()})

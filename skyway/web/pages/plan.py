@@ -1,0 +1,308 @@
+"""The plan page: a delivery is asked for on the map or in the form, and the answer stands beside it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+import msgspec
+from nicegui import Client, ui
+
+from skyway.models.base.errors import SkywayError
+from skyway.models.base.formatting import direction_text
+from skyway.web import shell
+from skyway.web.controls import Button, Field, say, text
+from skyway.web.map_layer import MapLayer
+from skyway.web.pages import plan_answer
+from skyway.web.pages.plan_form import PlanForm
+from skyway.web.work.question import Question
+
+if TYPE_CHECKING:
+    from skyway.web.preferences import Preferences
+    from skyway.web.site import Site
+
+MAX_UNDO = 100
+PLACE_ACTIONS = (
+    {"name": "start", "words": "Start here"},
+    {"name": "to", "words": "Deliver here"},
+)
+
+
+def add(site: Site) -> None:
+    """Add the page."""
+
+    @ui.page("/", title="skyway: plan")
+    async def plan(client: Client) -> None:
+        with shell.page(site, client, "/") as wanted:
+            PlanPage(site, client, wanted)
+
+
+class PlanPage:
+    """One open page."""
+
+    def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
+        self.site, self.client, self.wanted = site, client, wanted
+        self.question = _question_of(dict(client.request.query_params))
+        self.undone: list[Question] = []
+        self.before: list[Question] = []
+        self.region: dict[str, Any] | None = None
+        self.answer: dict[str, Any] | None = None
+        self.more: dict[str, Any] | None = None
+        self.chosen = 0
+        self.winds: dict[str, Any] = {"hours": []}
+        self.task: asyncio.Task[None] | None = None
+        self.weather: asyncio.Task[None] | None = None
+        self._lay_out()
+        ui.timer(0.01, self._begin, once=True)
+
+    def _lay_out(self) -> None:
+        with ui.element("div").classes("work"):
+            with ui.element("section").classes("panel form").props('aria-label="What is asked"'):
+                self.form = PlanForm(self.question, self.changed)
+                with ui.element("div").classes("line"):
+                    self.undo_button = Button("Undo", self.undo, data_keys="ctrl+z", title="Ctrl+Z")
+                    self.redo_button = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
+                    Button("Clear", lambda: self.ask(Question()), title="Begin anew")
+            with ui.element("section").classes("seen").props('aria-label="Map"'):
+                self.map = MapLayer(
+                    "Map of the network. Arrow keys move it, plus and minus zoom, 0 shows everything, n and p go from station to station, Enter opens the menu of a station.",
+                    on_choose=self.picked,
+                    on_drag=self.dragged,
+                )  # fmt: skip
+                with ui.element("div").classes("under-map"):
+                    self.hour = Field(
+                        "Wind and queues at",
+                        self.slid,
+                        kind="range",
+                        value="0",
+                        on_slide=self.slid,
+                        min="0",
+                        max="23",
+                        step="1",
+                    )
+                    self.told = text("span", "", "told", role="status")
+                    Field("wind", lambda on: self.map.put(layers={"wind": on}), kind="check", value=True)
+            with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
+                self.status = text("p", "", "status", role="status")
+                with ui.element("div") as self.shown:
+                    self.figures = ui.html("")
+                    self.pictures = ui.html("")
+                    self.beside = ui.html("")
+                    self.beside.on("click", lambda event: self.show(int(event.args)), js_handler=_PLAN_OF_CLICK)
+                    self.reasons = ui.html("")
+                    self.notes = ui.html("")
+                with ui.element("div").classes("command"):
+                    self.command = text("code", "", id="plan-command")
+                    text("button", "Copy", "plain", type="button", data_copy="plan-command")
+
+    async def _begin(self) -> None:
+        """Fill the page: the map fetches the region by itself, the form needs it here."""
+        self.map.load("region", "/api/region")
+        self.map.load("outline", "/api/outline")
+        self.map.put(actions=list(PLACE_ACTIONS))
+        try:
+            self.region = await self.site.workers.ask("region.region", self.site.scenario)
+        except SkywayError as error:
+            self._tell(str(error), wrong=True)
+            return
+        self.form.offer(self.region, self.wanted.zone(self.region["timezone"]))
+        self.form.show(self.question)
+        self.task = asyncio.create_task(self._answer())
+
+    @property
+    def timezone(self) -> str:
+        """IANA name of the region's local time."""
+        return "UTC" if self.region is None else str(self.region["timezone"])
+
+    # what is asked
+
+    def changed(self, **values: Any) -> None:
+        """Take what a person has entered."""
+        self.ask(msgspec.structs.replace(self.question, **values))
+
+    def ask(self, question: Question) -> None:
+        """Ask something else; what was asked before can be had again."""
+        if question != self.question:
+            self.before = [*self.before[-MAX_UNDO:], self.question]
+            self.undone = []
+            self._turn_to(question)
+
+    def undo(self) -> None:
+        """Ask again what was asked before."""
+        if self.before:
+            self.undone.append(self.question)
+            self._turn_to(self.before.pop())
+
+    def redo(self) -> None:
+        """Take an undo back."""
+        if self.undone:
+            self.before.append(self.question)
+            self._turn_to(self.undone.pop())
+
+    def _turn_to(self, question: Question) -> None:
+        self.question = question
+        self.form.show(question)
+        self.client.run_javascript(f"history.replaceState(null, '', {json.dumps(_address(question))})")
+        if self.task is not None:
+            self.task.cancel()
+        self.task = asyncio.create_task(self._answer())
+
+    def picked(self, chosen: dict[str, Any]) -> None:
+        """Take a place of the map."""
+        place = chosen.get("station") or f"{float(chosen['lat']):.5f},{float(chosen['lon']):.5f}"
+        if chosen.get("action") in {"start", "to"}:
+            self.changed(**{chosen["action"]: place})
+
+    def dragged(self, moved: dict[str, Any]) -> None:
+        """Move a stop to another station."""
+
+    # the answer
+
+    async def _answer(self) -> None:
+        """Plan, and show the answer as it comes: first the plan, then what is told beside it."""
+        with self.client:
+            self._show_ends()
+            self.undo_button.enable(bool(self.before))
+            self.redo_button.enable(bool(self.undone))
+            self.weather = asyncio.create_task(self._weather())
+            if not self.question.complete:
+                self.answer = self.more = None
+                self._draw()
+                self._tell("Choose a start and a target: click on the map, or type a station.")
+                return
+            self._tell("Planning …")
+            asked = msgspec.to_builtins(self.question)
+            try:
+                self.answer, self.more, self.chosen = (
+                    await self.site.workers.ask("planned.plan", self.site.scenario, asked),
+                    None,
+                    0,
+                )
+            except SkywayError as error:
+                self.answer = self.more = None
+                self._draw()
+                self._tell(str(error), wrong=True)
+                return
+            self._draw()
+            self._tell("Reasons and other routes follow …")
+            try:
+                self.more = await self.site.workers.ask("planned.explained", self.site.scenario, asked)
+            except SkywayError as error:
+                self._tell(str(error), wrong=True)
+                return
+            self._draw()
+            self._tell("")
+
+    async def _weather(self) -> None:
+        """Wind and queues of the hours from the departure on."""
+        given = {name: value for name, value in self.question.conditions().items() if value}
+        try:
+            self.winds = await self.site.workers.ask("region.winds", self.site.scenario, self.question.conditions())
+        except SkywayError:
+            self.winds = {"hours": []}
+            return
+        address = f"?{urlencode(given)}"
+        self.map.load("wind", f"/api/wind{address}")
+        self.map.load("queues", f"/api/queues{address}")
+        self.slid(self.hour.shown)
+
+    def slid(self, value: Any) -> None:
+        """Show another hour."""
+        self.hour.keep(str(value))
+        hours = self.winds["hours"]
+        if not hours:
+            say(self.told, "")
+            return
+        number = max(0, min(int(float(value)), len(hours) - 1))
+        one = hours[number]
+        self.map.put(hour=number)
+        from skyway.models.base.units import parse_instant
+
+        when = self.wanted.clock(parse_instant(one["time"]), self.timezone)
+        spread = f"{self.wanted.speed_text(one['p10_mps']).split(' ', maxsplit=1)[0]} to {self.wanted.speed_text(one['p90_mps'])}"
+        towards = "variable" if one["from_deg"] is None else f"from {direction_text(one['from_deg'], 10)}"
+        say(self.told, f"{when}: wind {self.wanted.speed_text(one['mean_mps'])} ({spread}) {towards}")
+
+    @property
+    def plans(self) -> list[dict[str, Any]]:
+        """All that stand beside each other."""
+        if self.answer is None:
+            return []
+        others = [] if self.more is None else self.more["alternatives"]
+        first, *planners = self.answer["plans"]
+        return [first, *others, *planners][:4]
+
+    def show(self, number: int) -> None:
+        """Show another plan of those beside each other."""
+        if 0 <= number < len(self.plans):
+            self.chosen = number
+            self._draw()
+
+    def _draw(self) -> None:
+        plans, answer = self.plans, self.answer
+        shapes = [{name: one[name] for name in ("path", "stops", "route")} for one in plans]
+        self.map.put(plans=shapes, chosen=self.chosen)
+        if answer is None:
+            for part in (self.figures, self.pictures, self.beside, self.reasons, self.notes):
+                part.set_content("")
+            say(self.command, self.question.command(self.site.scenario) if self.question.complete else "")
+            return
+        plan = plans[self.chosen]
+        zone = self.wanted.zone(self.timezone)
+        self.figures.set_content(plan_answer.figures(plan))
+        self.pictures.set_content(plan_answer.pictures(plans, self.chosen, zone))
+        self.beside.set_content(plan_answer.beside(plans, self.chosen, answer["without"]))
+        self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more))
+        self.notes.set_content(plan_answer.notes(plan, answer))
+        say(self.command, self.question.command(self.site.scenario, plan["planner"]))
+
+    def _show_ends(self) -> None:
+        """Start and target on the map."""
+        places = {one["id"]: one for one in (self.region or {}).get("stations", ())}
+
+        def place(typed: str) -> dict[str, float] | None:
+            if typed.strip() in places:
+                found = places[typed.strip()]
+                return {"lat": found["lat"], "lon": found["lon"]}
+            from skyway.typed_values import parse_position
+
+            position = parse_position(typed)
+            return None if position is None else {"lat": position[0], "lon": position[1]}
+
+        self.map.put(start=place(self.question.start), target=place(self.question.to))
+
+    def _tell(self, words: str, *, wrong: bool = False) -> None:
+        self.status.classes(replace="status wrong" if wrong else "status")
+        say(self.status, words)
+
+
+_PLAN_OF_CLICK = "(e) => { const b = e.target.closest('[data-plan]'); if (b) emit(b.dataset.plan); }"
+
+
+def _question_of(query: dict[str, str]) -> Question:
+    """Return what the address of the page asks; what it does not know counts as not asked."""
+    usual = msgspec.to_builtins(Question())
+    found: dict[str, Any] = {}
+    for name, value in query.items():
+        if name not in usual or len(value) > 500:
+            continue
+        if isinstance(usual[name], (list, tuple)):
+            found[name] = [one for one in value.split(" ") if one]
+        elif isinstance(usual[name], int):
+            found[name] = int(value) if value.isdigit() and 1 <= int(value) <= 4 else usual[name]
+        else:
+            found[name] = value
+    return msgspec.convert(found, Question)
+
+
+def _address(question: Question) -> str:
+    """Return an address of the page that asks a question: it can be kept and sent."""
+    usual = Question()
+    given = {
+        name: " ".join(value) if isinstance(value, tuple) else value
+        for name, value in msgspec.structs.asdict(question).items()
+        if value != getattr(usual, name)
+    }
+    return f"/?{urlencode(given)}" if given else "/"

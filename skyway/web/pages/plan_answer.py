@@ -1,0 +1,127 @@
+"""The answer to a question of the plan page, as HTML; every text is escaped."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.formatting import distance_text
+from skyway.report.svg import safe
+from skyway.web import drawn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import tzinfo
+
+LEGEND = (
+    '<ul class="legend"><li><i class="fly"></i>fly</li><li><i class="wait"></i>wait for a pad</li><li><i class="charge"></i>charge</li>'
+    '<li><i class="hold"></i>hold for wind or room</li></ul>'
+)
+
+
+def figures(plan: dict[str, Any]) -> str:
+    """What is to be expected."""
+    cells = [
+        (one["name"], safe(one["value"]), f"by {safe(one['by'])}; {safe(one['range'])}") for one in plan["figures"]
+    ]
+    if plan["on_time"]:
+        cells.append(("on time", safe(plan["on_time"]), "of the deliveries, by the deadline"))
+    if plan["kept"]:
+        cells.append(("reserve kept", safe(plan["kept"]), f"every landing with {safe(plan['reserve'])} or more"))
+    cells.append(("energy", f"{plan['energy_wh']:.0f} Wh", safe(distance_text(plan["distance_m"]))))
+    parts = [
+        f"<div><dt>{name}</dt><dd>{value}<span class='small'>{small}</span></dd></div>" for name, value, small in cells
+    ]
+    never = (
+        f"<p class='warn'>In {safe(plan['never'])} of the deliveries the wind closes a leg until the forecast ends.</p>"
+        if plan["never"]
+        else ""
+    )
+    return f"<p class='big'>{safe(plan['headline'])}</p><dl class='figures'>{''.join(parts)}</dl>{never}"
+
+
+def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo) -> str:
+    """The bars of all plans, and arrival and charge of the one that is chosen."""
+    plan = plans[chosen]
+    names = [label(one, number) for number, one in enumerate(plans)]
+    return (
+        f"<h2>Schedule, as it is most typically flown</h2>{LEGEND}{drawn.bars(plans, names, zone)}"
+        f"<h2>Arrival in the simulated deliveries</h2>{drawn.arrivals(plan, zone)}"
+        f"<h2>Charge over the legs: 9 of 10 deliveries, half of them, and the typical schedule</h2>{drawn.charge(plan)}"
+    )
+
+
+def label(plan: dict[str, Any], number: int) -> str:
+    """Short name of a plan: its number, and its planner where that is another."""
+    return f"{number + 1} {plan['planner']}"
+
+
+def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[str, str]]) -> str:
+    """Return the plans beside each other; a button of each shows it."""
+    if len(plans) < 2 and not without:
+        return ""
+    rows = []
+    for number, one in enumerate(plans):
+        stops = " &gt; ".join(safe(name) for name in one["stops"]) or "no stop"
+        values = {figure["name"]: figure["minutes"] for figure in one["figures"]}
+        button = (
+            f'<button type="button" data-plan="{number}" aria-pressed="{"true" if number == chosen else "false"}">'
+            f"{'Shown' if number == chosen else 'Show'}<span class='only-heard'> plan {number + 1}</span></button>"
+        )
+        rows.append(
+            f'<tr class="{"chosen" if number == chosen else ""}"><td>{button}</td><td>{safe(label(one, number))}</td><td>{stops}</td>'
+            f"<td>{safe(one['drone'])}</td><td class='n'>{safe(values.get('on average', ''))}</td><td class='n'>{safe(values.get('95 % within', ''))}</td>"
+            f"<td class='n'>{safe(one['kept'] or '')}</td><td class='n'>{one['energy_wh']:.0f}</td></tr>"
+        )
+    head = (
+        "<tr><th><span class='only-heard'>Choose</span></th><th>plan</th><th>stops at</th><th>drone</th><th class='n'>average, min</th>"
+        "<th class='n'>95 %, min</th><th class='n'>reserve kept</th><th class='n'>Wh</th></tr>"
+    )
+    missing = "".join(f"<p class='faint'>{safe(one['planner'])}: {safe(one['why'])}</p>" for one in without)
+    return f"<h2>Beside each other</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
+
+
+def explained(found: dict[str, Any]) -> str:
+    """Why the stops are made, what the promise rests on, and what would gain most."""
+    parts = []
+    if found["reasons"]:
+        lines = [
+            f"<p><b>{safe(one['station'])}</b>: {safe(one['why'])}; {safe(one['charge'])}.</p>"
+            for one in found["reasons"]
+        ]
+        parts.append(f"<h2>Why these stops</h2><div class='reasons'>{''.join(lines)}</div>")
+    if found["rests_on"]:
+        rows = [
+            f"<tr><td>{safe(one['what'])}</td><td>{safe(one['size'])}</td><td>{safe(one['source'])}</td><td class='n'>{safe(one['gain'])}</td>"
+            f"<td>{safe(one['remedy'])}</td></tr>"
+            for one in found["rests_on"]
+        ]
+        head = "<tr><th>the promise rests on</th><th>uncertain by</th><th>data</th><th class='n'>half of it gains</th><th>what would help</th></tr>"
+        parts.append(
+            f"<h2>What would change it</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
+        )
+    if found["bound"]:
+        parts.append(
+            f"<p class='faint'>With a perfect forecast no plan takes less than {safe(found['bound'])} on average.</p>"
+        )
+    if found["not_counted"]:
+        parts.append(f"<p class='faint'>Not counted: {safe('; '.join(found['not_counted']))}.</p>")
+    return "".join(parts)
+
+
+def notes(plan: dict[str, Any], answer: dict[str, Any]) -> str:
+    """Notes, departures tried, drones not chosen."""
+    parts = []
+    if answer["departures"]:
+        rows = [
+            f"<tr class='{'chosen' if one['chosen'] else ''}'><td>{safe(one['depart'])}</td><td class='n'>{safe(one['mean'])}</td>"
+            f"<td class='n'>{safe(one['on_time'] or '')}</td><td>{'chosen' if one['chosen'] else ''}</td></tr>"
+            for one in answer["departures"]
+        ]
+        head = "<tr><th>departure</th><th class='n'>on average</th><th class='n'>on time</th><th></th></tr>"
+        parts.append(f"<h2>Departures tried</h2><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>")
+    said = [safe(one) for one in plan["notes"]] + [
+        f"not {safe(drone)}: {safe(why)}" for drone, why in answer["rejected"].items()
+    ]
+    if said:
+        parts.append(f"<h2>Notes</h2><ul class='notes'>{''.join(f'<li>{one}</li>' for one in said)}</ul>")
+    return "".join(parts)

@@ -1,0 +1,83 @@
+"""What a person prefers: colours, units and times, kept by the browser in cookies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, tzinfo
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from skyway.models.base.units import parse_instant
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+CHOICES: dict[str, tuple[str, dict[str, str]]] = {
+    "speed": ("Speeds", {"mps": "m/s", "kn": "kn", "kmh": "km/h"}),
+    "height": ("Heights", {"m": "m", "ft": "ft"}),
+    "time": ("Times", {"local": "local time", "utc": "UTC"}),
+    "theme": ("Colours", {"auto": "as the system", "light": "light", "dark": "dark"}),
+}
+"""Name of each preference: what it is, and its choices; the first is the usual one."""
+_SPEEDS = {"mps": 1.0, "kn": 1.0 / 0.514444, "kmh": 3.6}
+_FEET_PER_M = 1.0 / 0.3048
+
+
+@dataclass(frozen=True, slots=True)
+class Preferences:
+    """What one person prefers."""
+
+    speed: str = "mps"
+    height: str = "m"
+    time: str = "local"
+    theme: str = "auto"
+
+    @classmethod
+    def of(cls, cookies: Mapping[str, str]) -> Preferences:
+        """Read them from the cookies of a request; what is not a choice counts as the usual one."""
+        found = {name: cookies.get(f"skyway_{name}", "") for name in CHOICES}
+        return cls(**{name: value for name, value in found.items() if value in CHOICES[name][1]})
+
+    def zone(self, timezone: str) -> tzinfo:
+        """Return the zone of the times shown."""
+        return UTC if self.time == "utc" else ZoneInfo(timezone)
+
+    def speed_text(self, mps: float | None, digits: int = 1) -> str:
+        """Return a speed with its unit."""
+        if mps is None:
+            return "unknown"
+        return f"{mps * _SPEEDS[self.speed]:.{digits}f} {CHOICES['speed'][1][self.speed]}"
+
+    def height_text(self, metres: float | None) -> str:
+        """Return a height with its unit."""
+        if metres is None:
+            return "unknown"
+        return f"{metres * (_FEET_PER_M if self.height == 'ft' else 1.0):.0f} {self.height}"
+
+    def clock(self, instant: datetime, timezone: str) -> str:
+        """Return date and time, with the name of their zone."""
+        return instant.astimezone(self.zone(timezone)).strftime("%Y-%m-%d %H:%M %Z")
+
+
+def to_instant(typed: str, zone: tzinfo) -> str:
+    """Turn ``2013-07-10T14:00`` of a zone into text with its UTC offset; other text is left as it is."""
+    from datetime import datetime
+
+    try:
+        when = datetime.fromisoformat(typed)
+    except ValueError:
+        return typed
+    return typed if when.tzinfo is not None else when.replace(tzinfo=zone).isoformat(timespec="minutes")
+
+
+def from_instant(text: str, zone: tzinfo) -> str:
+    """Turn an instant into ``2013-07-10T14:00`` of a zone, as a control for dates wants it; empty where it is none."""
+    from skyway.models.base.errors import InputError
+
+    if not text:
+        return ""
+    try:
+        return parse_instant(text).astimezone(zone).strftime("%Y-%m-%dT%H:%M")
+    except InputError:
+        return ""

@@ -1,0 +1,99 @@
+"""The server of the page: one process that answers browsers, and others that work things out."""
+
+from __future__ import annotations
+
+import os
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import ip_address
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import InputError
+from skyway.web.guard import LOOPBACK, Guard
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MAX_CONNECTIONS = 256
+"""At once; more are refused."""
+MIN_TOKEN = 12
+"""Characters of a token."""
+RECONNECT_S = 30.0
+"""A browser that was away for no longer finds its page as it left it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeOptions:
+    """What is served, where, and to whom."""
+
+    scenario: Path | None = None
+    """Scenario folder; None is New York, built in."""
+    folder: Path = Path()
+    """Work folder: plans, missions, journals and logs are read there and written there, and nowhere else."""
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    outline: Path | None = None
+    """GeoJSON with coast, water and streets, drawn beneath the network."""
+
+    def checked(self) -> ServeOptions:
+        """Return the same, or raise an `InputError` that says what is not safe or not there."""
+        if not self.folder.is_dir():
+            raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
+        if not 0 <= self.port <= 65535:
+            raise InputError("out of range", field="--port", value=self.port, remedy="1 to 65535; 0 takes a free one")
+        if self.token is not None and len(self.token) < MIN_TOKEN:
+            remedy = f"{MIN_TOKEN} characters or more, such as: openssl rand -hex 16"
+            raise InputError("is too short to be safe", field="--token", remedy=remedy)
+        if self.token is None and not _is_loopback(self.host):
+            remedy = (
+                "give --token, which each browser is asked for once; or leave --host at 127.0.0.1 and put a reverse proxy "
+                "with a login and TLS before it"
+            )
+            raise InputError("others can reach this address", field="--host", value=self.host, remedy=remedy)
+        return self
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host in LOOPBACK
+
+
+def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
+    """Serve the page until Ctrl-C; an `InputError` where the address cannot be taken."""
+    options = options.checked()
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", os.devnull)  # nothing of NiceGUI's is kept on disk
+    import uvicorn
+
+    from skyway.web.application import application
+
+    listening = _listening(options)
+    app = Guard(application(options), options.token)
+    config = uvicorn.Config(
+        app, log_level="warning", access_log=False, server_header=False, date_header=False, limit_concurrency=MAX_CONNECTIONS,
+        timeout_keep_alive=30, timeout_graceful_shutdown=2, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
+    )  # fmt: skip
+    shown = f"[{options.host}]" if ":" in options.host else options.host
+    say(f"skyway: open http://{shown}:{listening.getsockname()[1]} in a browser; Ctrl-C ends the page, not a flight")
+    with listening, suppress(KeyboardInterrupt):  # Ctrl-C is how it ends
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def _listening(options: ServeOptions) -> socket.socket:
+    """Take the address before anything heavy is loaded."""
+    family = socket.AF_INET6 if ":" in options.host else socket.AF_INET
+    taken = socket.socket(family, socket.SOCK_STREAM)
+    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        taken.bind((options.host, options.port))
+        taken.listen(128)
+    except OSError as error:
+        taken.close()
+        remedy = "another --port, or end what listens there"
+        value = f"{options.host}:{options.port}"
+        raise InputError(f"cannot listen: {error.strerror}", field="--port", value=value, remedy=remedy) from error
+    return taken

@@ -1,0 +1,53 @@
+"""The frame of every page: head, navigation, preferences."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from skyway import __version__
+from skyway.web.controls import text
+from skyway.web.preferences import CHOICES, Preferences
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from nicegui import Client
+
+    from skyway.web.site import Site
+
+PAGES = (("/", "Plan"),)
+"""Address and name of each page."""
+
+
+@contextmanager
+def page(site: Site, client: Client, here: str) -> Iterator[Preferences]:
+    """Lay out a page; what is made inside is its main part. Yields what the person prefers."""
+    del site
+    wanted = Preferences.of(client.request.cookies)
+    ui.add_head_html(
+        f'<link rel="stylesheet" href="/static/page.css?{__version__}"><script src="/static/page.js?{__version__}"></script>'
+    )
+    with ui.element("div").classes("site"):
+        with ui.element("header").classes("bar"):
+            text("a", "Skip to the page", "skip", href="#main")
+            text("span", "skyway", "brand")
+            with ui.element("nav").props('aria-label="Pages"'):
+                for address, name in PAGES:
+                    text("a", name, href=address, **({"aria-current": "page"} if address == here else {}))
+            text("span", "", "where")
+            for name, (words, choices) in CHOICES.items():
+                _preference(name, words, choices, getattr(wanted, name))
+        with ui.element("main").props("id=main tabindex=-1"):
+            yield wanted
+
+
+def _preference(name: str, words: str, choices: dict[str, str], chosen: str) -> None:
+    """A choice that the browser remembers; ``static/page.js`` does."""
+    with ui.element("select").classes("pref").props(f'data-preference={name} aria-label="{words}"'):
+        for value, label in choices.items():
+            option = text("option", label, value=value)
+            if value == chosen:
+                option.props("selected")

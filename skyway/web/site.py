@@ -1,0 +1,43 @@
+"""What all pages share: the options, the work folder, and the processes that work things out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.web.folder import Folder
+from skyway.web.workers import Workers
+
+if TYPE_CHECKING:
+    from skyway.web.server import ServeOptions
+
+
+class Site:
+    """One served site.
+
+    Attributes
+    ----------
+    options : ServeOptions
+        As given.
+    folder : Folder
+        The work folder.
+    workers : Workers
+        Processes that work things out, so that the page answers meanwhile.
+    """
+
+    def __init__(self, options: ServeOptions) -> None:
+        self.options = options
+        self.folder = Folder(options.folder)
+        self.workers = Workers()
+
+    @property
+    def scenario(self) -> str | None:
+        """The scenario as a worker wants it: its folder, None the built-in one."""
+        return None if self.options.scenario is None else str(self.options.scenario)
+
+    def start(self) -> None:
+        """Start the processes; the first one loads its libraries and the scenario while nobody waits."""
+        self.workers.start(self.scenario)
+
+    def stop(self) -> None:
+        """End them."""
+        self.workers.stop()

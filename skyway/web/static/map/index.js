@@ -1,0 +1,273 @@
+// The operator's map: one canvas, drawn when something has changed. It knows nothing of the page around it.
+import { draw, palette } from "skyway-map/draw.js";
+import { Menu } from "skyway-map/menu.js";
+import { View } from "skyway-map/view.js";
+
+const NEAR = 14; // pixels within which a station is meant
+const DRAGGED = 6; // pixels from which a press is a drag
+
+export class SkywayMap {
+  constructor(root, label, emit) {
+    this.emit = emit;
+    this.view = new View();
+    this.state = { plans: [], chosen: 0, hour: 0, avoid: [], stopAt: [], vehicles: [], tracks: [], layers: {} };
+    this.selected = -1;
+    this.pointers = new Map();
+    this.canvas = document.createElement("canvas");
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-label", label);
+    this.tip = document.createElement("div");
+    this.tip.className = "map-tip";
+    this.tip.hidden = true;
+    this.live = document.createElement("div");
+    this.live.className = "only-heard";
+    this.live.setAttribute("aria-live", "polite");
+    root.append(this.canvas, this.tip, this.live);
+    this.context = this.canvas.getContext("2d");
+    this.menu = new Menu(root, (action, target) => this.emit("choose", { action, ...target }));
+    this.colours = palette(root);
+    this.listen(root);
+  }
+
+  listen(root) {
+    this.sized = new ResizeObserver(() => this.resize(root));
+    this.sized.observe(root);
+    const on = (name, act, options) => this.canvas.addEventListener(name, act, options);
+    on("pointerdown", (e) => this.press(e));
+    on("pointermove", (e) => this.move(e));
+    on("pointerup", (e) => this.release(e));
+    on("pointercancel", (e) => this.pointers.delete(e.pointerId));
+    on("pointerleave", () => (this.tip.hidden = true));
+    on("wheel", (e) => this.wheel(e), { passive: false });
+    on("dblclick", (e) => this.zoom(e.offsetX, e.offsetY, e.shiftKey ? -1 : 1));
+    on("keydown", (e) => this.key(e));
+    this.themed = () => {
+      this.colours = palette(root);
+      this.changed();
+    };
+    this.scheme = matchMedia("(prefers-color-scheme: dark)");
+    this.scheme.addEventListener("change", this.themed);
+    this.watch = new MutationObserver(this.themed);
+    this.watch.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+  }
+
+  destroy() {
+    this.gone = true;
+    this.sized.disconnect();
+    this.watch.disconnect();
+    this.scheme.removeEventListener("change", this.themed);
+    cancelAnimationFrame(this.frame);
+  }
+
+  // Take new data: region, wind, queues, plans, chosen, hour, start, target, avoid, stopAt, vehicles, tracks, layers.
+  set(parts) {
+    Object.assign(this.state, parts);
+    if (parts.region) this.fit();
+    this.changed();
+  }
+
+  async load(name, url) {
+    const answer = await fetch(url, { headers: { Accept: "application/json" } });
+    if (answer.ok && !this.gone) this.set({ [name]: await answer.json() });
+  }
+
+  fit() {
+    const box = this.state.bounds || this.state.region?.bounds;
+    if (box) this.view.fit(box);
+    this.changed();
+  }
+
+  changed() {
+    if (this.frame || this.gone) return;
+    this.frame = requestAnimationFrame(() => {
+      this.frame = 0;
+      draw(this.context, this.view, this.state, this.colours, this);
+    });
+  }
+
+  resize(root) {
+    const first = this.view.width < 2;
+    const ratio = window.devicePixelRatio || 1;
+    const { clientWidth, clientHeight } = root;
+    if (!clientWidth || !clientHeight) return;
+    this.view.width = clientWidth;
+    this.view.height = clientHeight;
+    this.canvas.width = Math.round(clientWidth * ratio);
+    this.canvas.height = Math.round(clientHeight * ratio);
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (first) this.fit();
+    this.changed();
+  }
+
+  stationAt(x, y) {
+    let best = -1;
+    let least = NEAR;
+    (this.state.region?.stations || []).forEach((one, number) => {
+      if (one.bend) return;
+      const [sx, sy] = this.view.toScreen(one.lat, one.lon);
+      const away = Math.hypot(sx - x, sy - y);
+      if (away < least) [best, least] = [number, away];
+    });
+    return best;
+  }
+
+  stops() {
+    return this.state.plans[this.state.chosen]?.stops || [];
+  }
+
+  press(e) {
+    this.canvas.setPointerCapture(e.pointerId);
+    this.pointers.set(e.pointerId, { x: e.offsetX, y: e.offsetY, fromX: e.offsetX, fromY: e.offsetY });
+    this.menu.close();
+    const station = this.stationAt(e.offsetX, e.offsetY);
+    const id = station < 0 ? null : this.state.region.stations[station].id;
+    this.dragged = this.pointers.size === 1 && id && this.stops().includes(id) ? { from: id, station } : null;
+  }
+
+  move(e) {
+    const known = this.pointers.get(e.pointerId);
+    if (!known) return this.hover(e.offsetX, e.offsetY);
+    const others = [...this.pointers.entries()].filter(([id]) => id !== e.pointerId);
+    if (others.length) this.pinch(known, e, others[0][1]);
+    else if (this.dragged) this.dragged = { ...this.dragged, x: e.offsetX, y: e.offsetY };
+    else this.view.pan(e.offsetX - known.x, e.offsetY - known.y);
+    known.x = e.offsetX;
+    known.y = e.offsetY;
+    this.changed();
+  }
+
+  pinch(known, e, other) {
+    const before = Math.hypot(known.x - other.x, known.y - other.y);
+    const after = Math.hypot(e.offsetX - other.x, e.offsetY - other.y);
+    if (before > 1 && after > 1) {
+      this.view.zoomAt((e.offsetX + other.x) / 2, (e.offsetY + other.y) / 2, Math.log2(after / before));
+    }
+  }
+
+  release(e) {
+    const known = this.pointers.get(e.pointerId);
+    this.pointers.delete(e.pointerId);
+    if (!known || this.pointers.size) return;
+    const far = Math.hypot(e.offsetX - known.fromX, e.offsetY - known.fromY);
+    const station = this.stationAt(e.offsetX, e.offsetY);
+    const { dragged } = this;
+    this.dragged = null;
+    this.changed();
+    if (dragged && far >= DRAGGED) {
+      if (station >= 0 && station !== dragged.station) {
+        this.emit("drag_stop", { from: dragged.from, to: this.state.region.stations[station].id });
+      }
+    } else if (far < DRAGGED) {
+      this.pick(e.offsetX, e.offsetY, station);
+    }
+  }
+
+  // Somebody clicked: on a vehicle, a station or a place.
+  pick(x, y, station) {
+    const vehicle = this.vehicleAt(x, y);
+    if (vehicle) return this.emit("vehicle", { id: vehicle.id });
+    this.selected = station;
+    const [lat, lon] = this.view.toWorld(x, y);
+    const place = station < 0 ? null : this.state.region.stations[station];
+    const target = { station: place?.id || null, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
+    if (this.state.actions) this.menu.open(x, y, place?.name || null, this.actionsFor(place), target);
+    else this.emit("choose", { action: "pick", ...target });
+    return this.changed();
+  }
+
+  actionsFor(place) {
+    return this.state.actions.filter((one) => {
+      if (!place) return !one.station;
+      if (one.listed) return (this.state[one.listed] || []).includes(place.id);
+      if (one.unlisted) return !(this.state[one.unlisted] || []).includes(place.id);
+      return true;
+    });
+  }
+
+  vehicleAt(x, y) {
+    return this.state.vehicles.find((one) => {
+      const [vx, vy] = this.view.toScreen(one.lat, one.lon);
+      return Math.hypot(vx - x, vy - y) < NEAR;
+    });
+  }
+
+  hover(x, y) {
+    const station = this.stationAt(x, y);
+    this.canvas.style.cursor = station >= 0 ? "pointer" : "";
+    const words = station >= 0 ? this.describe(station) : this.zoneWords(x, y);
+    this.tip.hidden = !words;
+    if (!words) return;
+    this.tip.textContent = words;
+    this.tip.style.left = `${Math.min(x + 14, this.view.width - 240)}px`;
+    this.tip.style.top = `${Math.min(y + 14, this.view.height - 60)}px`;
+  }
+
+  describe(number) {
+    const one = this.state.region.stations[number];
+    const queue = this.state.queues?.stations?.[one.id];
+    const hour = Math.min(this.state.hour, (queue?.wait_s.length || 1) - 1);
+    const pads = one.pads ? `${one.pads} pads` : "no pads";
+    if (!queue) return `${one.id}: ${one.name}\n${pads}`;
+    const wait = `expected wait ${Math.round(queue.wait_s[hour] / 60)} min, a pad is free ${Math.round(100 * queue.p_free[hour])} %`;
+    return `${one.id}: ${one.name}\n${pads}, ${wait}`;
+  }
+
+  zoneWords(x, y) {
+    const [lat, lon] = this.view.toWorld(x, y);
+    const zone = (this.state.region?.zones || []).find((one) => one.rings.some((ring) => inside(ring, lon, lat)));
+    return zone ? `${zone.name}\n${zone.kind}, ${zone.limits}, ${zone.when}` : "";
+  }
+
+  wheel(e) {
+    e.preventDefault();
+    this.zoom(e.offsetX, e.offsetY, Math.max(-1, Math.min(1, -e.deltaY / (e.deltaMode ? 6 : 240))));
+  }
+
+  zoom(x, y, by) {
+    this.view.zoomAt(x, y, by);
+    this.menu.close();
+    this.changed();
+  }
+
+  key(e) {
+    const { width, height } = this.view;
+    const steps = { ArrowLeft: [80, 0], ArrowRight: [-80, 0], ArrowUp: [0, 80], ArrowDown: [0, -80] };
+    if (steps[e.key]) this.view.pan(...steps[e.key]);
+    else if (e.key === "+" || e.key === "=") this.view.zoomAt(width / 2, height / 2, 0.5);
+    else if (e.key === "-") this.view.zoomAt(width / 2, height / 2, -0.5);
+    else if (e.key === "0") this.fit();
+    else if (e.key === "n" || e.key === "p") this.next(e.key === "n" ? 1 : -1);
+    else if (e.key === "Enter" && this.selected >= 0) this.open(this.selected);
+    else return;
+    e.preventDefault();
+    this.changed();
+  }
+
+  next(by) {
+    const stations = this.state.region?.stations || [];
+    if (!stations.length) return;
+    do this.selected = (this.selected + by + stations.length) % stations.length;
+    while (stations[this.selected].bend);
+    const [x, y] = this.view.toScreen(stations[this.selected].lat, stations[this.selected].lon);
+    const { width, height } = this.view;
+    if (x < 30 || y < 30 || x > width - 30 || y > height - 30) this.view.pan(width / 2 - x, height / 2 - y);
+    this.live.textContent = this.describe(this.selected);
+  }
+
+  open(number) {
+    const one = this.state.region.stations[number];
+    this.pick(...this.view.toScreen(one.lat, one.lon), number);
+    this.menu.focus();
+  }
+}
+
+function inside(ring, x, y) {
+  let found = false;
+  for (let i = 0, j = ring.length - 1; i < ring.length; j = i++) {
+    const [xi, yi] = ring[i];
+    const [xj, yj] = ring[j];
+    if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) found = !found;
+  }
+  return found;
+}

@@ -1,0 +1,226 @@
+"""Plans as the page shows them: worked out by the functions of ``skyway plan``, as documents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+import msgspec
+import numpy as np
+
+from skyway.models.base.errors import SkywayError
+from skyway.models.base.formatting import about, between, by, date_clock, duration, headline, minutes, percent, share
+from skyway.models.base.units import J_PER_WH
+from skyway.models.composition.file import to_json
+from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS
+from skyway.planner.report import plan_report
+from skyway.planner.uncertainties import NOT_COUNTED
+from skyway.planning import Conditions, solve, solve_window, with_pads
+from skyway.plots.charge_band import charge_by_leg
+from skyway.web.work.question import MOST_PLANS, ROBUST, Question, conditions, pads
+from skyway.web.work.region import loaded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.departure import Departure
+    from skyway.planner.result import PlanResult
+
+TIME_LIMIT_S = 20.0
+"""Of planners that look for the best; the page waits for them."""
+BINS = 48
+"""Of the distribution of the arrival."""
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Quantiles of the charge."""
+
+
+def plan(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
+    """Return the plan of a question as a document, and those of other planners; a `SkywayError` says why there is none.
+
+    A planner beside it that has none says why in ``without``.
+    """
+    question = msgspec.convert(asked, Question)
+    world = loaded(scenario)
+    how = conditions(question, scenario)
+    first, tried, wide = _solved(world, question, how, question.planner)
+    results, without = [first], []
+    for name in question.others:
+        if len(results) >= MOST_PLANS or name == question.planner:
+            continue
+        try:
+            results.append(_solved(world, question, how, name)[0])
+        except SkywayError as error:
+            without.append({"planner": name, "why": str(error)})
+    zone = ZoneInfo(wide.timezone)
+    return {
+        "timezone": wide.timezone,
+        "plans": [_plan(one, zone) for one in results],
+        "composition": to_json(first.composition),
+        "departures": _departures(first, tried, zone),
+        "rejected": dict(first.rejected),
+        "without": without,
+        "commands": [question.command(scenario, one.composition.planner) for one in results],
+    }
+
+
+def explained(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
+    """Return what is told beside a plan and takes longer: other routes of the planner, reasons, and what the promise rests on."""
+    question = msgspec.convert(asked, Question)
+    first, tried, wide = _solved(loaded(scenario), question, conditions(question, scenario), question.planner)
+    report = plan_report(first, tried, question.alternatives, explain=question.planner == ROBUST)
+    zone = ZoneInfo(wide.timezone)
+    return {
+        "alternatives": [_plan(one, zone) for one in (report.alternatives or ())[1:]],
+        "reasons": [{"station": one.station, "why": why_here(one), "charge": why_so_much(one)} for one in report.reasons or ()],
+        "rests_on": [
+            {
+                "what": UNCERTAINTIES[one.name], "size": size_words(one), "source": one.source, "remedy": one.remedy or "",
+                "gain": "no route" if one.gain is None else f"{minutes(one.gain)} min",
+                "clear": one.gain is not None and one.gain.low > 0.0,
+            }
+            for one in report.rests_on or ()
+        ],
+        "not_counted": list(NOT_COUNTED),
+        "bound": None if report.bound is None else duration(report.bound.bound_s),
+    }  # fmt: skip
+
+
+def _solved(
+    world: Scenario, question: Question, how: Conditions, planner: str
+) -> tuple[PlanResult, list[Departure], Scenario]:
+    """Plan as ``skyway plan`` does."""
+    asked = question.delivery().request(world, how.instant, question.objective if planner == ROBUST else "mean")
+    if question.window.strip() and planner not in CLAIRVOYANT_PLANNERS:
+        result, tried = solve_window(*asked, how, question.window, planner, parameters=USUAL)
+        return result, tried, asked[0]
+    (wide, request), busy = with_pads(asked, how, pads())
+    result = solve(wide, request, how, planner, time_limit_s=TIME_LIMIT_S, parameters=USUAL, busy=busy)
+    return result, [], wide
+
+
+def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
+    """One plan: figures with their words, bars, distribution and charge."""
+    c, outcome = result.composition, result.outcome
+    arrival = c.arrival
+    deadline = result.problem.request.objective.deadline
+    figures = (
+        ("on average", arrival.delivery_mean), ("half within", arrival.delivery_p50), ("95 % within", arrival.delivery_p95)
+    )  # fmt: skip
+    energy_j = (
+        c.energy_j
+        if result.robust is None
+        else result.robust.out_of_sample.charge_used * result.problem.drone.battery_j
+    )
+    return {
+        "planner": c.planner,
+        "drone": c.drone,
+        "headline": headline(c, zone),
+        "route": list(c.route),
+        "stops": [stop.station for stop in c.stops],
+        "path": _path(result),
+        "figures": [
+            {"name": name, "value": about(one), "minutes": minutes(one), "range": between(one), "by": by(one, c, zone)}
+            for name, one in figures
+            if one is not None
+        ],
+        "mean_s": None if arrival.delivery_mean is None else arrival.delivery_mean.value,
+        "on_time": None if c.on_time is None or deadline is None else share(c.on_time),
+        "kept": None if c.success is None else share(c.success),
+        "reserve": percent(c.reserve_soc, None),
+        "reserve_soc": c.reserve_soc,
+        "energy_wh": round(energy_j / J_PER_WH, 1),
+        "distance_m": c.distance_m,
+        "never": None if outcome.p_arrive > 1.0 - 1e-9 else percent(1.0 - outcome.p_arrive, 1),
+        "depart_s": c.depart.timestamp(),
+        "deadline_s": None if deadline is None else deadline.timestamp(),
+        "promise_s": None if arrival.p95 is None else arrival.p95.timestamp(),
+        "bars": _bars(result),
+        "arrivals": _arrivals(result),
+        "charge": _charge(result),
+        "notes": list(c.notes),
+        "diverts": sorted({name for leg in c.services for name in leg.diverts}),
+    }
+
+
+def _path(result: PlanResult) -> list[list[list[float]]]:
+    """Legs as lines of latitude and longitude, bends around zones included."""
+    c = result.composition
+    return [
+        [[c.stations[name].lat, c.stations[name].lon] for name in (leg.origin, *leg.via, leg.destination)]
+        for leg in c.services
+    ]
+
+
+def _bars(result: PlanResult) -> list[dict[str, Any]]:
+    """What the drone does in the typical schedule, one after the other: fly, wait, charge, hold; POSIX seconds."""
+    c = result.composition
+    stops = {stop.station: stop for stop in c.stops}
+    found: list[dict[str, Any]] = []
+
+    def add(kind: str, begin_s: float, length_s: float, where: str) -> float:
+        if length_s >= 0.5:
+            found.append({"kind": kind, "begin_s": begin_s, "end_s": begin_s + length_s, "where": where})
+        return begin_s + max(length_s, 0.0)
+
+    for leg in c.services:
+        stop = stops.pop(leg.origin, None)
+        if stop is not None:
+            at_s = add("wait", stop.arrive.timestamp(), stop.wait_s, stop.station)
+            at_s = add("charge", at_s, stop.recharge_s, stop.station)
+            add("hold", at_s, leg.depart.timestamp() - at_s, stop.station)
+        elif not found:
+            add("hold", c.depart.timestamp(), leg.depart.timestamp() - c.depart.timestamp(), leg.origin)
+        way = f"{leg.origin} to {leg.destination}"
+        add("fly", leg.depart.timestamp(), (leg.arrive - leg.depart).total_seconds(), way)
+    return found
+
+
+def _arrivals(result: PlanResult) -> dict[str, Any] | None:
+    """Share of the simulated deliveries by arrival; the last twentieth of a percent is left out of the picture."""
+    outcome = result.outcome
+    if not len(outcome.weight) or float(np.ptp(outcome.arrival_s)) < 1.0:
+        return None
+    begin_s, end_s = float(outcome.arrival_s.min()), outcome.quantile_s(0.995)
+    shown = outcome.arrival_s <= end_s
+    counts, edges = np.histogram(
+        outcome.arrival_s[shown], BINS, (begin_s, max(end_s, begin_s + 60.0)), weights=outcome.weight[shown]
+    )
+    late = float(outcome.weight[~shown].sum())
+    quantiles = {str(q): outcome.quantile_s(q) for q in (0.5, 0.95)}
+    return {
+        "edges_s": edges.tolist(),
+        "share": counts.tolist(),
+        "beyond": late,
+        "mean_s": outcome.mean_s,
+        "quantiles_s": quantiles,
+    }
+
+
+def _charge(result: PlanResult) -> dict[str, Any]:
+    """Charge at the take-off and the landing of each leg: in the typical schedule, and quantiles of the simulated deliveries."""
+    legs = result.composition.services
+    fan = charge_by_leg(result, LEVELS)
+    return {
+        "levels": list(LEVELS),
+        "legs": [
+            {
+                "from": leg.origin, "to": leg.destination, "typical": [leg.soc_depart, leg.soc_arrive],
+                "fan": None if fan is None else np.round(fan[number], 4).tolist(),
+            }
+            for number, leg in enumerate(legs)
+        ],
+    }  # fmt: skip
+
+
+def _departures(result: PlanResult, tried: Sequence[Departure], zone: ZoneInfo) -> list[dict[str, Any]]:
+    return [
+        {
+            "depart": date_clock(one.depart, zone), "chosen": one.depart == result.composition.depart,
+            "mean": "no route" if one.delivery is None else f"{minutes(one.delivery)} min",
+            "on_time": None if one.p_on_time is None else percent(one.p_on_time),
+        }
+        for one in tried
+    ]  # fmt: skip

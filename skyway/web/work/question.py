@@ -1,0 +1,119 @@
+"""What the plan page asks, in the words of ``skyway plan``, and the command that asks the same."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import msgspec
+
+from skyway.planning import Conditions, Delivery, Pads
+
+ROBUST = "robust"
+MOST_PLANS = 4
+"""Plans beside each other."""
+
+
+class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A delivery to be planned; every value as it is typed."""
+
+    start: str = ""
+    to: str = ""
+    payload: str = "0.8"
+    """Kilograms."""
+    depart: str = ""
+    """With UTC offset; empty is now."""
+    window: str = ""
+    """Choose the best departure within this time: 90min, 2h."""
+    deadline: str = ""
+    """With UTC offset: the plan is the one most probably on time; empty is the soonest on average."""
+    drone: str = ""
+    """Empty lets the planner choose."""
+    planner: str = ROBUST
+    others: tuple[str, ...] = ()
+    """Planners whose plans are shown beside it."""
+    alternatives: int = 3
+    """Largest number of plans by `robust`, the best one included."""
+    reserve: str = "20"
+    soc: str = "100"
+    """Percent."""
+    airspeed: str = ""
+    """m/s; empty is the drone's."""
+    wind: str = ""
+    """One constant wind, m/s@degrees FROM; empty is the forecast."""
+    avoid: tuple[str, ...] = ()
+    """Stations, and segments as FROM>TO, that are not to be used."""
+    stop_at: tuple[str, ...] = ()
+    """Stations at which the drone must stop."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is something to plan."""
+        return bool(self.start.strip() and self.to.strip())
+
+    def delivery(self) -> Delivery:
+        """Return what is carried; an `InputError` names what is no number."""
+        return Delivery(
+            start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
+            drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"),
+            airspeed=number(self.airspeed, "--airspeed") if self.airspeed.strip() else None,
+        )  # fmt: skip
+
+    def conditions(self) -> dict[str, Any]:
+        """Return when and in which wind: fields of `skyway.planning.Conditions`."""
+        return {"depart": self.depart.strip() or None, "wind": self.wind.strip() or None}
+
+    @property
+    def objective(self) -> str:
+        """As ``--objective`` takes it."""
+        return f"on-time {self.deadline.strip()}" if self.deadline.strip() else "mean"
+
+    def command(self, scenario: str | None, planner: str | None = None) -> str:
+        """Return the command that plans the same, for a shell."""
+        words = ["skyway", "plan", *([] if scenario is None else [scenario])]
+        words += ["--from", self.start.strip(), "--to", self.to.strip(), "--payload", _point(self.payload)]
+        given = {
+            "--depart": self.depart, "--depart-window": self.window, "--drone": self.drone, "--airspeed": _point(self.airspeed),
+            "--wind": self.wind,
+        }  # fmt: skip
+        for option, value in given.items():
+            words += [option, value.strip()] if value.strip() else []
+        for option, value, usual in (("--reserve", self.reserve, "20"), ("--soc", self.soc, "100")):
+            words += [option, _point(value)] if _point(value) != usual else []
+        words += ["--objective", self.objective] if self.deadline.strip() else []
+        words += [word for one in self.avoid for word in ("--avoid", one)]
+        words += [word for one in self.stop_at for word in ("--stop-at", one)]
+        chosen = planner or self.planner
+        words += ["--planner", chosen] if chosen != ROBUST else []
+        if chosen == ROBUST:
+            words += ["--alternatives", str(self.alternatives)] if self.alternatives > 1 else []
+            words += ["--explain"]
+        return shlex.join(words)
+
+
+def number(text: str, option: str) -> float:
+    """Return a number as typed, with a comma or a point; an `InputError` names the option."""
+    from skyway.models.base.errors import InputError
+    from skyway.models.base.fields import finite
+
+    value = finite(_point(text))
+    if value is None:
+        raise InputError("is not a number", field=option, value=text)
+    return value
+
+
+def _point(text: str) -> str:
+    """Return a number as the command line takes it: with a point."""
+    return text.strip().replace(",", ".")
+
+
+def pads() -> Pads:
+    """What is known of the pads: what the scenario names."""
+    return Pads()
+
+
+def conditions(question: Question, scenario: str | None) -> Conditions:
+    """Return when, where and in which wind."""
+    from pathlib import Path
+
+    return Conditions(scenario=None if scenario is None else Path(scenario), **question.conditions())

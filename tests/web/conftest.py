@@ -1,0 +1,78 @@
+"""A served page for tests: the command itself, in a process of its own."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass
+class Served:
+    """A running page."""
+
+    port: int
+    folder: Path
+    process: subprocess.Popen[str]
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def ask(
+        self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+    ) -> tuple[int, dict[str, str], str]:
+        """Ask as no browser would: with any headers."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request(method, path, body=body, headers=named)
+        answer = connection.getresponse()
+        found = (
+            answer.status,
+            {name.lower(): value for name, value in answer.getheaders()},
+            answer.read().decode("utf-8", "replace"),
+        )
+        connection.close()
+        return found
+
+
+def served(folder: Path, *options: str) -> Served:
+    """Start the page on a free port."""
+    pytest.importorskip("nicegui", reason="the page needs the extra web")
+    command = [sys.executable, "-m", "skyway", "serve", *options, "--port", "0", "--folder", str(folder)]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    line = process.stderr.readline()
+    found = re.search(r":(\d+) in a browser", line)
+    if not found:
+        process.kill()
+        raise AssertionError(line + process.stderr.read())
+    return Served(int(found[1]), folder, process)
+
+
+def ended(page: Served) -> None:
+    """End it as Ctrl-C does, and look whether it minded."""
+    page.process.terminate()
+    try:
+        page.process.wait(20)
+    finally:
+        page.process.kill()
+        page.process.stderr.close()
+
+
+@pytest.fixture(scope="session")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """The page of the built-in scenario."""
+    found = served(tmp_path_factory.mktemp("work"))
+    yield found
+    ended(found)

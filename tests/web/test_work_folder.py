@@ -1,0 +1,65 @@
+"""The work folder: nothing leads out of it."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skyway.models.base.errors import InputError
+from skyway.web.folder import Folder, safe_name
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        ".",
+        "..",
+        "../secret",
+        "a/../../secret",
+        "/etc/passwd",
+        "a\0b",
+        "C:\\x",
+        "..\\secret",
+        "link/secret",
+        "x" * 300,
+    ],
+)
+def test_no_name_leads_out_of_the_folder(tmp_path, name):
+    (tmp_path / "secret").write_text("no")
+    root = tmp_path / "work"
+    root.mkdir()
+    (root / "link").symlink_to(tmp_path)
+    folder = Folder(root)
+    with pytest.raises(InputError):
+        folder.existing(name)
+    with pytest.raises((InputError, OSError)):
+        folder.write(name, b"x")
+    assert [one.name for one in folder.files("")] == []
+
+
+@settings(max_examples=60)
+@given(st.text(max_size=200))
+def test_the_name_of_any_upload_becomes_a_plain_name(name):
+    kept = safe_name(name)
+    assert kept
+    assert len(kept) <= 120
+    assert "/" not in kept
+    assert not kept.startswith(".")
+    assert kept.isprintable()
+
+
+def test_files_are_listed_newest_first_and_numbered_where_the_name_is_taken(tmp_path):
+    import os
+
+    folder = Folder(tmp_path)
+    (tmp_path / "deep").mkdir()
+    for number, name in enumerate(("b.plan", "deep/a.PLAN", "c.txt", ".hidden.plan")):
+        (tmp_path / name).write_text("{}")
+        os.utime(tmp_path / name, (number, number))
+    assert [one.name for one in folder.files(".plan")] == ["deep/a.PLAN", "b.plan"]
+    assert folder.free_name("x/b.plan") == "b-2.plan"
+    folder.write("b-2.plan", b"1")
+    with pytest.raises(InputError, match="exists"):
+        folder.write("b-2.plan", b"2")
