@@ -22,6 +22,8 @@ $(STAMP): pyproject.toml
 demo: setup
 	$(BIN)/skyway demo --output out/demo
 
+# Tests are kept compiled from run to run, also where an image forbids it: compiling them takes 10 s.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: setup
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 

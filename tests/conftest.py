@@ -1,10 +1,15 @@
 """What every test may use."""
 
+import gc
 import json
 import os
 from pathlib import Path
 
 import pytest
+
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # as on the command line (skyway/cli/__init__.py); read when numpy is imported
 
 CALL_NO_KERNEL = frozenset(
     f"test_{name}"
@@ -44,6 +49,12 @@ def pytest_collection_modifyitems(config, items):
         left_out = [item for item in items if item.path.stem in CALL_NO_KERNEL]
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item.path.stem not in CALL_NO_KERNEL]
+
+
+def pytest_collection_finish():
+    """Look for waste less often and not among the tests themselves, as the command line does (`skyway.cli.main.run`)."""
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 20)
 
 
 @pytest.fixture(scope="session")

@@ -5,11 +5,13 @@ Exit codes: 0 done, 1 the answer is no, 2 wrong usage or input, 3 the vehicle or
 
 from __future__ import annotations
 
+import copy
+import functools
 import gc
 import io
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -62,7 +64,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         typed = with_new_names(sys.argv[1:] if arguments is None else arguments)
         typed = with_command(typed, {"weather": ("show", "verify", "fetch")})
-        code = app(fill(typed, BARE.get(typed[0], {}) if typed else {}), standalone_mode=False)
+        word = typed[0] if typed else ""
+        code = _command_line(word)(fill(typed, BARE.get(word, {})), standalone_mode=False)
     except SkywayError as error:
         for line in str(error).splitlines():
             typer.echo(f"skyway: {line}", err=True)
@@ -84,6 +87,15 @@ def main(arguments: list[str] | None = None) -> int:
     if code == INTERRUPTED:
         typer.echo("skyway: interrupted", err=True)
     return code if isinstance(code, int) else 0
+
+
+@functools.cache
+def _command_line(word: str) -> Any:
+    """Build the command that the first word names, since all together take longer than to start Python; else all of them."""
+    one = copy.copy(app)
+    one.registered_commands = [command for command in app.registered_commands if command.name == word]
+    one.registered_groups = [group for group in app.registered_groups if group.name == word]
+    return typer.main.get_command(one if one.registered_commands or one.registered_groups else app)
 
 
 def _tell_usage(error: Exception) -> None:

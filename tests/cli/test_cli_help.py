@@ -55,7 +55,7 @@ def test_a_command_that_misses_a_package_names_the_extra_that_brings_it(package,
     def missing(*_, **__):
         raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
-    monkeypatch.setattr("skyway.cli.main.app", missing)
+    monkeypatch.setattr("skyway.demo.run_demo", missing)
     assert main(["demo"]) == 2
     assert f"pip install 'skyway-planner[{extra}]'" in capsys.readouterr().err
 
