@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -108,14 +109,18 @@ def _kind(numba_type: Any) -> Any:
 def entries() -> set[str]:
     """Return the kernels, ``module.function``, that code which is not compiled refers to."""
     sources = [path for floor in FLOORS for path in sorted((ROOT / PACKAGE / floor).rglob("*.py"))]
-    trees = {".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text()) for path in sources}
+    texts = {".".join(path.relative_to(ROOT).with_suffix("").parts): path.read_text() for path in sources}
     kernels = {
         f"{module}.{node.name}"
-        for module, tree in trees.items()
-        for node in tree.body
+        for module, text in texts.items()
+        if "@compiled" in text
+        for node in ast.parse(text).body
         if isinstance(node, ast.FunctionDef) and _is_kernel(node)
     }
-    return {name for module, tree in trees.items() for name in _referred(module, tree) if name in kernels}
+    homes = {name.rpartition(".")[0] for name in kernels}
+    words = {home.rpartition(".")[2] for home in homes}  # who imports a kernel names its module
+    callers = [name for name, text in texts.items() if name in homes or words & set(re.findall(r"\w+", text))]
+    return {name for module in callers for name in _referred(module, ast.parse(texts[module])) if name in kernels}
 
 
 def _is_kernel(node: ast.AST) -> bool:

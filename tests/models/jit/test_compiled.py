@@ -37,12 +37,15 @@ def test_a_kernel_is_compiled_again_when_a_kernel_it_calls_in_another_file_chang
     assert _run(tmp_path) == "6.0 0"
 
 
-def test_a_kernel_read_from_disk_can_be_called_by_one_that_is_compiled_after_it(tmp_path):
+def test_a_kernel_read_from_disk_can_be_called_by_one_that_is_compiled_after_it_and_who_watches_is_told_of_that_one(
+    tmp_path,
+):
     (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
     (tmp_path / "caller.py").write_text(CALLER)
-    assert _run(tmp_path, "from callee import inner; print(inner(1.0))") == "2.0"
-    loaded_first = "from caller import inner, outer; print(inner(1.0), outer(2.0), hits(inner))"
-    assert _run(tmp_path, loaded_first) == "2.0 3.0 1"
+    watched = "from skyway.models.jit import compiled; told = []; compiled.watchers.append(told.append); "
+    assert _run(tmp_path, watched + "from callee import inner; print(inner(1.0), told)") == "2.0 ['inner', '']"
+    loaded_first = "from caller import inner, outer; print(inner(1.0), *told, outer(2.0), *told, hits(inner))"
+    assert _run(tmp_path, watched + loaded_first) == "2.0 3.0 outer  1"
 
 
 @pytest.mark.slow
@@ -108,15 +111,9 @@ print(hits(third))
 """
 
 
+@pytest.mark.slow
 def test_a_run_that_checks_bounds_is_never_given_a_kernel_that_does_not_and_the_other_way_round(tmp_path):
     (tmp_path / "beyond.py").write_text(BEYOND)
     for hits in (0, 1):  # each kind is compiled once, then from disk
         assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="") == f"not seen {hits}"
         assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="1") == f"seen {hits}"
-
-
-def test_whoever_watches_is_told_before_and_after_a_kernel_is_compiled_and_not_when_it_is_read_from_disk(tmp_path):
-    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
-    code = "from skyway.models.jit import compiled; from callee import inner; told = []; compiled.watchers.append(told.append); inner(1.0); print(told)"
-    assert _run(tmp_path, code) == "['inner', '']"
-    assert _run(tmp_path, code) == "[]"

@@ -148,6 +148,7 @@ def test_a_library_built_ahead_of_time_is_called_without_numba(built):
     assert "skyway-planner[jit]" in told
 
 
+@pytest.mark.slow
 def test_with_numba_beside_a_library_kernels_take_any_types_and_so_do_those_that_they_call(built):
     """A kernel of the library calls others of the library, which numba cannot type."""
     use = (
@@ -185,6 +186,7 @@ print(codes, type(fly_by_required_soc).__name__)
 """
 
 
+@pytest.mark.slow
 def test_with_numba_beside_it_a_library_that_lacks_every_kernel_plans_all_the_same(tmp_path):
     """Every kernel of planning is compiled as one beside a wheel is: none depends on a callee that is in the library."""
     assert _python(PLAN, tmp_path) == "[0, 0] LibraryKernel\n"
@@ -202,6 +204,7 @@ def _python(program: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_a_kernel_whose_types_have_changed_since_the_library_was_built_is_compiled(built, tmp_path):
     """The library is asked by numbers of the list: another list would call machine code for other arguments."""
     for path in built.iterdir():
