@@ -41,6 +41,8 @@ class VehicleConfig:
     """Factor on the power drawn; None draws one within 5 % from the seed."""
     signing_key: bytes | None = None
     """32 bytes; None speaks unsigned."""
+    operator_control: bool = False
+    """It says which ground station is in control, and denies orders of others."""
     airframe: Airframe = field(default_factory=Airframe)
     parameters: tuple[tuple[str, float], ...] = ()
     """Names and values set before the start."""

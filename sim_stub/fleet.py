@@ -68,6 +68,7 @@ class FleetOptions:
     wind: WindTruth | None = None
     load: PadLoad | None = None
     faults: tuple[Fault, ...] = ()
+    operator_control: bool = False
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -104,6 +105,7 @@ def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None 
                 seed=options.seed,
                 warm=options.warm,
                 airframe=airframe,
+                operator_control=options.operator_control,
                 parameters=options.parameters,
             )
         )

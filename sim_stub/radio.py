@@ -10,6 +10,7 @@ from skyway.sim_stub.protocols.telemetry import (
     BUILDERS,
     HOME,
     STREAM_GROUPS,
+    STREAMED,
     mission_current,
 )
 from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_name
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
 
 _MIN_INTERVAL_S = 0.02
+_ORDERS = frozenset(("SET_MODE", "MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST", "PARAM_SET"))
+"""Orders besides commands: not obeyed where another station is in control."""
 _MAX_PORTS = 16
 
 
@@ -120,6 +123,7 @@ class Radio:
         """Handle the messages for this vehicle that the bytes of a port complete."""
         own = self.vehicle.config.system
         for heard in port.hear(data):
+            self._hand_on(port, heard)
             handler = self.handlers.get(heard.get_type())
             if is_version_2(heard) and not port.heard_version_2:
                 port.heard_version_2 = True
@@ -131,8 +135,22 @@ class Radio:
                 1,
             ):
                 continue
+            if heard.get_type() in _ORDERS and self.vehicle.commands.control.denies(heard.get_srcSystem()):
+                continue
             self.vehicle.tend()
             handler(port, heard)
+
+    def _hand_on(self, port: Port, heard: Any) -> None:
+        """Hand what is for others, or for all, to the other ports, as both autopilots do."""
+        target = getattr(heard, "target_system", 0)
+        if len(self.ports) < 2 or target == self.vehicle.config.system or heard.get_type() == "BAD_DATA":
+            return
+        if heard.get_srcSystem() == self.vehicle.config.system:
+            return
+        frame = bytes(heard.get_msgbuf())
+        for other in self.ports:
+            if other is not port and not other.muted:
+                other.send(frame)
 
     # Speaking
 
@@ -158,6 +176,8 @@ class Radio:
         port.streams.clear()
         for name, rate in self.vehicle.autopilot.DEFAULT_HZ.items():
             port.set_interval(name, 1.0 / rate, self.vehicle.sim_s)
+        if self.vehicle.config.operator_control:
+            port.set_interval("CONTROL_STATUS", 1.0, self.vehicle.sim_s)
 
     def set_interval(self, port: Port, number: int, interval_us: float) -> None:
         """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
@@ -184,7 +204,7 @@ class Radio:
                 stream.due_s += stream.interval_s
                 if stream.due_s <= now:  # fell behind, as in the first step after standing
                     stream.due_s = now + stream.interval_s
-                sent = BUILDERS[number](self.vehicle)
+                sent = STREAMED[number](self.vehicle)
                 if sent is not None:
                     port.write(sent)
             following = min(following, stream.due_s)

@@ -90,7 +90,7 @@ class Vehicle:
 
     def _make_services(self) -> None:
         self.missions = self.autopilot.MISSION_SERVER(self)
-        self.commands = CommandServer(self)
+        self.commands: CommandServer = CommandServer(self)
         self.parameter_server = ParameterServer(self)
         self.services = LinkServices(self)
         self._timed = (self.missions, self.commands, self.parameter_server)

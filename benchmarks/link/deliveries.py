@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.calibration_flight import drag_of
-from skyway.link.protocol.connection import Connection
+from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
 from skyway.link.supervisor.job import nobody_observes
 from skyway.link.vehicle.vehicle import Vehicle
@@ -169,6 +169,7 @@ class Stage:
         self.operator = operator or NobodyThere()
         self.supervisor: Supervisor | None = None
         self.forwarder: Forwarder | None = None
+        self.system = GROUND_SYSTEM
 
     def reports(self, time_s: float) -> tuple[WindObservation, ...]:
         """Of each airport the newest report that is out: observed at minute 51 of its hour, out five minutes later."""
@@ -201,7 +202,9 @@ class Stage:
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
         key = self.story.vehicle.get("signing_key")
         signing = None if key is None else Signing(key)
-        connection = Connection(link, self.lockstep.clock, signing=signing, forwarder=self.forwarder)
+        connection = Connection(
+            link, self.lockstep.clock, signing=signing, forwarder=self.forwarder, system=self.system
+        )
         vehicle = Vehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         supervisor = self.supervisor = Supervisor(

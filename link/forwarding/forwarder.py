@@ -147,8 +147,8 @@ class Forwarder:
 
     # From the clients
 
-    def collect(self, now_s: float, busy: str = "") -> Iterator[tuple[int, bytes]]:
-        """Yield what clients say to the vehicles and may: target system (0: all) and frame.
+    def collect(self, now_s: float, busy: str = "") -> Iterator[tuple[int, bytes, Message]]:
+        """Yield what clients say to the vehicles and may: target system (0: all), frame and message.
 
         Messages that begin with `busy` are kept back: a transfer of our own of that kind is under way.
         """
@@ -160,8 +160,8 @@ class Forwarder:
                 for frame, message in client.reader.feed(data):
                     found = True
                     target = self._taken(client, frame, message, now_s, busy)
-                    if target is not None:
-                        yield target, frame
+                    if target is not None and message is not None:
+                        yield target, frame, message
                 self._weigh_garbage(client, 0 if found else len(data), now_s)
 
     def _within(self, client: Client, size: int, now_s: float) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from skyway.link.forwarding.forwarder import POLL_S
 from skyway.link.protocol.exchange import Carrier, RoundTrip, Target
+from skyway.link.protocol.stations import ANNOUNCEMENT, Stations, announcement
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
@@ -141,6 +142,12 @@ class Connection(Carrier):
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
         """Set once another ground station is heard with our id; nothing is said to a vehicle then."""
+        self.stations = Stations()
+        """Other ground stations that are heard, also those that the link is forwarded to."""
+        self.supervises: int | None = None
+        """System of the vehicle that we supervise: told to all other stations, every second."""
+        self.commanded = False
+        """Whether we have commanded that vehicle already; told with it."""
         self.namesake = False
         """A vehicle has our id; it cannot be told from ourselves."""
         self.shared_client: SharedClient | None = None
@@ -204,7 +211,8 @@ class Connection(Carrier):
         forwarder.flush()
         asked = self._exchange
         busy = "" if asked is None or asked.done else asked.transfers
-        for system, frame in forwarder.collect(now, busy):
+        for system, frame, message in forwarder.collect(now, busy):
+            self.stations.hear(message, now)
             self._pass_on(frame, system)
 
     def _beat(self, now: float) -> None:
@@ -213,6 +221,12 @@ class Connection(Carrier):
         old = any(peer.version == 1 for peer in self.peers.values())
         for version in (1, 2) if old else (2,):  # who speaks 1 may know 2, and waits to hear it (MAV_PROTO_VER 0)
             frame = self._writer.frame("HEARTBEAT", fields, version)
+            self._own.append(frame)
+            self._pass_on(frame, 0)
+            if self.forwarder is not None:
+                self.forwarder.announce(frame, now)
+        if self.supervises is not None:
+            frame = self._writer.frame(ANNOUNCEMENT, announcement(self.supervises, under_way=self.commanded))
             self._own.append(frame)
             self._pass_on(frame, 0)
             if self.forwarder is not None:
@@ -239,6 +253,8 @@ class Connection(Carrier):
             return  # in nobody's name, and even unsigned
         if message.system == self.system:
             self._hear_namesake(message)
+            return
+        if self.stations.hear(message, now):
             return
         peer = self.peers.get(message.system)
         if peer is None:
@@ -272,6 +288,15 @@ class Connection(Carrier):
         """Let no other ground station change how often these messages come."""
         if self.forwarder is not None:
             self.forwarder.rates_kept = frozenset((*self.forwarder.rates_kept, *numbers))
+
+    def supervise(self, system: int | None, *, commanded: bool = False) -> None:
+        """Tell all other stations, every second, that we supervise a vehicle, and whether we have commanded it already."""
+        self.supervises, self.commanded = system, commanded
+
+    @property
+    def transferring(self) -> bool:
+        """Whether a transfer of ours is under way, during which nothing else of its kind may be asked for."""
+        return self._exchange is not None and not self._exchange.done and bool(self._exchange.transfers)
 
     def refuse_conflict(self) -> None:
         """Refuse to send to a vehicle that cannot tell us from another station.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.flight.pilot_intervention import first_order
 from skyway.link.supervisor.journal.entries import Met
 from skyway.link.supervisor.observed.link_watch import must_answer, request_telemetry
 from skyway.link.supervisor.resume import resume
@@ -22,6 +23,7 @@ LOOK_AGAIN_S = 15.0
 
 def connecting(ctx: Context) -> After:
     """Meet it; for the first time it must stand disarmed where the plan begins."""
+    first_order(ctx)
     _meet(ctx)
     must_answer(ctx, "the drone does not answer when asked who it is")
     who = ctx.vehicle.identify()

@@ -10,7 +10,7 @@ from skyway.link.supervisor.departure.failsafes import Failsafes
 from skyway.link.supervisor.departure.parameter_changes import ParameterChanges
 from skyway.link.supervisor.flight.divert import Divert
 from skyway.link.supervisor.flight.lean import LeanWatch, watch_lean
-from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, refuse_on_ground
+from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, must_be_alone, refuse_on_ground
 from skyway.link.supervisor.flight.track import Track
 from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
 from skyway.link.supervisor.journal.standing import standing
@@ -138,6 +138,7 @@ class Context:
         if self.on_tick is not None:
             self.on_tick(self)
         must_be_heard(self)
+        must_be_alone(self)
         if self.state in ON_GROUND:
             refuse_on_ground(self, changes)
         self._end_overdue()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.link.protocol.verified import kind_of
 from skyway.link.supervisor.departure.failsafes import left_words
 from skyway.link.supervisor.flight.crash import crash_end
 from skyway.link.supervisor.journal.entries import OperatorNote
@@ -14,8 +15,11 @@ from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
 
 if TYPE_CHECKING:
+    from skyway.link.protocol.verified import Part
     from skyway.link.supervisor.context import After, Context
 
+SHOWN = 5
+"""So many differences of a changed list are told."""
 WORDS = "go (take control, continue the delivery), land (land where it is) or leave (end the program)"
 
 
@@ -24,6 +28,7 @@ def holding(ctx: Context) -> After:
     ctx.conversation.forget()
     if ctx.link.resting:  # what it does now is seen in seconds, not when it rests
         request_telemetry(ctx)
+    _tell_what_differs(ctx)
     if ctx.operator.present:
         ctx.operator.ask(f"nothing is commanded until you answer: {WORDS}")
     else:
@@ -64,6 +69,27 @@ def _word(ctx: Context, word: str) -> After | None:
         return _go_on(ctx)
     ctx.operator.ask(f"not understood. Type {WORDS}")
     return None
+
+
+def _tell_what_differs(ctx: Context) -> None:
+    """Where the vehicle flies, or is about to fly, another mission than ours: say what is different in it."""
+    leg = ctx.delivery.leg
+    if not ctx.vehicle.take_lists_changed() or leg is None or ctx.divert.station is not None:
+        return
+    document = leg.mission.document
+    parts: list[Part] = [document.mission]
+    if document.fence:
+        parts.append(document.fence)
+    if len(document.rally):
+        parts.append(document.rally)
+    try:
+        found = [(kind_of(part).word, difference) for part in parts for difference in ctx.vehicle.verify(part)]
+        for word, difference in found[:SHOWN]:
+            ctx.say(OperatorNote(), f"changed by somebody else: {word}, {difference}")
+        if not found:
+            ctx.tell("what the drone holds still means what this delivery sent")
+    except LinkError as error:
+        ctx.tell(f"what was changed could not be read: {error}")
 
 
 def _restored_turn(ctx: Context) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -118,9 +119,18 @@ class Supervisor:
                 after, reason = self._failed(error)
             self._go(after, reason)
         restore_at_end(ctx)
+        self._let_go()
         station, flights = ctx.delivery.station, ctx.delivery.flight
         ctx.note(Ended(outcome=str(ctx.state), station=station, flights=flights), self.reason)
         return Outcome(str(ctx.state), self.reason, station, flights)
+
+    def _let_go(self) -> None:
+        """Give control back, and no longer say that we supervise the vehicle."""
+        ctx = self.context
+        ctx.vehicle.connection.supervise(None)
+        if ctx.on_ground:
+            with contextlib.suppress(LinkError):
+                ctx.vehicle.give_control_back()
 
     reason = ""
 

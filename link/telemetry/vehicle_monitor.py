@@ -7,8 +7,10 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.link.protocol.parameters import read_value
 from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
+from skyway.link.telemetry.stored_lists import KINDS, StoredLists
 from skyway.missions.autopilots.registry import FAMILIES, family_named, family_of
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 
@@ -33,7 +35,9 @@ CONFIRMED = 2
 _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
-_KINDS = ("mission", "fence", "rally points")
+_CHANGE_BY_THEMSELVES = ("STAT_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK")
+"""Beginnings of the names of parameters that autopilots write themselves."""
+_MAX_PARAMETERS = 10_000
 _UNTOLD = "untold"
 _IDS = struct.Struct("<III")
 _IDS_AT = 6
@@ -56,7 +60,8 @@ class Change:
     """Something about a vehicle became different."""
 
     what: str
-    """``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``."""
+    """``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these), ``parameter NAME``, ``control``
+    (system of the ground station in control) or ``boot``."""
     before: str
     after: str
     """`before`, `after`: for a person; of a mission its id and number of items. Where a vehicle tells no ids, a
@@ -103,6 +108,11 @@ class VehicleMonitor:
         self._unconfirmed: dict[str, tuple[str, int]] = {}
         self._as_before_s: dict[str, float] = {}
         self._tells_ids = False
+        self._lists: StoredLists | None = None
+        self._lists_changed = False
+        self._parameters: dict[str, float] = {}
+        self.relied_on: set[str] = set()
+        """Names of parameters that we have asked for: something was decided by them."""
         self._told_texts = 0
         beat = self.peer.latest.get("HEARTBEAT")
         if beat is not None:
@@ -131,8 +141,41 @@ class VehicleMonitor:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
+        elif name == "CONTROL_STATUS":
+            self._note("control", str(message["gcs_main"]))
+        elif name == "PARAM_VALUE":
+            self._note_parameter(message)
+        elif name in ("MISSION_COUNT", "MISSION_ITEM_INT") and self._lists is not None:
+            self._note_list(self._lists, message)
         elif name == "STATUSTEXT" and self._tells_taken(message) and not self._tells_ids:
             self._changed("mission", _UNTOLD, "accepted, as it reports")
+        if self._lists is not None and not self._tells_ids and not self.connection.transferring:
+            for asked, fields in self._lists.ask(self.connection.clock.now_s()):
+                self.connection.send(asked, self.system, **fields, **self._addressed)
+
+    def watch_lists(self, *, watched: bool) -> None:
+        """Look at what it holds again and again, where it does not tell ids of that by itself."""
+        self._lists = StoredLists(self.family.home_items) if watched else None
+
+    def _note_list(self, lists: StoredLists, message: Message) -> None:
+        ours = (message["target_system"], message["target_component"]) == (
+            self.connection.system,
+            self.connection.component,
+        )
+        found = lists.hear(message) if ours and not self.connection.transferring else None
+        if found is not None:
+            self._changed(*found)
+
+    def _note_parameter(self, message: Message) -> None:
+        """Compare a parameter with what it was when it was told last."""
+        told = read_value(message, bytewise=self.family.bytewise_parameters)
+        before = self._parameters.get(told.name)
+        if before is None and len(self._parameters) >= _MAX_PARAMETERS:
+            return
+        self._parameters[told.name] = told.value
+        same = before is None or before == told.value or (math.isnan(before) and math.isnan(told.value))
+        if not same and not told.name.startswith(_CHANGE_BY_THEMSELVES):
+            self._changed(f"parameter {told.name}", f"{before:g}", f"{told.value:g}")
 
     def _tells_taken(self, message: Message) -> bool:
         """Whether a text says that a mission was uploaded, by whomever."""
@@ -148,7 +191,7 @@ class VehicleMonitor:
         items = "" if total == 0 else f", {0 if total == 0xFFFF else total} items"
         ids = _IDS.unpack(message.payload[_IDS_AT : _IDS_AT + _IDS.size].ljust(_IDS.size, b"\0"))
         self._tells_ids = self._tells_ids or any(ids)
-        for kind, number in zip(_KINDS, ids, strict=True):
+        for kind, number in zip(KINDS, ids, strict=True):
             self._note(kind, f"id {number}{items if kind == 'mission' else ''}")
 
     def _note(self, what: str, now: str) -> None:
@@ -175,16 +218,24 @@ class VehicleMonitor:
     def _changed(self, what: str, before: str, after: str, since_s: float | None = None) -> None:
         clock = self.connection.clock
         ours = self._ours(what, after, clock.now_s() if since_s is None else since_s)
+        self._lists_changed = self._lists_changed or (what in KINDS and not ours)
         self._changes.append(Change(what, before, after, ours, clock.posix_s()))
         del self._changes[:-_MAX_CHANGES]
 
     def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:
         """Say that an order of ours is about to change something, to one of these; none stands for anything."""
+        if self._lists is not None:
+            self._lists.forget(what)
         self._expected[what] = (frozenset(after), self.connection.clock.now_s() + for_s)
 
     def changes(self) -> list[Change]:
         """Return what has become different since this was asked last, the oldest first."""
         found, self._changes = self._changes, []
+        return found
+
+    def take_lists_changed(self) -> bool:
+        """Whether somebody else has changed a list that it holds since this was asked last."""
+        found, self._lists_changed = self._lists_changed, False
         return found
 
     @property

@@ -99,6 +99,7 @@ class AskedVehicle(VehicleMonitor):
 
     def read_parameters(self, names: Sequence[str]) -> ReadParameters:
         """Read parameters by name, and tell which of them the vehicle does not have."""
+        self.relied_on.update(names)
         return self._do(ReadParameters(self.peer.target, names, bytewise=self.family.bytewise_parameters))
 
     def parameter(self, name: str) -> ParameterValue:
@@ -125,6 +126,7 @@ class AskedVehicle(VehicleMonitor):
         kind = self.parameter(name).kind
         bytewise = self.family.bytewise_parameters
         for _ in range(SETS):
+            self.expect(f"parameter {name}")
             given = SetParameter(self.peer.target, name, value, kind, bytewise=bytewise)
             refused = self._do(given).refused
             after = self.parameter(name)
@@ -167,6 +169,12 @@ class AskedVehicle(VehicleMonitor):
             raise VehicleTimeoutError(f"parameters {', '.join(silent)}", GIVE_UP_S)
         return {c.wanted.key: c.actual / UNITS[c.wanted.unit] for c in checks if c.actual is not None and c.ok}
 
+    def refuse_other_supervisor(self) -> None:
+        """Refuse to command what another skyway supervises, where we do not do so ourselves: a `CommandRefusedError`."""
+        other = self.connection.stations.supervisor_of(self.system, self.connection.clock.now_s())
+        if other is not None and self.connection.supervises != self.system:
+            raise CommandRefusedError("be commanded by us", f"{other} supervises it; end that delivery first")
+
     def check_ground_station(self) -> None:
         """Make sure that the vehicle's failsafe counts our heartbeat: some count only that of one system.
 
@@ -175,6 +183,7 @@ class AskedVehicle(VehicleMonitor):
         `CommandRefusedError`, and one that does not tell whose it minds a `VehicleTimeoutError`.
         """
         self.connection.refuse_conflict()
+        self.refuse_other_supervisor()
         if not self.family.ground_station_settings:
             return
         needs = [self.family.settings[key].need("read", None, "") for key in self.family.ground_station_settings]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.command import AskFor, Place, SetCurrent
+from skyway.link.protocol.command import RESULTS, AskFor, Place, SetCurrent
 from skyway.link.protocol.download import Clear, Download
 from skyway.link.protocol.mission_words import ACCEPTED, MissionKind, in_words
 from skyway.link.protocol.verified import (
@@ -19,6 +19,7 @@ from skyway.link.protocol.verified import (
     upload_verified,
 )
 from skyway.link.telemetry.vehicle_monitor import Home
+from skyway.link.vehicle import operator_control
 from skyway.link.vehicle.questions import AskedVehicle
 from skyway.models.base.errors import (
     CommandRefusedError,
@@ -120,6 +121,33 @@ class Vehicle(AskedVehicle):
             return identity
         version, capabilities, uid = (found[name] for name in ("flight_sw_version", "capabilities", "uid"))
         return Identity(self.system, self.family.name, self.peer.kind, version_text(version), capabilities, uid)
+
+    @property
+    def controller(self) -> int | None:
+        """System of the station that is in control of it; 0 for none, None where it does not say."""
+        return operator_control.controller(self.peer)
+
+    @property
+    def obeys_us(self) -> bool:
+        """Whether it obeys our orders, as far as it says who is in control."""
+        return operator_control.may_command(self.peer, self.connection.system)
+
+    def take_control(self) -> None:
+        """Ask for control where it says who has it; a `CommandRefusedError` says that another station keeps it."""
+        if self.controller in (None, self.connection.system):
+            return
+        result = self._do(operator_control.request(self.peer.target, self.connection.system)).result
+        if result != ACCEPTED:
+            told = f"ground station {self.controller} is in control, and was asked to give way"
+            raise CommandRefusedError(
+                "be controlled by us", told if self.controller else RESULTS.get(result or 4, "no answer")
+            )
+        self.connection.wait(lambda: self.controller == self.connection.system, _BEATS_S)
+
+    def give_control_back(self) -> None:
+        """Release control, where we have it."""
+        if self.controller == self.connection.system:
+            self._do(operator_control.release(self.peer.target, self.connection.system))
 
     def arm(self, patience_s: float = 0.0) -> None:
         """Arm, until a heartbeat says so; try again for so long while it is not ready."""

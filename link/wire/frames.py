@@ -140,9 +140,12 @@ class FrameReader:
             taken = self.signing is None and version == 2
             return taken, taken, None
         body = frame[: len(frame) - tail] if tail else frame
-        if mcrf4xx(body[1:-2] + kind.crc_extra) != int.from_bytes(body[-2:], "little"):
-            self.rejected.checksum += 1
-            return False, False, None
+        checksum = int.from_bytes(body[-2:], "little")
+        if mcrf4xx(body[1:-2] + kind.crc_extra) != checksum:
+            older = kind.older
+            if older is None or mcrf4xx(body[1:-2] + older.crc_extra) != checksum:
+                self.rejected.checksum += 1
+                return False, False, None
         if not self._trusted(number, body, frame[len(body) :]):
             return True, False, None
         payload = body[head:-2]

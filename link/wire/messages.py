@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    import struct
+from typing import Any
 
 _BASE_BYTES = {
     "COMMAND_ACK": 3,
@@ -36,6 +34,8 @@ class MessageKind:
     plain: tuple[str, ...] | None
     """The names where all fields are scalars."""
     base_bytes: int
+    older: MessageKind | None = None
+    """An earlier layout, which vehicles still send: the checksum tells which it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,14 @@ def kinds() -> dict[int, MessageKind]:
     """Every kind of message of the dialect, by id."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()}
+    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()} | {512: _control_status()}
+
+
+def _control_status() -> MessageKind:
+    """CONTROL_STATUS, which pymavlink 2.4.50 does not know, and the layout that it had before 2026 (mavlink #2313)."""
+    first, flags, others = ("gcs_main", 0, 0), ("flags", 1, 0), ("gcs_secondary", 2, 10)
+    older = MessageKind(512, "CONTROL_STATUS", bytes([184]), struct.Struct("<12B"), (first, flags, others), None, 2)
+    return MessageKind(512, "CONTROL_STATUS", bytes([2]), older.layout, older.fields, None, 12, older)
 
 
 @cache

@@ -49,6 +49,8 @@ class Family(ABC):
     """Messages that it does not have."""
     OBEYS_STREAM_GROUPS: ClassVar[bool]
     """Whether it knows REQUEST_DATA_STREAM."""
+    TELLS_LIST_IDS: ClassVar[bool] = False
+    """Whether MISSION_CURRENT has the opaque ids of what is stored."""
     REACHED_REPEATS: ClassVar[int] = 0
     """How often it tells again that an item is reached, a second apart."""
     HOME_ITEMS: ClassVar[int] = 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import Result
 from skyway.sim_stub.protocols.flight_commands import FlightCommands
+from skyway.sim_stub.protocols.operator_control import OperatorControl
 from skyway.sim_stub.protocols.orders import Order
 from skyway.sim_stub.protocols.system_commands import SystemCommands
 from skyway.sim_stub.wire.ports import Partner
@@ -56,7 +57,9 @@ class CommandServer:
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
         self.tasks: dict[int, Task] = {}
-        self.table = FlightCommands(vehicle, self).table() | SystemCommands(vehicle, self).table()
+        self.control = OperatorControl(vehicle, self)
+        groups = FlightCommands(vehicle, self), SystemCommands(vehicle, self), self.control
+        self.table = {number: obeys for group in groups for number, obeys in group.table().items()}
 
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
@@ -71,6 +74,9 @@ class CommandServer:
         order = Order.of(port, message, self.vehicle.autopilot)
         if order is None:
             Partner.of(port, message).tell("COMMAND_ACK", command=message.command, result=int(Result.DENIED))
+            return
+        if self.control.denies(order.sender.system, order.number):
+            self._answer(order, Result.DENIED)
             return
         unsupported = order.number in self.vehicle.autopilot.UNSUPPORTED
         handler = None if unsupported else self.table.get(order.number)

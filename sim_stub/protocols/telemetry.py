@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
 
 _NAN = math.nan
+_ID_FIELDS = ("mission_id", "fence_id", "rally_points_id")
 STREAM_GROUPS = {
     # MAV_DATA_STREAM of REQUEST_DATA_STREAM
     1: ("RAW_IMU", "SCALED_PRESSURE"),
@@ -186,9 +187,7 @@ def mission_current(v: Vehicle) -> Any:
         total=max(len(run.items) - pilot.HOME_ITEMS, 0),
         mission_state=state,
         mission_mode=in_mission,
-        mission_id=v.mission_ids[0],
-        fence_id=v.mission_ids[1],
-        rally_points_id=v.mission_ids[2],
+        **(dict(zip(_ID_FIELDS, v.mission_ids, strict=True)) if pilot.TELLS_LIST_IDS else {}),
     )
 
 
@@ -356,6 +355,15 @@ def _version(v: Vehicle) -> Any:
     )
 
 
+def _control_status(v: Vehicle) -> Any:
+    return v.commands.control.status()
+
+
+STREAMED: dict[int, Callable[[Vehicle], Any]] = {
+    **BUILDERS,
+    message_id("CONTROL_STATUS"): _control_status,
+}
+"""The same, with those that nobody asks for."""
 VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCOL_VERSION", "HOME_POSITION"))
 ON_REQUEST: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,

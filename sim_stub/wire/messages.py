@@ -26,7 +26,7 @@ _NEWER_FIELDS = {
     "MISSION_COUNT": ("opaque_id",),
     "MISSION_CURRENT": ("mission_id", "fence_id", "rally_points_id"),
 }
-_COMMAND_CANCEL, _PROTOCOL_VERSION = 80, 300
+_COMMAND_CANCEL, _PROTOCOL_VERSION, _CONTROL_STATUS = 80, 300, 512
 
 
 class _Newer(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types
@@ -82,6 +82,8 @@ def classes() -> dict[str, Any]:
     versions = dict.fromkeys(("version", "min_version", "max_version"), ("uint16_t", 0))
     hashes = {"spec_version_hash": bytes_8, "library_version_hash": bytes_8}
     found["COMMAND_CANCEL"] = _newer(_COMMAND_CANCEL, "COMMAND_CANCEL", 14, {"command": ("uint16_t", 0), **address})
+    control = {"gcs_main": ("uint8_t", 0), "flags": ("uint8_t", 0), "gcs_secondary": ("uint8_t", 10)}
+    found["CONTROL_STATUS"] = _newer(_CONTROL_STATUS, "CONTROL_STATUS", 2, control)
     found["PROTOCOL_VERSION"] = _newer(_PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, {**versions, **hashes})
     return found
 

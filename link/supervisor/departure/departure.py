@@ -137,6 +137,7 @@ def uploading(ctx: Context) -> After:
             remedy = "Check the radio link, then continue with --resume"
             return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
     ctx.vehicle.changes()  # what we have just sent
+    ctx.vehicle.watch_lists(watched=True)
     ctx.delivery.take_leg(_new_leg(ctx, service, leg))
     return State.READY, f"the leg to {service.destination} is uploaded and verified"
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.states import IN_AIR, State, Turn
+from skyway.link.telemetry.stored_lists import KINDS
+from skyway.models.base.errors import CommandRefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.link.supervisor.context import Context
     from skyway.link.telemetry.vehicle_monitor import Change
+
+ALONE_S = 2.5
+"""So long we listen for other supervisors before the first order: each tells of itself every second."""
 
 
 def follows_a_landing(ctx: Context, change: Change) -> bool:
@@ -37,10 +42,8 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
             said = "; ".join(ctx.vehicle.texts()[-2:])
             words = f"; it reports: {said}" if said else ""
             raise Turn(State.HOLDING, f"the drone is in mode {change.after}, which this program did not command{words}")
-        if change.what == "mission" and ctx.in_air:
-            raise Turn(
-                State.HOLDING, f"somebody else changed the mission of the drone ({change.before} to {change.after})"
-            )
+        if ctx.in_air and (changed := _foreign(ctx, change)):
+            raise Turn(State.HOLDING, changed)
         if change.what == "boot" and ctx.in_air:
             raise Turn(State.HOLDING, "the autopilot restarted in the air")
 
@@ -52,5 +55,47 @@ def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
             continue
         if change.what == "armed" and change.after == "armed":
             raise Turn(State.HOLDING, "somebody else armed the drone")
-        if change.what in ("mission", "fence") and ctx.state is State.READY:
-            raise Turn(State.HOLDING, f"somebody else changed the {change.what} of the drone before the take-off")
+        if ctx.state is State.READY and (changed := _foreign(ctx, change)):
+            raise Turn(State.HOLDING, f"{changed}, before the take-off")
+
+
+def _foreign(ctx: Context, change: Change) -> str:
+    """What somebody else changed of that which a flight relies on, or who took control; nothing where it is neither."""
+    if change.what in KINDS:
+        return f"somebody else changed the {change.what} of the drone ({change.before} to {change.after})"
+    kind, _, name = change.what.partition(" ")
+    if kind == "parameter" and name in ctx.vehicle.relied_on:
+        return f"somebody else changed {name} of the drone from {change.before} to {change.after}"
+    if kind == "control" and not ctx.vehicle.obeys_us:
+        return f"ground station {change.after} has taken control of the drone"
+    return ""
+
+
+def must_be_alone(ctx: Context) -> None:
+    """End a delivery (a `Turn`) beside which another skyway supervises the drone.
+
+    Of two that have not commanded it yet the one with the lower system and component id goes on; one that has, goes on.
+    """
+    connection = ctx.vehicle.connection
+    other = connection.stations.supervisor_of(ctx.vehicle.system, connection.clock.now_s())
+    if other is None:
+        return
+    ours = not connection.commanded, connection.system, connection.component
+    if (not other.under_way, other.system, other.component) < ours:
+        reason = f"{other} supervises the drone: end one of the two deliveries"
+        raise Turn(State.HOLDING if ctx.in_air else State.STOPPED, reason)
+
+
+def first_order(ctx: Context) -> None:
+    """Before the first order: nobody else supervises the drone, and it obeys us. A `Turn` says that this is not so."""
+    connection = ctx.vehicle.connection
+    connection.supervise(ctx.vehicle.system, commanded=connection.commanded)
+    end = ctx.clock.now_s() + ALONE_S
+    while ctx.clock.now_s() < end:
+        must_be_alone(ctx)
+        ctx.tick(0.5)
+    try:
+        ctx.vehicle.take_control()
+    except CommandRefusedError as error:
+        raise Turn(State.HOLDING if ctx.in_air else State.STOPPED, str(error)) from error
+    connection.supervise(ctx.vehicle.system, commanded=True)

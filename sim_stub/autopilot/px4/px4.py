@@ -94,6 +94,7 @@ class Px4(Px4Failsafes):
     DEFAULT_HZ: ClassVar[dict[str, float]] = _DEFAULT_HZ
     LACKS: ClassVar[frozenset[str]] = frozenset({"WIND", "EKF_STATUS_REPORT", "FENCE_STATUS"})
     OBEYS_STREAM_GROUPS: ClassVar[bool] = False
+    TELLS_LIST_IDS: ClassVar[bool] = True
     REACHED_REPEATS: ClassVar[int] = 10
     MISSION_SERVER: ClassVar[type[MissionServer]] = Px4MissionServer
     REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"

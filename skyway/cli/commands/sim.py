@@ -82,6 +82,12 @@ def sim(
         float, typer.Option(help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
     ] = 0.0,
     fault: Annotated[list[str] | None, typer.Option(help=FAULT_HELP)] = None,
+    operator_control: Annotated[
+        bool,
+        typer.Option(
+            "--operator-control", help="The vehicles say which ground station is in control (CONTROL_STATUS)."
+        ),
+    ] = False,
     parameter: Annotated[list[str] | None, typer.Option(help="NAME=VALUE set on every vehicle; repeatable.")] = None,
     lasting: Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")] = None,
     as_json: options.AsJson = False,
@@ -122,6 +128,7 @@ def sim(
         wind=_wind(known, begins, wind),
         load=known.load if traffic else None,
         faults=tuple(parse_fault(text) for text in fault or ()),
+        operator_control=operator_control,
         parameters=tuple(_parameter(text) for text in parameter or ()),
     )
     if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
