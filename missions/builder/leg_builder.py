@@ -129,7 +129,9 @@ class LegBuilder:
         """Heights that a leg flies; an `InputError` says where the ground below is not known."""
         stations = (service.origin, *service.via, service.destination)
         places = [(self.place(station).lat, self.place(station).lon) for station in stations]
-        found = way_heights(places, [self.ground_m(station) for station in stations], self.cruise_height_m, self.over)
+        least = [self.place(station).least for station in stations]
+        ground_m = [self.ground_m(station) for station in stations]
+        found = way_heights(places, ground_m, self.cruise_height_m, self.over, least)
         if found.unknown is not None:
             problem = f"leg {service.origin} to {service.destination}: the ground is not known"
             remedy = "a void of the terrain model, or beyond it: give a model that covers the leg"

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 
 from skyway.models.airspace import areas
 from skyway.models.airspace.geojson import zone_of
+from skyway.models.airspace.notes import CLOSES_NOTHING
 from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def read_kml(text: str, notes: Notes, source: str) -> list[Zone]:
             ]
             if others == ["Point"]:
                 notes.closed(
-                    "geometry", "is a point: a label, no area", None, "closes nothing; draw a polygon if it should"
+                    "geometry", "is a point: a label, no area", None, f"{CLOSES_NOTHING}; draw a polygon if it should"
                 )
             else:
                 notes.wrong("geometry", "is not a polygon", others[0] if others else None, "zones are polygons")

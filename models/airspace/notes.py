@@ -6,6 +6,9 @@ from dataclasses import dataclass, field, replace
 
 from skyway.models.base.errors import Fault, one_line
 
+CLOSES_NOTHING = "closes nothing"
+"""How notes begin on what is no zone."""
+
 
 @dataclass(slots=True)
 class Notes:

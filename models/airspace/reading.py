@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.models.airspace import ed
 from skyway.models.airspace.geojson import zone_of_feature
 from skyway.models.airspace.kml import read_kml, unpacked
-from skyway.models.airspace.notes import Notes
+from skyway.models.airspace.notes import CLOSES_NOTHING, Notes
 from skyway.models.airspace.openair import Reader, is_openair
 from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.files import read_bytes
@@ -80,7 +80,7 @@ def inspect_airspace(path: Path) -> AirspaceFile:
         if form in ("OpenAir", "KML"):
             notes.wrong("", "has no zones", None, "give a file with zones, or none")
         else:  # a list that is empty says so itself
-            notes.closed("", "has no zones", None, "closes nothing")
+            notes.closed("", "has no zones", None, CLOSES_NOTHING)
     return AirspaceFile(file, form, tuple(zones), tuple(notes.taken), tuple(notes.faults))
 
 

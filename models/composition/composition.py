@@ -43,11 +43,21 @@ class Place:
     name: str | None = None
     pads: int = 0
     """Recharging pads; 0 is a delivery target."""
+    least_m: float | None = None
+    least_agl_m: float | None = None
+    """Of a place that is only flown over: between two of them the way is at least so high, above mean sea level and above the ground."""
 
     @classmethod
     def of(cls, station: Station) -> Place:
         """Return the place of a station of a network."""
-        return cls(station.lat, station.lon, station.elevation_m, station.name, station.pads)
+        least = (one if math.isfinite(one) else None for one in (station.least_m, station.least_agl_m))
+        return cls(station.lat, station.lon, station.elevation_m, station.name, station.pads, *least)
+
+    @property
+    def least(self) -> tuple[float, float]:
+        """As `models.flight.way_heights` takes them."""
+        sea, ground = (-math.inf if one is None else one for one in (self.least_m, self.least_agl_m))
+        return sea, ground
 
 
 @dataclass(frozen=True, slots=True)

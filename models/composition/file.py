@@ -72,6 +72,10 @@ def to_json(composition: Composition) -> dict[str, Any]:
     for leg in document["legs"]:
         if leg["heights"] is None:
             del leg["heights"]
+    for place in document["stations"].values():
+        for name in ("least_m", "least_agl_m"):
+            if place[name] is None:
+                del place[name]
     return document | {"schema": SCHEMA, "scenario": scenario}
 
 

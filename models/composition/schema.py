@@ -35,6 +35,9 @@ class Place(msgspec.Struct):
     elevation_m: float | None = None
     name: str | None = None
     pads: Annotated[int, msgspec.Meta(ge=0)] = 0
+    least_m: float | None = None
+    least_agl_m: float | None = None
+    """Left out where there are none."""
 
 
 class Wind(msgspec.Struct, kw_only=True):

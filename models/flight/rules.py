@@ -122,6 +122,10 @@ def air_over(
     if network.flown is not None:
         extra_m = network.flown.up_m - rules.cruise_height_m, network.flown.down_m - rules.cruise_height_m
         distance_m = distance_m + drone.max_ground_speed_mps * lifts_s(rules, *extra_m, power)
+    raised = network.raised(rules.cruise_height_m)
+    if raised is not None:
+        lift_s = lifts_s(rules, raised.lift_m, raised.lift_m, power)
+        distance_m = distance_m + drone.max_ground_speed_mps * lift_s
     air = _air(wind, weight, network.bearing_deg, distance_m, airspeed_mps, drone.max_ground_speed_mps)
     too_high = None
     if math.isfinite(drone.max_height_m):
@@ -141,7 +145,11 @@ def segment_factors(network: Network, rules: FlightRules, segments: NDArray[np.i
     if network.flown is not None:
         return above_factors(rules, network.flown.mean_above_m[segments])
     ground_m = network.ground_m
-    return wind_factors(rules, (ground_m[network.tail[segments]], ground_m[network.head[segments]]))
+    found = wind_factors(rules, (ground_m[network.tail[segments]], ground_m[network.head[segments]]))
+    raised = network.raised(rules.cruise_height_m)
+    if raised is None:
+        return found
+    return np.where(raised.lift_m[segments] > 0.0, above_factors(rules, raised.mean_above_m[segments]), found)
 
 
 def lifts_s(

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from skyway.models.terrain.terrain import Terrain
 
 Place = tuple[float, float]
+Least = tuple[float, float]
+"""Least heights at which a place is flown over, above mean sea level and above the ground; minus infinity where there is none."""
+NO_LEAST: Least = (-math.inf, -math.inf)
 STEP_M = 0.1
 """Levels are rounded up to this: missions round heights to centimetres."""
 
@@ -106,6 +109,7 @@ def way_heights(
     ground_m: Sequence[float],
     cruise_height_m: float,
     over: Over | None = None,
+    least: Sequence[Least] | None = None,
 ) -> WayHeights:
     """Heights of a way straight from place to place.
 
@@ -119,17 +123,30 @@ def way_heights(
         Above the ground; over a terrain model its own counts.
     over : Over, optional
         The terrain model; without one the ground is taken to be linear between the places.
+    least : sequence of Least, optional
+        Of each place: between two the way is at least as high as the lower of theirs.
     """
     if over is None:
-        return _over_stations(ground_m, cruise_height_m)
+        return _over_stations(ground_m, cruise_height_m, least)
     lat, lon = np.array(places, dtype=np.float64).T
     found = _samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
     below = np.array(ground_m, dtype=np.float64)
     missing = np.isnan(below)
     if missing.any():
         below[missing] = over.terrain.ground_m(lat[missing], lon[missing])
-    parts = [_stepped(found, number, below[number : number + 2], over) for number in range(len(lat) - 1)]
+    parts = [
+        _stepped(found, number, below[number : number + 2], over, least=_between(least, number))
+        for number in range(len(lat) - 1)
+    ]
     return _joined(found, parts, below)
+
+
+def _between(least: Sequence[Least] | None, number: int) -> Least:
+    """Least heights of a segment of a way."""
+    if least is None:
+        return NO_LEAST
+    (a, a_agl), (b, b_agl) = least[number : number + 2]
+    return min(a, b), min(a_agl, b_agl)
 
 
 class SegmentHeights(NamedTuple):
@@ -152,11 +169,12 @@ def segment_heights(
     ground_m: NDArray[np.float64],
     pairs: NDArray[np.int64],
     over: Over,
+    least: NDArray[np.float64] | None = None,
 ) -> SegmentHeights:
     """Heights of the segments of a network over a terrain model: those of `way_heights` for each.
 
-    `lat`, `lon` and `ground_m` are those of nodes, `pairs` has begin and end of each segment, shape (segments, 2). Both directions
-    of a segment are worked out from one set of samples.
+    `lat`, `lon` and `ground_m` are those of nodes, `pairs` has begin and end of each segment, shape (segments, 2), `least` the `Least` of each
+    node, shape (nodes, 2). Both directions of a segment are worked out from one set of samples.
     """
     ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     a, b = ends.T
@@ -166,7 +184,8 @@ def segment_heights(
     both: dict[tuple[int, bool], tuple[float, ...]] = {}
     for row, (number, back) in enumerate(zip(which.ravel().tolist(), turned.tolist(), strict=True)):
         if (number, back) not in both:
-            part = _stepped(found, number, ground_m[ends[number]], over, back=back)
+            these = NO_LEAST if least is None else tuple(least[ends[number]].min(axis=0).tolist())
+            part = _stepped(found, number, ground_m[ends[number]], over, back=back, least=these)
             ground = found.ground_m[int(found.first[number]) : int(found.first[number + 1])]
             above = part.level_m - (ground[::-1] if back else ground)
             extremes = (one for values in (part.level_m, above) for one in (float(values.min()), float(values.max())))
@@ -245,16 +264,25 @@ def _floor_m(lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over, eve
     return np.maximum(top + over.clearance.least_m, over.terrain.ground_m(lat, lon) + over.cruise_height_m)
 
 
-def _over_stations(ground_m: Sequence[float], cruise_height_m: float) -> WayHeights:
-    """Heights without a terrain model."""
+def _over_stations(ground_m: Sequence[float], cruise_height_m: float, least: Sequence[Least] | None) -> WayHeights:
+    """Heights without a terrain model: straight up and down at the ends of a segment that is flown higher."""
     heights = [ground + cruise_height_m for ground in cleared_grounds_m(ground_m)]
-    knots = [Knot(0, 0.0, heights[0]), *(Knot(number, 1.0, height) for number, height in enumerate(heights[1:]))]
-    rises = [after - before for before, after in pairwise(heights)]
-    up = heights[0] - ground_m[0] + sum(max(rise, 0.0) for rise in rises)
-    down = heights[-1] - ground_m[-1] + sum(max(-rise, 0.0) for rise in rises)
-    above = [
-        0.5 * (h0 - g0 + h1 - g1) for (h0, h1), (g0, g1) in zip(pairwise(heights), pairwise(ground_m), strict=True)
-    ]
+    pieces = list(pairwise(heights))
+    for number, ends in enumerate(pieces):
+        low, low_agl = _between(least, number)
+        level = max(low, max(ground_m[number : number + 2]) + low_agl)
+        if level > min(ends):
+            level = math.ceil(round(max(level, *ends) / STEP_M, 6)) * STEP_M
+            pieces[number] = level, level
+    knots = [Knot(0, 0.0, pieces[0][0])]
+    for number, (begin, end) in enumerate(pieces):
+        if begin != knots[-1].height_m:
+            knots.append(Knot(number, 0.0, begin))
+        knots.append(Knot(number, 1.0, end))
+    rises = [after.height_m - before.height_m for before, after in pairwise(knots)]
+    up = knots[0].height_m - ground_m[0] + sum(max(rise, 0.0) for rise in rises)
+    down = knots[-1].height_m - ground_m[-1] + sum(max(-rise, 0.0) for rise in rises)
+    above = [0.5 * (h0 - g0 + h1 - g1) for (h0, h1), (g0, g1) in zip(pieces, pairwise(ground_m), strict=True)]
     none = np.empty(0)
     return WayHeights(
         tuple(knots), up, down, math.fsum(above) / len(above), none, none, none, none, np.empty(0, dtype=np.int64), none
@@ -306,13 +334,22 @@ class _Part(NamedTuple):
     unknown: Place | None
 
 
-def _stepped(found: _Samples, number: int, ends_m: NDArray[np.float64], over: Over, *, back: bool = False) -> _Part:
+def _stepped(
+    found: _Samples,
+    number: int,
+    ends_m: NDArray[np.float64],
+    over: Over,
+    *,
+    back: bool = False,
+    least: Least = NO_LEAST,
+) -> _Part:
     """Steps of a segment between two stations whose ground is `ends_m`; `back`: flown from the second to the first."""
     these = slice(int(found.first[number]), int(found.first[number + 1]))
     ground, top, share = found.ground_m[these], found.top_m[these], found.share[these]
     clearance, cruise_height_m = over.clearance, over.cruise_height_m
     floor = np.maximum(top + clearance.least_m, ground + cruise_height_m)
     floor[[0, -1]] = np.fmax(floor[[0, -1]], ends_m + cruise_height_m)
+    floor = np.maximum(floor, np.maximum(ground + least[1], least[0]))
     missing = np.flatnonzero(np.isnan(floor) | np.isnan(ground))
     if len(missing) or np.isnan(ends_m).any() or not np.isfinite(floor).all():
         at = int(missing[0]) if len(missing) else int(np.argmax(~np.isfinite(floor)))

@@ -16,7 +16,8 @@ from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
 from skyway.models.flight.way_heights import segment_heights
 from skyway.models.network.bends import Bends, with_bends
-from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, renumbered
+from skyway.models.network.overs import joined_pairs, with_overs
+from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, least_of, raised, renumbered
 from skyway.models.wind.interpolation import site_weights, weights_at
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import Over, SegmentHeights
+    from skyway.models.network.zoned import Raised
 
 
 SHORTEST_M = 1.0
@@ -53,7 +55,9 @@ class Station:
     recharge_power_w : float or None
         Most that one pad delivers; None limits nothing.
     flyover : bool
-        No station but a bend of the way around a zone: nobody lands there.
+        No station but a bend of the way around a zone, or where a way over one begins or ends: nobody lands there.
+    least_m, least_agl_m : float
+        Between two such places the way is at least so high, the lower of the two, above mean sea level and above the ground.
     """
 
     id: str
@@ -65,6 +69,8 @@ class Station:
     holding_spots: int = 4
     recharge_power_w: float | None = None
     flyover: bool = False
+    least_m: float = -math.inf
+    least_agl_m: float = -math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +152,10 @@ class Network:
         if zones is None or zones.max_detour <= 1.0:
             return cls._of(stations, pairs, rule, zones)
         whole = cls._of(stations, pairs, rule, None)  # checked before anything is added
-        bent = with_bends(Bends(zones), stations, np.column_stack((whole.tail, whole.head)))
+        pairs = np.column_stack((whole.tail, whole.head))
+        bent = joined_pairs(
+            with_bends(Bends(zones), stations, pairs), with_overs(zones, stations, pairs), len(stations)
+        )
         return replace(cls._of(*bent, rule, zones), longest_m=float(whole.distance_m.max(initial=0.0)))
 
     @classmethod
@@ -241,7 +250,13 @@ class Network:
         if self.over is None:
             return None
         pairs = np.column_stack((self.tail, self.head))
-        return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over)
+        return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over, least_of(self.stations))
+
+    def raised(self, cruise_height_m: float) -> Raised | None:
+        """Return what segments over zones are flown higher than at the cruise height; None where there are none, and over a terrain model."""
+        if self.over is not None or least_of(self.stations) is None:
+            return None
+        return raised(self.stations, np.column_stack((self.tail, self.head)), cruise_height_m)
 
     def over_terrain(self, over: Over) -> Network:
         """Return the same over a terrain model: grounds that stations lack are filled in, segments over unknown ground left out."""
@@ -451,7 +466,10 @@ class Network:
     ) -> tuple[tuple[Station, ...], NDArray[np.int64]]:
         """Add ways around zones to the segments of a target, which stays the last node; segments that are known are left out."""
         count = len(self.stations)
-        stations, pairs = with_bends(self._bends, stations, pairs)
+        if self.zones is None:
+            return stations, pairs
+        around, over = with_bends(self._bends, stations, pairs), with_overs(self.zones, stations, pairs)
+        stations, pairs = joined_pairs(around, over, len(stations))
         new = len(stations) - count - 1
         rank = np.concatenate((np.arange(count), [count + new], count + np.arange(new)))
         pairs = rank[pairs]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from skyway.models.airspace.ways import Ways, chosen, columns, level_flights
 from skyway.models.base.errors import Fault
+from skyway.models.flight.way_heights import STEP_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +27,48 @@ def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
     return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 
 
+def least_of(stations: Sequence[Station]) -> NDArray[np.float64] | None:
+    """Least heights of places that are flown over, above mean sea level and above the ground, shape (nodes, 2); None where no place has any."""
+    found = np.array([(one.least_m, one.least_agl_m) for one in stations], dtype=np.float64).reshape(-1, 2)
+    return found if np.isfinite(found).any() else None
+
+
+class Raised(NamedTuple):
+    """How much higher segments are flown than at the cruise height, shape (segments,) each, without a terrain model."""
+
+    lift_m: NDArray[np.float64]
+    """Climbed at the begin, and descended at the end, beyond the cruise height."""
+    level_m: NDArray[np.float64]
+    """Above mean sea level; where `lift_m` is above 0."""
+    mean_above_m: NDArray[np.float64]
+    """Mean height above the ground below; likewise."""
+
+
+def raised(stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Raised:
+    """Return how much higher segments between places with least heights are flown: as `models.flight.way_heights` has it."""
+    least, ground_m = least_of(stations), ground_of(stations)
+    first, last = (ground_m[pairs[:, end]] for end in (0, 1))
+    usual = np.maximum(first, last) + cruise_height_m
+    if least is None:
+        return Raised(np.zeros(len(pairs)), usual, usual - 0.5 * (first + last))
+    low, low_agl = least[pairs].min(axis=1).T
+    wanted = np.maximum(low, np.maximum(first, last) + low_agl)
+    level = np.where(wanted > usual, np.ceil(np.round(wanted / STEP_M, 6)) * STEP_M, usual)
+    return Raised(np.where(level > usual, level - usual, 0.0), level, level - 0.5 * (first + last))
+
+
+def raised_ways(ways: Ways, stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Ways:
+    """Return ways between nodes, those between places with least heights as high as these ask for."""
+    if least_of(stations) is None:
+        return ways
+    found, ground_m = raised(stations, pairs, cruise_height_m), ground_of(stations)
+    ends = np.stack([ground_m[pairs[:, end]] for end in (0, 1)])
+    higher = found.lift_m > 0.0
+    heights = found.level_m, found.level_m, found.level_m - ends.max(axis=0), found.level_m - ends.min(axis=0)
+    known = ways.low_m, ways.high_m, ways.low_agl_m, ways.high_agl_m
+    return Ways(*ways[:4], *(np.where(higher, new, old) for new, old in zip(heights, known, strict=True)))
+
+
 def flown_ways(
     stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float, flown: SegmentHeights | None = None
 ) -> tuple[Ways, Ways]:
@@ -38,7 +81,9 @@ def flown_ways(
     a, b = pairs[:, 0], pairs[:, 1]
     level = level_flights((lat[a], lon[a], lat[b], lon[b]), (ground_m[a], ground_m[b]), cruise_height_m)
     top_m = np.full(len(stations), cruise_height_m)
-    if flown is not None:
+    if flown is None:
+        level = raised_ways(level, stations, pairs, cruise_height_m)
+    else:
         heights = (flown.low_m, flown.high_m, flown.low_above_m, flown.high_above_m)
         level = Ways(*level[:4], *heights)
         for ends in (a, b):
@@ -66,9 +111,13 @@ def flyable(
     by_node = np.argsort(ends.T.ravel(), kind="stable")
     low, touching = _matches(ends.T.ravel()[by_node], used[at])
     way, volume = np.concatenate((way, by_node[touching] % len(ends))), np.concatenate((volume, over[low]))
-    closed = (
-        zones.too_high(level) if flown is None else np.zeros(len(ends), dtype=bool)
-    )  # its clearance has a greatest height
+    closed = zones.too_high(level)
+    if flown is not None:  # their clearance has a greatest height, which those that are flown over zones keep as well
+        least = least_of(stations)
+        lifted = np.zeros(len(stations), dtype=bool)
+        if least is not None:
+            lifted = np.asarray(np.isfinite(least).any(axis=1))
+        closed &= lifted[ends].all(axis=1)
     closed[way[zones.always_closed[volume]]] = True
     found = np.unique(np.column_stack((way, volume)), axis=0)
     found = found[~closed[found[:, 0]]]

@@ -30,7 +30,7 @@ from skyway.models.network.network import ConnectionRule, Network
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
 from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults, zone_warnings
-from skyway.models.scenario.ground import over_terrain
+from skyway.models.scenario.ground import grounded, over_terrain
 from skyway.models.scenario.scenario import MAX_NOTES, Scenario
 from skyway.models.terrain.files import read_terrain, split_name
 from skyway.models.wind.columns import WindColumns
@@ -99,7 +99,8 @@ class _Reader:
         name = self.top.text("name", self.folder.name or "scenario")
         timezone = self._timezone()
         rules = self._rules(self.top.table("flight"))
-        network = self._network(self.top.table("network"), self.top.table("airspace"), rules)
+        terrain = self._terrain()
+        network = self._network(self.top.table("network"), self.top.table("airspace"), rules, terrain)
         drones = self._drones(self.top.table("drones"))
         wind = self._wind(self.top.table("wind"))
         if self.stations:
@@ -107,7 +108,6 @@ class _Reader:
         load = self._load(self.top.table("load"), network, timezone)
         observed = self._observed(self.top.table("observed"))
         forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
-        terrain = self._terrain()
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)
@@ -181,7 +181,7 @@ class _Reader:
         self.own_zones = "" if own is None else str(own)
         return self._try(lambda _: found.with_authorized(authorized), self.file)
 
-    def _network(self, table: Table, airspace: Table, rules: FlightRules) -> Network | None:
+    def _network(self, table: Table, airspace: Table, rules: FlightRules, terrain: Terrain | None) -> Network | None:
         stations_file = self._path(table, "stations", required=True)
         segments_file = self._path(table, "segments")
         zones = self._airspace(self._path(table, "zones"), airspace, rules)
@@ -199,6 +199,8 @@ class _Reader:
         stations = self._try(lambda f: read_stations(f, columns=columns, pads=pads, holding_spots=spots), stations_file)
         if stations is None:
             return None
+        if zones is not None and terrain is not None:  # zones are compared with the ground
+            stations = grounded(stations, terrain)
         if zones is not None:
             self.faults += zone_faults(stations, zones, str(stations_file), self.own_zones)
             self.warnings += zone_warnings(stations, zones)

@@ -10,14 +10,15 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import height_text, place_text
 from skyway.models.flight.way_heights import Over, segment_heights
+from skyway.models.network.builders import with_zones
 from skyway.models.terrain.obstacles import FOOT_M
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from skyway.models.network.network import Network
+    from skyway.models.network.network import Network, Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.terrain.terrain import Terrain
 
@@ -33,15 +34,37 @@ def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
     Grounds that stations lack are filled in. What differs, what is not known, and segments that are left out for it are told in
     its warnings.
     """
+    ground_m = terrain.ground_m(scenario.network.lat, scenario.network.lon)
+    if not np.isfinite(ground_m).any():
+        raise InputError(_elsewhere(scenario.network, terrain))
+    scenario = _zoned_again(scenario, terrain)
     network = scenario.network
     ground_m = terrain.ground_m(network.lat, network.lon)
-    if not np.isfinite(ground_m).any():
-        raise InputError(_elsewhere(network, terrain))
     flown = network.over_terrain(Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m))
     notes = (*terrain.notes, *_unknown(network, flown, ground_m))
     flown = replace(flown, over=Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m, notes))
     warnings = (*scenario.warnings, *notes, *_differences(network, ground_m))
     return replace(scenario, network=flown, warnings=warnings)
+
+
+def grounded(stations: Sequence[Station], terrain: Terrain) -> tuple[Station, ...]:
+    """Return stations, those whose ground is not known with that of the terrain model."""
+    found = terrain.ground_m(np.array([one.lat for one in stations]), np.array([one.lon for one in stations]))
+    return tuple(
+        replace(one, elevation_m=round(float(ground), 2)) if one.elevation_m is None and np.isfinite(ground) else one
+        for one, ground in zip(stations, found, strict=True)
+    )
+
+
+def _zoned_again(scenario: Scenario, terrain: Terrain) -> Scenario:
+    """Return a scenario whose zones are compared with the ground that is known now: where it was not, heights above the sea closed all."""
+    network = scenario.network
+    real = [one for one in network.stations if not one.flyover]
+    stations = grounded(real, terrain)
+    if network.zones is None or network.rule is None or stations == tuple(real):
+        return scenario
+    again = with_zones(replace(network, stations=stations), network.zones)
+    return replace(scenario, network=again, load=scenario.load.first(len(real)).extended(len(again) - len(real)))
 
 
 def _elsewhere(network: Network, terrain: Terrain) -> Fault:

@@ -222,9 +222,9 @@ class RobustSearch:
         """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
         best, begin = min(found.values(), key=Candidate.order).outcome, self.problem.depart_s
         chance = self.parameters.chance_runs / self.parameters.screen_runs
-        if best.p_arrive > 1.0 - chance and best.mean_s - begin <= self.parameters.long_wait * (
-            best.quantile_s(0.5) - begin
-        ):
+        seldom = best.mean_s - begin <= self.parameters.long_wait * (best.quantile_s(0.5) - begin)
+        # A forecast of the day may be of a storm in all of its members: then half of the deliveries wait long, too.
+        if best.p_arrive > 1.0 - chance and seldom and not math.isfinite(self.problem.ensemble.known_until_s):
             return
         self._add_composed(found, self._short_margin, allowed)
 

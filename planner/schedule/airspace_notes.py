@@ -13,7 +13,7 @@ from skyway.models.airspace.ways import Ways, chosen, columns, flown_at, level_f
 from skyway.models.base.formatting import zone_clock
 from skyway.models.base.units import from_posix
 from skyway.models.flight.heights import cleared_grounds_m
-from skyway.models.network.zoned import flown_ways
+from skyway.models.network.zoned import flown_ways, raised_ways
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,6 +44,8 @@ def leg_ways(network: Network, nodes: Sequence[int], cruise_height_m: float) -> 
         ways = flown_at(places, (height_m[:-1], height_m[1:]), (ground_m[:-1], ground_m[1:]))
     else:
         ways = level_flights(places, (ground_m[:-1], ground_m[1:]), cruise_height_m)
+    pairs = np.column_stack((nodes[:-1], nodes[1:])).astype(np.int64)
+    ways = raised_ways(ways, network.stations, pairs, cruise_height_m)
     ends = [0, -1]
     return together(ways, columns(lat[ends], lon[ends], ground_m[ends], cruise_height_m))
 

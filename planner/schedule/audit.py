@@ -250,7 +250,8 @@ class _Audit:
         if flown is not None:
             flown = type(flown)(*(values[[segment]] for values in flown))
         level, climbs = flown_ways(network.stations, pair, network.zones.cruise_height_m, flown)
-        return bool(network.zones.conflicts(together(level, chosen(climbs, pair[0])), begin_s, end_s))
+        landed = np.array([not network.stations[node].flyover for node in pair[0].tolist()])
+        return bool(network.zones.conflicts(together(level, chosen(climbs, pair[0][landed])), begin_s, end_s))
 
     def _triangle_mps(self, segment: int, slot: int) -> float:
         """Ground speed by the law of cosines, 0 where the wind forbids the segment."""

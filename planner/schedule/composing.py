@@ -180,7 +180,8 @@ def _heights(problem: Problem, nodes: list[int]) -> LegHeights | None:
     if network.over is None:
         return None
     places = [(float(network.lat[node]), float(network.lon[node])) for node in nodes]
-    found = way_heights(places, network.ground_m[nodes].tolist(), network.over.cruise_height_m, network.over)
+    least = [(network.stations[node].least_m, network.stations[node].least_agl_m) for node in nodes]
+    found = way_heights(places, network.ground_m[nodes].tolist(), network.over.cruise_height_m, network.over, least)
     return LegHeights.of(found, network.over.terrain)
 
 

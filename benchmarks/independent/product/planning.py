@@ -39,7 +39,7 @@ from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.power import PowerModel
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from benchmarks.independent.information import Order
     from benchmarks.independent.vehicle.energy import Power
@@ -181,7 +181,7 @@ def plant(drone: Drone, payload_kg: float, how: Flying) -> Power:
 
 def days_for(name: str, order: Order, count: int, seed: int) -> tuple[date, ...]:
     """Days of the order's season to be held out of its plan and laid onto it."""
-    return season_days(scenario_of(name), _request(name, order), count, seed=seed)
+    return season_days(scenario_of(name), request_of(name, order), count, seed=seed)
 
 
 def shift_s(name: str, order: Order, day: date) -> float:
@@ -201,13 +201,21 @@ def planned(
 
     `reports` are those of the hour of the order, as in `information.Seen`: then the forecast is conditioned on them.
     """
-    scenario, request = told_scenario(name, kept_back), _request(name, order)
-    forecast = held_out_forecast(scenario, request, days) if reports is None else _now(scenario, request, days, reports)
+    scenario, request = told_scenario(name, kept_back), request_of(name, order)
+    return planned_on(
+        scenario,
+        request,
+        held_out_forecast(scenario, request, days) if reports is None else _now(scenario, request, days, reports),
+    )
+
+
+def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> Planned | None:
+    """Ask for a robust plan on a forecast; None where there is no route."""
     try:
         result = plan(scenario, request, planner="robust", forecast=forecast)
     except InfeasibleError:
         return None
-    outcome, start = result.outcome, order.depart_s
+    outcome, start = result.outcome, request.state.time.timestamp()
     due = [outcome.quantile_s(level) for level in LEVELS]
     promise = Promise(
         outcome.mean_s - start,
@@ -221,19 +229,29 @@ def planned(
 def _now(
     scenario: Scenario, request: Request, days: Sequence[date], reports: Mapping[str, tuple[float, float, float]]
 ) -> WindEnsemble:
-    """The forecast without some days of the record, conditioned on reports, by the code behind ``plan --observed``."""
-    winds = []
-    for site in scenario.wind_sites:
-        time_s, north, east = reports[site.id]
-        speed, degrees = map(float, speed_from(north, east))
-        seen = WindObservation(time_s, site.lat, site.lon, north, east, STATION_ERROR_MPS**2, scenario.measured_at_m)
-        winds.append(ObservedWind(site.id, "report", speed, degrees, seen))
+    """The forecast without some days of the record, conditioned on reports."""
 
     def forecast(begin: datetime, hours: int) -> WindEnsemble:
         local = begin.astimezone(ZoneInfo(scenario.timezone))
         assert scenario.history is not None
         return analogue_ensemble(scenario.history, local, hours, season_days=scenario.season_days, exclude=days)
 
+    return told_reports(scenario, request, forecast, reports)
+
+
+def told_reports(
+    scenario: Scenario,
+    request: Request,
+    forecast: Callable[[datetime, int], WindEnsemble],
+    reports: Mapping[str, tuple[float, float, float]],
+) -> WindEnsemble:
+    """A forecast conditioned on reports, by the code behind ``plan --observed``."""
+    winds = []
+    for site in scenario.wind_sites:
+        time_s, north, east = reports[site.id]
+        speed, degrees = map(float, speed_from(north, east))
+        seen = WindObservation(time_s, site.lat, site.lon, north, east, STATION_ERROR_MPS**2, scenario.measured_at_m)
+        winds.append(ObservedWind(site.id, "report", speed, degrees, seen))
     chosen = counted(winds, scenario.wind_sites, request.state.time.timestamp())
     found, _ = conditioned(
         forecast, chosen.winds, request.state.time, HORIZON_H, exponent=scenario.rules.wind_profile_exponent,
@@ -242,7 +260,8 @@ def _now(
     return found
 
 
-def _request(name: str, order: Order) -> Request:
+def request_of(name: str, order: Order) -> Request:
+    """The order as the product is asked for it."""
     return Request(
         state=State(datetime.fromtimestamp(order.depart_s, UTC), order.origin),
         destination=order.destination,

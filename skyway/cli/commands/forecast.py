@@ -322,7 +322,7 @@ def _seen(world: Scenario, observed: str | None, near_s: float) -> list[WindObse
             "the scenario has no wind record", world.path, remedy="hand over what was observed with --observed"
         )
     return [
-        WindObservation(record.start_s + slot * record.slot_s, site.lat, site.lon, float(record.north[slot, k]), float(record.east[slot, k]), 1.0, record.measured_at_m)
+        WindObservation(record.start_s + (slot + 0.5) * record.slot_s, site.lat, site.lon, float(record.north[slot, k]), float(record.east[slot, k]), 1.0, record.measured_at_m)
         for slot in range(len(record)) if record.complete[slot] for k, site in enumerate(record.sites)
     ]  # fmt: skip
 

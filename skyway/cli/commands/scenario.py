@@ -177,6 +177,8 @@ def _chosen(file: AirspaceFile, at_s: float | None) -> list[Zone]:
 
 
 def _show_airspace(file: AirspaceFile, at_s: float | None) -> None:
+    from skyway.models.airspace.notes import CLOSES_NOTHING
+
     zones = _chosen(file, at_s)
     say(f"{file.path}: {file.form}, {_counts(zones)}" + ("" if at_s is None else f", of {len(file.zones)} in all"))
     left = ("id", "name", "kind", "floor to ceiling", "active")
@@ -186,7 +188,11 @@ def _show_airspace(file: AirspaceFile, at_s: float | None) -> None:
         sheet.add(zone.id, zone.name, zone.kind, heights, str(zone.activation))
     if zones:
         sheet.show()
-    for head, faults in (("not understood, so counted as closed", file.notes), ("cannot be placed", file.faults)):
+    open_ = [fault for fault in file.notes if (fault.remedy or "").startswith(CLOSES_NOTHING)]
+    closed = [fault for fault in file.notes if fault not in open_]
+    for head, faults in (
+        ("not understood, so counted as closed", closed), ("closes nothing", open_), ("cannot be placed", file.faults)
+    ):  # fmt: skip
         if faults:
             say(f"{head}: {len(faults)}")
             for fault in faults:

@@ -305,6 +305,16 @@ def test_the_command_lists_zones_and_what_was_not_understood(tmp_path, capsys):
     assert main(["airspace", str(tmp_path / "absent")]) == 2
 
 
+def test_a_collection_without_zones_says_so_and_closes_nothing(tmp_path, capsys):
+    path = tmp_path / "none.geojson"
+    path.write_text('{"type": "FeatureCollection", "features": []}', encoding="utf-8")
+    assert main(["airspace", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "closes nothing: 1" in told
+    assert "has no zones; closes nothing" in told
+    assert "counted as closed" not in told
+
+
 def test_windows_of_a_zone_join_where_they_touch(tmp_path):
     entries = [
         {"startDateTime": f"2026-08-05T1{a}:00Z", "endDateTime": f"2026-08-05T1{b}:00Z"} for a, b in ("12", "23", "67")
