@@ -75,6 +75,7 @@ class Supervisor:
             ground_m=lambda lat, lon: float(job.scenario.network.ground_at_m(lat, lon)[0]),
             residual=ResidualModel(tau_s=job.parameters.online.residual_tau_s),
             least_members=job.parameters.online.least_members,
+            field=job.scenario.field_error,
             at_stations=job.observed,
         )  # fmt: skip
         belief = job.scenario.drone(job.request.drone or "").energy_belief

@@ -15,6 +15,7 @@ from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.estimation.forecast_update import SLOT_S, update_forecast
 from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
+from skyway.models.wind.field_error import EXACT_FIELD
 from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.field import ResidualModel
     from skyway.models.wind.estimation.filter import WindEstimate
+    from skyway.models.wind.field_error import FieldError
 
 UPDATE_EVERY_S = 30.0
 SAME_ERROR = 100.0
@@ -41,7 +43,7 @@ class WindBook:
 
     The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
     wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
-    and longitude; by default it is not known. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
+    and longitude; by default it is not known. Between the sites the wind is off by the error `field`, at cruise height. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
     see `update_forecast`.
     """
 
@@ -54,11 +56,13 @@ class WindBook:
         ground_m: Callable[[float, float], float] = lambda *_: math.nan,
         residual: ResidualModel | None = None,
         least_members: float = 1.0,
+        field: FieldError = EXACT_FIELD,
         at_stations: Callable[[float], Sequence[WindObservation]] = lambda _: (),
     ) -> None:
         self._rules, self.cruise_height_m, self.exponent = rules, rules.cruise_height_m, rules.wind_profile_exponent
         self.base = forecast.at_height(self.cruise_height_m, self.exponent)
-        self._residual, self._least_members = residual, least_members
+        self._residual, self._least_members, self._field = residual, least_members, field
+        self._measured_at: tuple[float, float] | None = None
         self._ask_stations, self._at_stations = at_stations, tuple[WindObservation, ...]()
         self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
@@ -76,6 +80,8 @@ class WindBook:
         """Learn from a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
         if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
             self.live.hear(replace(sample, height_m=self._above_ground_m(sample, home_ground_m)))
+            if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
+                self._measured_at = sample.lat_deg, sample.lon_deg
 
     def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
         """Height above the ground below; above where it took off, where the ground is not known."""
@@ -158,15 +164,15 @@ class WindBook:
         """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
-            self._updated = self._update()
+            self._updated = self._update(slot_s=SLOT_S, here=self._measured_at)
         return self._updated
 
     def forecast_by_hour(self) -> WindEnsemble:
         """Return the forecast brought up to date, at cruise height, in its own slots."""
-        return self._update(slot_s=self.base.slot_s)
+        return self._update(slot_s=self.base.slot_s, here=None)
 
-    def _update(self, *, slot_s: float = SLOT_S) -> WindEnsemble:
-        """Bring the forecast up to date."""
+    def _update(self, *, slot_s: float, here: tuple[float, float] | None) -> WindEnsemble:
+        """Bring the forecast up to date, with a site where the wind was measured last."""
         heard = self._ask_stations(max(self._updated_s, self.base.start_s))
         self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in heard)
         return update_forecast(
@@ -175,4 +181,6 @@ class WindBook:
             self._residual,
             slot_s=slot_s,
             least_members=self._least_members,
+            field=self._field,
+            here=here,
         )

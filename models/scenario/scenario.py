@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
@@ -14,7 +15,9 @@ from skyway.models.base.errors import InputError, refuse
 from skyway.models.base.units import utc
 from skyway.models.network.builders import with_zones
 from skyway.models.scenario.checks import zone_faults
+from skyway.models.wind.field_error import FieldError
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
+from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,6 +188,13 @@ class Scenario:
             load = load.first(stations).extended(len(network) - stations)
         network = replace(network, zones=zones.with_authorized(authorized))
         return replace(self, network=network, load=load, warnings=warnings)
+
+    @cached_property
+    def field_error(self) -> FieldError:
+        """How far the wind at cruise height between the sites may be from what is interpolated, by the record where it has several."""
+        found = FieldError() if self.history is None else FieldError.of(self.history)
+        rules = self.rules
+        return found.at_height(height_factor(rules.cruise_height_m, self.measured_at_m, rules.wind_profile_exponent))
 
     def with_target(self, lat: float, lon: float) -> Scenario:
         """Add a delivery target without pads to the network."""

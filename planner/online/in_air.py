@@ -29,6 +29,7 @@ from skyway.planner.online.options import (
     other_stations,
 )
 from skyway.planner.online.told_plan import segments_of
+from skyway.planner.robust.free_capacity import full_on_arrival
 
 if TYPE_CHECKING:
     from skyway.planner.online.hindsight import Hindsight
@@ -104,7 +105,7 @@ class FlightDecision:
 
     def _reach(self) -> Reach:
         info, chosen = self._info, self._memory.airspeed_mps
-        reach = self._policy.reach(info.forecast, info.belief, cleared_m=info.cleared_m)
+        reach = self._policy.reach(info.forecast, info.belief, cleared_m=info.cleared_m, measured=True)
         if info.here is not None:
             reach = reach.where_flown([info.here], info.time_s)
         wanted, limit_mps = reach.airspeed_mps if chosen is None else chosen, info.airspeed_limit_mps
@@ -131,6 +132,7 @@ class FlightDecision:
         airborne = self._info
         way = reach.way(here, airborne.via, airborne.destination)
         now, _ = going_on(reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
+        now = self._with_room(now, reach)
         length, bearing = geodesy.inverse(*way[0], *way[1])
         piece_s = reach.along(way[:2], airborne.time_s).time_s[:, 0]
         wanted = float(reach.expected(np.asarray(length) / np.maximum(piece_s, 1e-3)))
@@ -178,7 +180,21 @@ class FlightDecision:
         airborne = self._info
         index = reach.network.index
         names = [s for s in dict.fromkeys(airborne.diverts) if s in index and s != airborne.destination]
-        return other_stations(reach, here, names, time_s, soc, self._floors)
+        options = other_stations(reach, here, names, time_s, soc, self._floors)
+        return [self._with_room(one, reach) for one in options]
+
+    def _with_room(self, option: Option, reach: Reach) -> Option:
+        """Return the same with the risk of finding no place until the charge is gone, by who is at its station now."""
+        info, scenario = self._info, self._policy.scenario
+        node = scenario.network.index[option.station]
+        present = info.busy_pads.get(option.station) if scenario.network.pads[node] else None
+        if present is None:
+            return option
+
+        def full_at(time_s: float) -> float:
+            return full_on_arrival(scenario, node, present, info.time_s, time_s)
+
+        return option.with_room(full_at, reach.soc_per_s, self._floors, self._parameters.empty_soc)
 
     def _onward(self, reach: Reach) -> Hindsight:
         """What follows landings, in futures of the newest forecast; energy as for the next flights."""
@@ -194,7 +210,8 @@ class FlightDecision:
         epsilon, airborne = self._parameters.epsilon, self._info
         way = reach.way(here, airborne.via, airborne.destination)
         given = (reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
-        options = [*other_airspeeds(*given), *self._others(here, reach, airborne.time_s, airborne.soc)]
+        speeds = [self._with_room(one, reach) for one in other_airspeeds(*given)]
+        options = [*speeds, *self._others(here, reach, airborne.time_s, airborne.soc)]
         safe = [one for one in options if one.p_reserve <= min(epsilon, self._parameters.clearly * now.p_reserve)]
         if safe:
             onward = self._onward(reach)

@@ -6,7 +6,7 @@ Each option is told by when it lands, with which charge, how probably below the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from skyway.planner.online.hindsight import Hindsight
     from skyway.planner.reach.reach import Flown, Place, Reach
@@ -35,7 +35,7 @@ class Option:
     p_reserve: float
     p_half: float
     p_empty: float
-    """Probability of landing below the reserve, below half of it, and of a battery that is empty before."""
+    """Probability of landing below the reserve, below half of it, and of a battery that is empty before; of hovering for a place until then, too."""
     distance_m: float
     """Way left."""
     arrival_s: float = math.nan
@@ -45,6 +45,19 @@ class Option:
     def risk(self) -> tuple[float, float, float]:
         """What is to be small where nothing keeps the reserve: an empty battery in the air before anything else."""
         return round(self.p_empty, 2), round(self.p_half, 2), self.p_reserve
+
+    def with_room(
+        self, full_at: Callable[[float], float], soc_per_s: float, floors: Floors, empty_soc: float
+    ) -> Option:
+        """Return the same with the risk of hovering for a place, by the chance that its station is full at a time, POSIX seconds."""
+        full = [
+            full_at(self.lands_s + max(self.soc - floor, 0.0) / soc_per_s)
+            for floor in (floors.reserve, floors.half, empty_soc)
+        ]
+        risks = [
+            1.0 - (1.0 - p) * (1.0 - q) for p, q in zip((self.p_reserve, self.p_half, self.p_empty), full, strict=True)
+        ]
+        return replace(self, p_reserve=risks[0], p_half=risks[1], p_empty=risks[2])
 
     def as_data(self) -> dict[str, Any]:
         """For the journal."""
@@ -81,14 +94,18 @@ def going_on(
     flown = reach.to_the_end(way, time_s)
     cost = flown.soc[:, None]
     length = sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way))
+    low, lower, empty = (
+        float(reach.p_below(soc, cost, floor, flown.doubt[:, None])[0])
+        for floor in (floors.reserve, floors.half, reach.parameters.empty_soc)
+    )
     option = Option(
         station,
         reach.airspeed_mps,
         time_s + float(reach.expected(flown.time_s)),
         soc - float(reach.expected(flown.soc)) * reach.belief.mean_ratio,
-        float(reach.p_below(soc, cost, floors.reserve)[0]),
-        float(reach.p_below(soc, cost, floors.half)[0]),
-        float(reach.p_below(soc, cost, reach.parameters.empty_soc)[0]),
+        low,
+        lower,
+        empty,
         length,
     )
     return option, flown
@@ -117,7 +134,8 @@ def other_stations(
     flown = reach.to_stations(here, time_s, nodes)
     times, costs = reach.expected(flown.time_s), reach.expected(flown.soc) * reach.belief.mean_ratio
     low, lower, empty = (
-        reach.p_below(soc, flown.soc, floor) for floor in (floors.reserve, floors.half, reach.parameters.empty_soc)
+        reach.p_below(soc, flown.soc, floor, flown.doubt)
+        for floor in (floors.reserve, floors.half, reach.parameters.empty_soc)
     )
     length, _ = geodesy.inverse(*here, reach.network.lat[nodes], reach.network.lon[nodes])
     return [

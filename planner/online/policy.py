@@ -25,6 +25,7 @@ from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import Problem
 from skyway.planner.reach.reach import Reach
+from skyway.planner.reach.wind_ahead import WindAhead
 
 if TYPE_CHECKING:
     from skyway.models.drones.drag import DragModel
@@ -68,18 +69,25 @@ class OnlinePolicy:
         self.all_parameters, self.parameters = parameters, parameters.online
         self.drone = scenario.drone(request.drone or "")
         self.load = None if drag is None else AirspeedLoad(drag)
+        self._ahead = WindAhead.of(scenario, errors)
 
     # What both need
 
     def reach(
-        self, forecast: WindEnsemble, belief: EnergyBelief, *, watched: bool = True, cleared_m: float = -math.inf
+        self,
+        forecast: WindEnsemble,
+        belief: EnergyBelief,
+        *,
+        watched: bool = True,
+        cleared_m: float = -math.inf,
+        measured: bool = False,
     ) -> Reach:
-        """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`."""
+        """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`, `measured` where the drone is."""
         request = self.request
         return Reach(
             self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
             load=self.load, parameters=self.parameters,
-            watched=watched, cleared_m=cleared_m,
+            watched=watched, cleared_m=cleared_m, ahead=self._ahead if measured else None,
         )  # fmt: skip
 
     def problem(self, info: Information) -> Problem:

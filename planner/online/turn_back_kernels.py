@@ -15,9 +15,10 @@ import numpy as np
 
 from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.wind.gusts import gust_mean_variance
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.robust.normal_kernels import capped
-from skyway.planner.robust.uncertain_wind_kernels import gust_mean, gust_mean_variance, wind_felt, wind_variance
+from skyway.planner.robust.uncertain_wind_kernels import gust_mean, wind_felt, wind_variance
 from skyway.planner.schedule.gust_kernels import GUST_STEP_S, GustyPlace, gusts_of, gusty_part, gusty_speed, gusty_start
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import range_faults
 from skyway.models.drones.energy_belief import EXACT, EnergyBelief
+from skyway.models.wind.gusts import GUST_SD, GUST_TIME_S
 
 if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
 class Errors:
     """What the truth has that no forecast tells."""
 
-    gust_sd: float = 0.15
+    gust_sd: float = GUST_SD
     """Standard deviation of gusts along the wind, as a share of the hourly speed."""
-    gust_time_s: float = 180.0
+    gust_time_s: float = GUST_TIME_S
     """Time constant of gusts, as a drone meets them."""
     energy: EnergyBelief | None = None
     """How far the energy of flights may be from the model's; None: as is believed of each drone."""

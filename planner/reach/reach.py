@@ -20,11 +20,12 @@ from skyway.models.flight.rules import air_between
 from skyway.models.flight.way_heights import level_over_m, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
+from skyway.planner.reach.wind_ahead import slower_s
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.drones.airspeed_load import AirspeedLoad
     from skyway.models.drones.drone import Drone
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.online import OnlineParameters
+    from skyway.planner.reach.wind_ahead import WindAhead
 
 SOC_SD = 0.005
 """Of a state of charge as vehicles tell it, that landings are judged by."""
@@ -57,6 +59,8 @@ class Flown(NamedTuple):
     """How long they take."""
     soc: NDArray[np.float64]
     """Charge that they take by the model, without the factor that is believed."""
+    doubt: NDArray[np.float64]
+    """Standard deviation of that because the wind ahead is not quite known; 0 where nothing is said of it."""
 
 
 class Reach:
@@ -64,8 +68,8 @@ class Reach:
 
     The belief is how its energy differs from the model's, `load` how its power changes with airspeed; by default it
     does not. The planned airspeed is by default the drone's cruise airspeed. A real flight is `watched`: it takes
-    `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`. A
-    drone in the air clears ground up to `cleared_m` above sea level by the cruise height: it comes no lower before it
+    `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`, or, from
+    where it was measured just now on, than `ahead` says. A drone in the air clears ground up to `cleared_m` above sea level by the cruise height: it comes no lower before it
     lands.
     """
 
@@ -82,6 +86,7 @@ class Reach:
         parameters: OnlineParameters = USUAL.online,
         watched: bool = False,
         cleared_m: float = -math.inf,
+        ahead: WindAhead | None = None,
     ) -> None:
         self.load, self.parameters = load, parameters
         self.network, self.rules = scenario.network, scenario.rules
@@ -91,7 +96,8 @@ class Reach:
         self.power = power = FlightPower.of(drone, payload_kg)
         self.soc_per_s = power.soc_per_s
         manoeuvres_s = parameters.manoeuvres_s if watched else 0.0
-        self._wind_spread = parameters.wind_spread if watched else 0.0
+        self._wind_spread = parameters.wind_spread if watched and ahead is None else 0.0
+        self._ahead = ahead
         self._soc_sd = SOC_SD if watched else 0.0
         self.descent_s = self.rules.descent_s + manoeuvres_s
         self.soc_climb = power.soc_climb(self.rules.climb_s)
@@ -138,14 +144,22 @@ class Reach:
         most = self.drone.max_ground_speed_mps
         air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most, factor)
         flight_s = airborne_times(air, time_s, in_turn)
-        if self.load is None:
-            return Flown(flight_s, self.soc_per_s * flight_s)
-        # a drone that must not be faster over the ground flies slower through the air
+        doubt = np.zeros_like(flight_s)
+        if self.load is None and self._ahead is None:
+            return Flown(flight_s, self.soc_per_s * flight_s, doubt)
         half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
         north, east = self.winds(*middle, time_s + half_s)
         along, across = along_across(factor * north, factor * east, air.cos_bearing, air.sin_bearing)
-        speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
-        return Flown(flight_s, self.soc_per_s * self.load.factor(np.hypot(speed - along, across)) * flight_s)
+        soc_per_s = np.full_like(flight_s, self.soc_per_s)
+        if self.load is not None:  # a drone that must not be faster over the ground flies slower through the air
+            speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
+            soc_per_s *= self.load.factor(np.hypot(speed - along, across))
+        if self._ahead is not None:
+            away_m = np.cumsum(length_m) - 0.5 * length_m if in_turn else 0.5 * length_m
+            whole_s = flight_s.sum(axis=1, keepdims=True) if in_turn else flight_s
+            sd_mps = self._ahead.sd_mps(away_m, np.hypot(factor * north, factor * east), self.expected(whole_s))
+            doubt = soc_per_s * slower_s(length_m, (along, across), self.airspeed_mps, most, sd_mps)
+        return Flown(flight_s, soc_per_s * flight_s, doubt)
 
     def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
         """Fly from a point at cruise height to touch-down at stations."""
@@ -163,7 +177,7 @@ class Reach:
                 level_m - ground_m[0] - over.cruise_height_m, level_m - ground_m[1] - over.cruise_height_m
             )
         flown = self._cruise(start, bearing, length, time_s, factor, in_turn=False)
-        return Flown(flown.time_s + self.descent_s + lift[0], flown.soc + self.soc_descent + lift[1])
+        return Flown(flown.time_s + self.descent_s + lift[0], flown.soc + self.soc_descent + lift[1], flown.doubt)
 
     def _lift(
         self, up_m: NDArray[np.float64], down_m: NDArray[np.float64]
@@ -188,7 +202,7 @@ class Reach:
             steps = way_steps(points, self.network.over)
             factor, lift = above_factors(self.rules, steps.mean_above_m), self._lift(steps.up_m, steps.down_m)
         flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True)
-        return Flown(np.cumsum(flown.time_s + lift[0], axis=1), np.cumsum(flown.soc + lift[1], axis=1))
+        return Flown(*(np.cumsum(one, axis=1) for one in (flown.time_s + lift[0], flown.soc + lift[1], flown.doubt)))
 
     def ends(self, way: Sequence[Place]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Seconds and charge of the climb with which a way begins on the ground, and of the descent with which it ends."""
@@ -208,7 +222,8 @@ class Reach:
         begin, (descent_s, descent_soc) = self.ends(way)
         climb_s, climb_soc = begin if climbs else (0.0, 0.0)
         flown = self.along(way, time_s + climb_s)
-        return Flown(flown.time_s[:, -1] + climb_s + descent_s, flown.soc[:, -1] + climb_soc + descent_soc)
+        soc = flown.soc[:, -1] + climb_soc + descent_soc
+        return Flown(flown.time_s[:, -1] + climb_s + descent_s, soc, flown.doubt[:, -1])
 
     def ground_speed_mps(self, way: Sequence[Place], distance_m: float, time_s: float) -> float:
         """Mean ground speed of the planned airspeed along a way of a length, at most the drone's greatest."""
@@ -221,16 +236,21 @@ class Reach:
         time_mean = float(self.expected(flown.time_s[:, -1]))
         return float(self.expected(flown.soc[:, -1])) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0
 
-    def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
-        """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
-        return np.asarray(np.einsum("m,m...->...", self.wind.probability, self.below(soc, cost, floor_soc)))
+    def p_below(
+        self, soc: float, cost: NDArray[np.float64], floor_soc: float, doubt: ArrayLike = 0.0
+    ) -> NDArray[np.float64]:
+        """Probability of landing below a charge, over members and energy, shape (n,); `cost` and `doubt` as of `Flown`, shape (members, n)."""
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, self.below(soc, cost, floor_soc, doubt)))
 
-    def below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
+    def below(
+        self, soc: float, cost: NDArray[np.float64], floor_soc: float, doubt: ArrayLike = 0.0
+    ) -> NDArray[np.float64]:
         """Probability of landing below a charge in each member, shape of `cost`."""
         from scipy.special import ndtr
 
         sigma = math.hypot(self.belief.sd_between, self._wind_spread * self.belief.mean_ratio)
-        spread = np.maximum(np.hypot(cost * sigma, self._soc_sd), 1e-9)
+        wind = self.belief.mean_ratio * np.asarray(doubt)
+        spread = np.maximum(np.sqrt((cost * sigma) ** 2 + wind**2 + self._soc_sd**2), 1e-9)
         return np.asarray(
             ndtr(self.belief.normal_deviate((cost * self.belief.mean_ratio - (soc - floor_soc)) / spread))
         )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.queues.sampling import QueuePath
+    from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.problem import Problem
 
 
@@ -92,6 +93,18 @@ def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) ->
             found[node] = chance_full(one.pads, one.holding_spots, come, gone, seen) <= most
     found[problem.destination] = True
     return found
+
+
+def full_on_arrival(scenario: Scenario, node: int, present: int, now_s: float, lands_s: float) -> float:
+    """Chance that a station is full for a drone that lands later, from how many others are there now; times are POSIX seconds."""
+    station, load = scenario.network.stations[node], scenario.load
+    begin_s = now_s % S_PER_H
+    end_s = begin_s + max(lands_s - now_s, 0.0)
+    hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
+    charging = load.mean_charging_s[node, hours]
+    services = np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
+    come, gone = expected(load.arrivals_per_s[node, hours], begin_s, end_s), expected(services, begin_s, end_s)
+    return float(chance_full(station.pads, station.holding_spots, come, gone, present))
 
 
 def blocking_probability_after(problem: Problem, after_s: float, *, behind: int) -> float:

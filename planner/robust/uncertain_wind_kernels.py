@@ -9,6 +9,7 @@ import numpy as np
 
 from skyway.models.flight.kernels import along_across, cross, forward_mps, segment_speed, slot_of, slots_of, wind_on
 from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.wind.gusts import gust_mean_variance
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.robust.normal_kernels import capped
 from skyway.planner.schedule.gust_kernels import LATERAL
@@ -18,17 +19,6 @@ if TYPE_CHECKING:
 
     from skyway.models.flight.rules import SegmentWind
     from skyway.planner.robust.information_kernels import Known
-
-
-@compiled_lean
-def gust_mean_variance(x: float) -> float:
-    """Variance of the mean of a flight's gusts as a share of that of one, for a time constant of x times the flight.
-
-    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has, with x = tau / T,
-
-        2 x (1 - x (1 - exp(-1 / x)))
-    """
-    return 2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x)))
 
 
 @compiled_lean

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.independent.information import HERE
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
-from skyway.models.wind.estimation.forecast_update import REPRESENTATION_MPS, SLOT_S, update_forecast
+from skyway.models.wind.estimation.forecast_update import MEASURED_S, SLOT_S, slot_variance, update_forecast
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.reach.reach import Place
 
-VARIANCE = 0.05 + REPRESENTATION_MPS**2
-"""Of a component of the wind measured, m2/s2, as of the filter's averages over `SLOT_S`."""
+VARIANCE = 0.05
+"""Of a component of the wind that the filter finds, m2/s2."""
 SURE = 1e-3
 SURE_LOOKS = 5
 """A flight that lands below the reserve with less than that is looked at again after so many pieces."""
@@ -55,7 +55,12 @@ class InAir:
         self._next_look.clear()
 
     def forecast(
-        self, run: int, reports: Mapping[str, tuple[float, float, float]], *, by_hour: bool = False
+        self,
+        run: int,
+        reports: Mapping[str, tuple[float, float, float]],
+        *,
+        by_hour: bool = False,
+        here: Place | None = None,
     ) -> WindEnsemble:
         """Bring the forecast up to date by reports and by what the drone measured on its flights, as `fly` does."""
         online, scenario = self.start.parameters.online, self.start.scenario
@@ -69,7 +74,7 @@ class InAir:
         return update_forecast(
             self._base, [*told, *self._measured.get(run, {}).values()],
             ResidualModel(tau_s=online.residual_tau_s), slot_s=self._base.slot_s if by_hour else SLOT_S,
-            least_members=online.least_members,
+            least_members=online.least_members, field=scenario.field_error, here=here,
         )  # fmt: skip
 
     def belief(self, flights: Sequence[Flown]) -> EnergyBelief:
@@ -94,14 +99,15 @@ class InAir:
         ends = [ids[int(network.head[one])] for one in rest]
         belief, used = self.belief(seen.flights), seen.told_off - seen.told
         modelled = self._modelled(seen.time_s - seen.off_s)
+        here = self._place(seen.segment, seen.share)
         info = Information(
             time_s=seen.time_s,
             soc=seen.told,
-            forecast=self.forecast(seen.run, seen.reports),
+            forecast=self.forecast(seen.run, seen.reports, here=here),
             belief=belief.in_flight(used, modelled) if used > LEARN_SOC else belief.next_flight(),
             visited=frozenset(ids[one.origin] for one in seen.flights),
             busy_pads={one.id: seen.line(node) for node, one in enumerate(network.stations) if one.pads},
-            here=self._place(seen.segment, seen.share),
+            here=here,
             via=tuple(ends[:-1]),
             destination=ends[-1],
             diverts=tuple(ids[node] for node in diverts),
@@ -122,13 +128,14 @@ class InAir:
     def _note(self, seen: Aloft) -> None:
         """Keep what was measured, averaged over slots as `fly` does; the slot under way grows."""
         measured = self._measured.setdefault(seen.run, {})
-        for slot, found in groupby(seen.pieces, lambda one: one.time_s // SLOT_S):
+        for slot, found in groupby(seen.pieces, lambda one: one.time_s // MEASURED_S):
             some = list(found)
             places = [self._place(one.segment, one.share) for one in some]
             time_s, lat, lon, north, east = np.mean(
                 [(one.time_s, *place, *one.wind) for one, place in zip(some, places, strict=True)], axis=0
             ).tolist()
-            measured[slot] = WindObservation(time_s, lat, lon, north, east, VARIANCE, self._height_m)
+            variance = VARIANCE + slot_variance(math.hypot(north, east), some[-1].time_s - some[0].time_s)
+            measured[slot] = WindObservation(time_s, lat, lon, north, east, variance, self._height_m)
 
     def _modelled(self, flight_s: float) -> float:
         return float(self.start.soc_fixed + self.start.soc_per_s * flight_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from skyway.link.supervisor.flight.pads_ahead import PadsAhead
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
 from skyway.link.supervisor.journal.entries import Decided, GaugeNote, PadAnswered, SpeedNote
@@ -41,8 +42,8 @@ def flying(ctx: Context) -> After:
         return State.HOLDING, "the drone is in the air, and its leg is not known"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
-    memory = FlightMemory()
-    return _until_landed(ctx, lambda: _fly_on(ctx, memory)) or (State.LANDED, "landed and disarmed")
+    memory, pads = FlightMemory(), PadsAhead(ctx.pads, lambda: ctx.now_s)
+    return _until_landed(ctx, lambda: _fly_on(ctx, memory, pads)) or (State.LANDED, "landed and disarmed")
 
 
 def _until_landed(ctx: Context, decide: Callable[[], After | None]) -> After | None:
@@ -89,7 +90,7 @@ def _landing(ctx: Context, s: TelemetrySample) -> bool:
 # Deciding
 
 
-def information(ctx: Context, memory: FlightMemory) -> Information | None:
+def information(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> Information | None:
     """What is known in the air; None while the position or the charge is not."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None or not math.isfinite(ctx.battery.soc):
@@ -101,6 +102,7 @@ def information(ctx: Context, memory: FlightMemory) -> Information | None:
         forecast=ctx.wind.forecast(ctx.now_s),
         belief=ctx.energy.now(leg, ctx.battery.soc),
         visited=frozenset(ctx.delivery.visited),
+        busy_pads=pads,
         unusable=frozenset(ctx.delivery.unusable),
         via=_ahead(ctx),
         destination=leg.destination,
@@ -148,9 +150,9 @@ def _ahead(ctx: Context) -> tuple[str, ...]:
     return leg.via[piece:] if len(way) == len(leg.via) + 2 else ()
 
 
-def _fly_on(ctx: Context, memory: FlightMemory) -> After | None:
+def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
     """Decide and do it; None flies on."""
-    known = information(ctx, memory)
+    known = information(ctx, memory, pads)
     if not ctx.job.replanning or known is None:
         return None
     decision = ctx.policy().in_air(known)
@@ -235,14 +237,14 @@ def diverting(ctx: Context) -> After:
         after = turn(ctx, ctx.divert.station, State.DIVERTING)
         if after[0] is not State.DIVERTING:
             return after
-    memory = FlightMemory(turned=True)
-    end = _until_landed(ctx, lambda: _watch(ctx, memory))
+    memory, pads = FlightMemory(turned=True), PadsAhead(ctx.pads, lambda: ctx.now_s)
+    end = _until_landed(ctx, lambda: _watch(ctx, memory, pads))
     return end or (State.LANDED, "landed and disarmed after a divert")
 
 
-def _watch(ctx: Context, memory: FlightMemory) -> After | None:
+def _watch(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
     """Keep expected against actual up to date; turn again only where the battery would be empty before."""
-    known = information(ctx, memory)
+    known = information(ctx, memory, pads)
     if known is None or ctx.delivery.leg is None or ctx.delivery.leg.destination == "here":
         return None
     decision = ctx.policy().in_air(known)

@@ -6,18 +6,24 @@ is then expected at a horizon h, which falls as ``exp(-h / tau)``, shifts it. Th
 interpolated from them, so an observation there tells of the residuals of the sites through the weights of the interpolation: the
 updated forecast says at its place what was measured, however far the sites are. Observations are averages over slots: at
 10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
+
+Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is told apart from the residuals of the
+sites by its covariance, and what is expected of it where a drone is now can be made a site of its own.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
+from skyway.models.wind.field_error import EXACT_FIELD
+from skyway.models.wind.gusts import GUST_SD, GUST_TIME_S, gust_mean_variance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,12 +32,19 @@ if TYPE_CHECKING:
 
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.filter import WindEstimate
+    from skyway.models.wind.field_error import FieldError
 
 SLOT_S = 600.0
-"""Observations are averaged over so long."""
-REPRESENTATION_MPS = 0.7
-"""How far the mean of a slot along a track is from the wind that the forecast means. It is added to the filter's own
+"""An updated forecast has slots of this length."""
+MEASURED_S = 150.0
+"""Observations are averaged over so long: a drone flies two kilometres meanwhile, over which the wind may grow by some metres per second."""
+REPRESENTATION_MPS = 0.2
+"""How far the wind along a track is from that which the forecast means, gusts apart. It is added to the filter's own
 uncertainty, which an average over correlated estimates does not reduce."""
+SHORTEST_S = 20.0
+"""No wind is an average over less: the filter has its own memory."""
+GUST_LENGTH_M = 5_000.0
+"""Gusts of places this far apart are unlike."""
 HALVINGS = 20
 MAX_SLOTS = 20_000
 
@@ -39,17 +52,22 @@ MAX_SLOTS = 20_000
 class SlotAverages:
     """Averages a filter's course over slots as it goes, so that no correlated estimate counts as a new observation.
 
-    Slots begin at whole multiples of `SLOT_S`.
+    Slots begin at whole multiples of `MEASURED_S`. Gusts that a slot is too short to average out are noise (`models.wind.gusts`).
     """
 
     def __init__(self) -> None:
         self._sums: dict[int, list[float]] = {}
+        self._began_s: dict[int, float] = {}
+        self._ended_s: dict[int, float] = {}
 
     def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
         """Take an estimate that something was measured for; without a place it is left out."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
             return
-        sums = self._sums.setdefault(math.floor(now.time_s / SLOT_S), [0.0] * 8)
+        slot = math.floor(now.time_s / MEASURED_S)
+        self._began_s.setdefault(slot, now.time_s)
+        self._ended_s[slot] = now.time_s
+        sums = self._sums.setdefault(slot, [0.0] * 8)
         variance = 0.5 * (now.var_north + now.var_east)
         values = (1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance, height_m)
         for place, value in enumerate(values):
@@ -58,10 +76,18 @@ class SlotAverages:
     def observations(self) -> tuple[WindObservation, ...]:
         """One observation for each slot in which something was measured, the one under way included."""
         found = []
-        for count, *totals in (self._sums[slot] for slot in sorted(self._sums)):
+        for slot in sorted(self._sums):
+            count, *totals = self._sums[slot]
             time_s, lat, lon, north, east, variance, height_m = (total / count for total in totals)
-            found.append(WindObservation(time_s, lat, lon, north, east, variance + REPRESENTATION_MPS**2, height_m))
+            variance += slot_variance(math.hypot(north, east), self._ended_s[slot] - self._began_s[slot])
+            found.append(WindObservation(time_s, lat, lon, north, east, variance, height_m))
         return tuple(found)
+
+
+def slot_variance(speed_mps: float, duration_s: float) -> float:
+    """Variance of a component of the mean wind of a slot about that which the forecast means, m2/s2, beside what the filter does not know."""
+    gust = (GUST_SD * speed_mps) ** 2 * gust_mean_variance(GUST_TIME_S / max(duration_s, SHORTEST_S))
+    return REPRESENTATION_MPS**2 + gust
 
 
 def refined(ensemble: WindEnsemble, slot_s: float) -> WindEnsemble:
@@ -84,6 +110,8 @@ def update_forecast(
     *,
     slot_s: float = SLOT_S,
     least_members: float = 1.0,
+    field: FieldError = EXACT_FIELD,
+    here: tuple[float, float] | None = None,
 ) -> WindEnsemble:
     """Weight and shift the members of a forecast by what was measured.
 
@@ -91,6 +119,9 @@ def update_forecast(
     drones. The updated forecast has slots of at most `slot_s`, and the same members and sites; without observations it
     is the same ensemble. The weights are flattened until they are worth `least_members` equal ones: a few members that
     fit what was measured now would else stand for all that may come in the hours after.
+
+    `field` is the error of the wind between the sites, at the height of the ensemble; it does not count between the nodes of a lattice. With it
+    and a place `here`, degrees, the updated forecast has one more site there.
     """
     if not observations:
         return ensemble
@@ -102,25 +133,88 @@ def update_forecast(
     misses = np.stack(
         tuple(one - expected for one, expected in zip(told, seen, strict=True)), axis=-1
     )  # (members, observations, 2)
-    noise = np.array([one.variance for one in observations])
     sites = np.zeros(len(ensemble.site_lat)), ensemble.site_lat, ensemble.site_lon
     weight = ensemble.weights(where[1], where[2])
     reach = weight @ model.covariance(sites, sites)  # of each observation with each site at the same time, m2/s2
-    inverse = np.linalg.inv(reach @ weight.T * model.fade(where[0], where[0]) + np.diag(noise))
-    pressed = np.einsum("kl,mlc->mkc", inverse, misses)
+    known = reach @ weight.T * model.fade(where[0], where[0]) + _noise(observations, where, told)
+    local = _Local.of(ensemble, where, weight, here, field, told) if ensemble.lattice is None else None
+    inverse = np.linalg.inv(known if local is None else known + local.between)
+    pressed = inverse @ misses
     cost = 0.5 * np.einsum("mkc,mkc->m", misses, pressed)
+    flat = pressed.transpose(1, 2, 0).reshape(len(observations), -1)
     likelihood = np.exp(cost.min() - cost)
     fine = refined(ensemble, slot_s)
     begin, latest = fine.start_s + np.arange(fine.slots) * fine.slot_s, float(where[0].max())
     middle = np.where(begin <= latest, np.minimum(begin + fine.slot_s / 2.0, latest), begin + fine.slot_s / 2.0)
     # sum over observations k of fade[t, k] reach[k, s] pressed[m, k, c], as one product of matrices
     felt = (model.fade(middle, where[0])[:, None, :] * reach.T).reshape(-1, len(observations))
-    shift = (felt @ pressed.transpose(1, 2, 0).reshape(len(observations), -1)).reshape(fine.slots, -1, 2, len(fine))
+    shift = (felt @ flat).reshape(fine.slots, -1, 2, len(fine))
     north, east = shift.transpose(2, 3, 0, 1)
     moved = replace(fine, north=fine.north + north, east=fine.east + east)
+    if local is not None and here is not None:
+        felt_here = local.here * np.exp(-np.abs(middle[:, None] - where[0]) / field.tau_s)
+        moved = _with_site(moved, here, (felt_here @ flat).reshape(fine.slots, 2, len(fine)).transpose(1, 2, 0))
     if not float((moved.probability * likelihood).sum()) > 0.0:
         return moved
     return moved.weighted(_flattened(moved.probability, likelihood, least_members))
+
+
+def _noise(
+    observations: Sequence[WindObservation],
+    where: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    told: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Covariance of what observations are off by themselves, m2/s2, shape (n, n).
+
+    The gusts in them are alike where they were measured soon after each other and nearby: more slots do not average them out the better
+    the shorter they are.
+    """
+    variance = np.array([one.variance for one in observations])
+    gust = np.sqrt(np.minimum(variance, (GUST_SD * np.hypot(*told)) ** 2))
+    distance, _ = geodesy.inverse(where[1][:, None], where[2][:, None], where[1][None], where[2][None])
+    alike = np.exp(-np.abs(where[0][:, None] - where[0]) / GUST_TIME_S - distance / GUST_LENGTH_M)
+    return np.asarray(alike * gust * gust[:, None] + np.diag(variance - gust**2))
+
+
+class _Local(NamedTuple):
+    """Covariances of the errors between the sites, m2/s2."""
+
+    between: NDArray[np.float64]
+    """Shape (observations, observations)."""
+    here: NDArray[np.float64]
+    """Shape (observations,). With that at a place, all at one time."""
+
+    @classmethod
+    def of(
+        cls,
+        ensemble: WindEnsemble,
+        where: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+        weight: NDArray[np.float64],
+        here: tuple[float, float] | None,
+        field: FieldError,
+        told: NDArray[np.float64],
+    ) -> _Local | None:
+        """Return those of observations in a wind as strong as what they tell on average; None where there is no error."""
+        if not field.variance > 0.0:
+            return None
+        lat, lon = np.append(where[1], here[0] if here else []), np.append(where[2], here[1] if here else [])
+        weights = weight if here is None else np.concatenate((weight, ensemble.weights(*here)))
+        found = field.covariance(lat, lon, weights, ensemble.site_lat, ensemble.site_lon)
+        found *= field.in_wind(np.hypot(*told).mean())
+        count = len(where[0])
+        fade = np.exp(-np.abs(where[0][:, None] - where[0]) / field.tau_s)
+        return cls(found[:count, :count] * fade, found[-1, :count])
+
+
+def _with_site(ensemble: WindEnsemble, here: tuple[float, float], more: NDArray[np.float64]) -> WindEnsemble:
+    """Return the same with one more site, where the wind is so much more than between the others; (north, east), shape (2, members, slots)."""
+    weight = ensemble.weights(*here)[0]
+    north, east = (
+        np.concatenate((part, (part @ weight + extra)[:, :, None]), axis=2)
+        for part, extra in zip((ensemble.north, ensemble.east), more, strict=True)
+    )
+    lat, lon = np.append(ensemble.site_lat, here[0]), np.append(ensemble.site_lon, here[1])
+    return replace(ensemble, site_lat=lat, site_lon=lon, north=north, east=east)
 
 
 def worth(weights: NDArray[np.float64]) -> float:

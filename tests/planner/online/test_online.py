@@ -317,6 +317,24 @@ def test_what_keeps_the_reserve_and_delivers_first_is_taken(policy):
     assert "the delivery comes in" in decision.reason
 
 
+def test_a_station_where_all_places_are_taken_is_not_turned_to(policy):
+    head, sure = wind(8.0, 20.0), EnergyBelief(1.0, 0.02, 0.02)
+    free = policy.in_air(known_at(0.35, 0.40, head, sure, sudden=True))
+    assert free.action == "divert"
+    full = policy.in_air(known_at(0.35, 0.40, head, sure, sudden=True, busy_pads={free.station: 60}))
+    assert full.station != free.station
+    risk = {one["station"]: one["p_below_reserve"] for one in full.figures["options"]}
+    assert free.station not in risk
+
+
+def test_a_flight_to_a_station_that_filled_up_meanwhile_goes_elsewhere(policy):
+    known = {"belief": EnergyBelief(1.0, 0.02, 0.02), "sudden": True}
+    assert policy.in_air(known_at(0.4, 0.6, wind(), busy_pads={"yankee-stadium": 1}, **known)).action != "divert"
+    turned = policy.in_air(known_at(0.4, 0.6, wind(), busy_pads={"yankee-stadium": 60}, **known))
+    assert turned.action == "divert", turned
+    assert turned.figures["p_below_reserve"] > 0.99
+
+
 def test_one_look_is_not_enough_unless_charge_was_lost_at_once(policy):
     memory, head = FlightMemory(), wind(8.0, 20.0)
     looks = [policy.in_air(known_at(0.35, 0.40, head, commanded_mps=12.0, flight=memory)).action for _ in range(3)]

@@ -1,0 +1,50 @@
+"""Who is at the stations ahead: asked of their pad services when a decision in the air wants to know, not before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import InputError, LinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from skyway.models.queues.pad_service import PadService
+
+ASK_EVERY_S = 30.0
+"""What was told of a station holds for so long."""
+SILENT_S = 60.0
+"""After a pad service failed nothing is asked for so long: each question may take seconds, in which nothing else is looked at."""
+
+
+class PadsAhead(Mapping[str, int]):
+    """Others on the pads and in line at stations, by station; one that nobody tells of is not in it."""
+
+    def __init__(self, pads: PadService, now_s: Callable[[], float]) -> None:
+        self._pads, self._now_s = pads, now_s
+        self._told: dict[str, tuple[float, int]] = {}
+        self._silent_until_s = -math.inf
+
+    def __getitem__(self, station: str) -> int:
+        now_s = self._now_s()
+        asked_s, present = self._told.get(station, (-math.inf, 0))
+        if now_s < asked_s + ASK_EVERY_S:
+            return present
+        if now_s < self._silent_until_s:
+            raise KeyError(station)
+        try:
+            status = self._pads.status(station)
+        except (LinkError, InputError) as error:
+            self._silent_until_s = now_s + SILENT_S
+            raise KeyError(station) from error
+        self._told[station] = now_s, status.busy + status.waiting
+        return status.busy + status.waiting
+
+    def __iter__(self) -> Iterator[str]:
+        """Over those that were told of."""
+        return iter(self._told)
+
+    def __len__(self) -> int:
+        return len(self._told)

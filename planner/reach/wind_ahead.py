@@ -1,0 +1,69 @@
+"""How well a drone that has measured the wind where it is knows the wind ahead, and what a stronger one costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.wind.gusts import gust_mean_variance
+from skyway.models.wind.triangle import forward_mps
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.field_error import FieldError
+    from skyway.planner.problem.error_model import Errors
+
+HERE_MPS = 0.5
+"""Standard deviation of a component of the wind where it was measured just now."""
+SIGMAS = 2.0
+"""What a wind costs that is so many standard deviations more against a flight counts, for each of them: it grows faster than the wind."""
+LEAST_MPS = 1.0
+"""No flight is slower over the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindAhead:
+    """The wind ahead differs from that here by the structure function of winds, and the mean of a flight by its gusts."""
+
+    field: FieldError
+    """At the height that is flown."""
+    gust_sd: float
+    gust_time_s: float
+
+    @classmethod
+    def of(cls, scenario: Scenario, errors: Errors) -> WindAhead:
+        """Return that of a scenario's region, at its cruise height."""
+        return cls(scenario.field_error, errors.gust_sd, errors.gust_time_s)
+
+    def sd_mps(
+        self, away_m: NDArray[np.float64], speed_mps: NDArray[np.float64], flight_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Standard deviation of a component of the mean wind of flights, shape (members, n).
+
+        That is at places so far away from here, shape (n,), in winds of a speed, shape (members, n); the flights last `flight_s`, shape (n,) or
+        (1,).
+        """
+        gusts = np.array([gust_mean_variance(self.gust_time_s / max(one, 1.0)) for one in flight_s.tolist()])
+        apart = 2.0 * self.field.gamma(away_m) * self.field.in_wind(speed_mps)
+        return np.asarray(np.sqrt(HERE_MPS**2 + apart + (self.gust_sd * speed_mps) ** 2 * gusts))
+
+
+def slower_s(
+    length_m: NDArray[np.float64],
+    wind: tuple[NDArray[np.float64], NDArray[np.float64]],
+    airspeed_mps: float,
+    max_ground_speed_mps: float,
+    sd_mps: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Seconds that straight flights take longer for each standard deviation of the wind along them, shape (members, n).
+
+    `wind` is that along and across, m/s.
+    """
+    along, across = wind
+    forward = along + forward_mps(airspeed_mps, across)
+    expected, against = (np.clip(one, LEAST_MPS, max_ground_speed_mps) for one in (forward, forward - SIGMAS * sd_mps))
+    return np.asarray((length_m / against - length_m / expected) / SIGMAS)
