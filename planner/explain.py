@@ -50,6 +50,8 @@ class StopReason:
 
     station: str
     """Station id."""
+    asked: bool
+    """Whether it was asked for: then no other route was looked for."""
     runner_up: tuple[str, ...] | None
     """Stops of the best route without this one, None where there is none."""
     later: Figure | None
@@ -116,14 +118,15 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
         node = int(problem.network.tail[leg.segments[0]])
         runner_up: tuple[str, ...] | None = None
         later_by: Figure | None = None
+        asked = node in problem.must_stop
         try:
-            other = search.finalists(search.candidates(without=node))[0]
+            other = None if asked else search.finalists(search.candidates(without=node))[0]
         except NoRouteError:
-            pass
-        else:
+            other = None
+        if other is not None:
             runner_up, later_by = stop_names(other), later(other.outcome, best)
         station = problem.network.stations[node].id
-        found.append(StopReason(station, runner_up, later_by, *_charge_at(answer, number)))
+        found.append(StopReason(station, asked, runner_up, later_by, *_charge_at(answer, number)))
     return found
 
 

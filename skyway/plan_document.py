@@ -56,6 +56,8 @@ def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
 
 def why_here(one: StopReason) -> str:
     """Return why a stop is made."""
+    if one.asked:
+        return "asked for"
     if one.runner_up is None or one.later is None:
         return "without this stop there is no route"
     way = "the best route stops at " + ", ".join(one.runner_up) if one.runner_up else "the best route has no stop"

@@ -14,7 +14,7 @@ from skyway.planner.registry import CLAIRVOYANT_PLANNERS, ROBUST
 from skyway.scenarios import load_scenario, with_terrain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from skyway.models.composition.composition import Recharge as RechargeMode
     from skyway.models.scenario.scenario import Scenario
@@ -39,6 +39,7 @@ class Delivery:
     airspeed: float | None = None
     recharge: str = "enough"
     seed: int = 0
+    stop_at: list[str] | None = None
 
     def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
         """Return what is asked, and the scenario: targets given as lat,lon join its network."""
@@ -59,6 +60,7 @@ class Delivery:
                 recharge=cast("RechargeMode", self.recharge),
                 seed=self.seed,
                 objective=typed_values.parse_objective(objective),
+                stop_at=tuple(_station(scenario, one, "--stop-at") for one in self.stop_at or ()),
             )
 
 
@@ -77,12 +79,13 @@ class Conditions:
     obstacles: list[str] | None = None
     zones: list[Path] | None = None
     authorized: list[str] | None = None
+    avoid: list[str] | None = None
 
     def loaded(self) -> Scenario:
         """Return the scenario, over the terrain, with the zones and the authorizations that are named."""
         with typed_values.as_typed():
             region = with_terrain(load_scenario(self.scenario), self.terrain, self.obstacles)
-            return region.with_airspace(self.zones or (), self.authorized or ())
+            return avoiding(region.with_airspace(self.zones or (), self.authorized or ()), self.avoid or ())
 
     @property
     def instant(self) -> datetime:
@@ -148,6 +151,46 @@ class Pads:
         return None
 
 
+def _station(scenario: Scenario, text: str, option: str) -> str:
+    """Return the id of a station by id or part of its name."""
+    with typed_values.named(option):
+        return scenario.network.stations[scenario.network.find(text)].id
+
+
+def avoiding(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """Return a scenario without some stations to land at, and without some segments, as typed: ``STATION`` or ``FROM:TO``.
+
+    A station that is avoided keeps its place: it may still be flown over. A segment is avoided both ways.
+    """
+    import numpy as np
+
+    network = scenario.network
+    if not names:
+        return scenario
+    shut: set[str] = set()
+    kept = np.ones(len(network.tail), dtype=bool)
+    for name in names:
+        begin, colon, end = name.partition(":")
+        one = network.index[_station(scenario, begin, "--avoid")]
+        if not colon:
+            shut.add(network.stations[one].id)
+            continue
+        other = network.index[_station(scenario, end, "--avoid")]
+        hit = ((network.tail == one) & (network.head == other)) | ((network.tail == other) & (network.head == one))
+        if not hit.any():
+            raise InputError("no such segment", field="--avoid", value=name, remedy="FROM:TO, two stations with a segment between them")
+        kept &= ~hit
+    stations = tuple(replace(one, pads=0) if one.id in shut else one for one in network.stations)
+    number = np.cumsum(kept) - 1
+    restricted = network.restricted[kept[network.restricted[:, 0]]].copy()
+    restricted[:, 0] = number[restricted[:, 0]]
+    left = replace(
+        network, stations=stations, tail=network.tail[kept], head=network.head[kept], distance_m=network.distance_m[kept],
+        bearing_deg=network.bearing_deg[kept], restricted=restricted,
+    )  # fmt: skip
+    return replace(scenario, network=left)
+
+
 def with_pads(
     asked: tuple[Scenario, Request], conditions: Conditions, pads: Pads
 ) -> tuple[tuple[Scenario, Request], KnownPads | None]:
@@ -174,6 +217,7 @@ def solve(
     from skyway.now import with_conditions
     from skyway.planner.plan import plan
 
+    asked = _asked_for(request, conditions)
     if not time_limit_s > 0:
         raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
     truth, clairvoyant = conditions.truth, planner in CLAIRVOYANT_PLANNERS
@@ -186,6 +230,7 @@ def solve(
             progress=progress, parameters=parameters,
         )  # fmt: skip
     seen, notes = ((), ()) if busy is None else (busy.conditions, busy.notes)
+    notes = (*notes, *asked)
     if clairvoyant:  # it is told the wind
         return with_conditions(result, seen, notes)
     return with_conditions(result, (*known.conditions, *seen), (*known.notes, *notes))
@@ -209,6 +254,7 @@ def solve_window(
         problem = "cannot be combined with planners that have perfect information"
         remedy = "robust or one of the pfs planners, without --actual-wind"
         raise InputError(problem, field="--depart-window", remedy=remedy)
+    asked = _asked_for(request, conditions)
     length_s = typed_values.parse_duration(window, "--depart-window")
     winds: dict[datetime, KnownWind] = {}
 
@@ -221,7 +267,21 @@ def solve_window(
             scenario, request, length_s, planner=planner, forecast=known, progress=progress, parameters=parameters
         )
     wind = winds[result.problem.request.state.time]
-    return with_conditions(result, wind.conditions, wind.notes), tried
+    return with_conditions(result, wind.conditions, (*wind.notes, *asked)), tried
+
+
+def _asked_for(request: Request, conditions: Conditions) -> list[str]:
+    """Say what was asked of the route: in flight it is planned again without it.
+
+    An `InputError` says that start, destination or a stop that is asked for is to be avoided.
+    """
+    both = {request.state.station, request.destination, *request.stop_at} & set(conditions.avoid or ())
+    if both:
+        remedy = "leave it out of one of them"
+        raise InputError("is the start, the destination or a stop that is asked for", field="--avoid", value=sorted(map(str, both)), remedy=remedy)
+    ways = [("stops", request.stop_at), ("avoided", conditions.avoid or ())]
+    said = [f"{words} as asked: {', '.join(names)}" for words, names in ways if names]
+    return [f"{'; '.join(said)}; a flight that plans again does not know of it"] if said else []
 
 
 def _own_day(scenario: Scenario, request: Request) -> str | None:

@@ -46,6 +46,7 @@ TYPED = {
     "depart-window": "--depart-window",
     "objective": "--objective",
     "authorized": "--authorized",
+    "stop_at": "--stop-at",
 }
 """Option behind each field that a fault may name."""
 

@@ -52,6 +52,8 @@ class Problem:
         With the position of a drone in flight added as a node.
     origin, destination : int
         Nodes.
+    must_stop : tuple of int
+        Nodes at which the drone must stop, in this order.
     depart_s, soc : float
         When the delivery starts (POSIX seconds), and with which charge. For a drone in flight both are set back by a
         climb that it does not need any more.
@@ -100,6 +102,7 @@ class Problem:
         else:
             self.origin = self._node(state.station or "", "state.station")
         self.destination = self._node(request.destination, "destination")
+        self.must_stop = tuple(self._stop(key) for key in request.stop_at)
         slots = ensemble.start_s, ensemble.slot_s, ensemble.slots
         self.ensemble = self.forecast = ensemble = ensemble.in_shorter_slots(parts_of_slots(self.network, *slots))
         power = FlightPower.of(drone, request.payload_kg)
@@ -124,6 +127,14 @@ class Problem:
             raise InputError(Fault("no such station", field=field, value=identity))
         return self.network.index[identity]
 
+    def _stop(self, identity: str) -> int:
+        node = self._node(identity, "stop_at")
+        if node in (self.origin, self.destination):
+            raise InputError(Fault("is the start or the destination", field="stop_at", value=identity))
+        if not self.has_pads(node):
+            raise InputError(Fault("has no pads to stop at", field="stop_at", value=identity))
+        return node
+
     def _flight_cost(self, payload_kg: float) -> tuple[float, float]:
         """SoC per second of flight, and what climb and descent cost beyond that rate."""
         power = FlightPower.of(self.drone, payload_kg)
@@ -137,6 +148,14 @@ class Problem:
         moved = copy(self)
         moved.origin, moved.depart_s, moved.soc, moved.in_flight = node, time_s, soc, in_flight
         return moved
+
+    def bound_for(self, node: int) -> Problem:
+        """Return the same problem with another destination."""
+        bound = copy(self)
+        bound.destination = node
+        for name in ("direct_air", "escapes"):
+            bound.__dict__.pop(name, None)
+        return bound
 
     @cached_property
     def empty_cost(self) -> tuple[float, float]:

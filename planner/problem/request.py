@@ -55,6 +55,8 @@ class Request:
     objective : Objective
         Of the planner ``robust``; the others know the mean only. Text is read: ``"p95"``,
         ``"on-time 2013-07-10T16:00-04:00"``.
+    stop_at : tuple of str
+        Stations at which the drone must stop on its way, in this order; only the planner ``robust`` can.
     """
 
     state: State
@@ -68,6 +70,7 @@ class Request:
     escape: bool = True
     seed: int = 0
     objective: Objective = field(default_factory=Objective)
+    stop_at: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         objective: object = self.objective

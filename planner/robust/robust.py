@@ -30,6 +30,7 @@ from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
+from skyway.planner.robust.through import compose_through
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ class RobustSearch:
         few = likely_free_at.sum() < self.parameters.few_free * np.count_nonzero(p.network.pads > 0)
         for allowed in (everywhere,) if few else (likely_free_at, everywhere):
             if without is not None:
-                allowed[without] = False
+                allowed[without] = without in p.must_stop
             if _flying(found) and (quick or self._large or likely_free_at.all() or self._late()):
                 break
             for itinerary in self._routes(
@@ -247,7 +248,18 @@ class RobustSearch:
             found[flights], charges = self._judged(
                 itinerary, self.parameters.screen_runs, self.parameters.screen_members
             )
-            itinerary = _without_idle_stops(itinerary, charges, self.parameters.idle_share)
+            itinerary = self._without_idle_stops(itinerary, charges)
+
+    def _without_idle_stops(self, itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
+        """Overfly the stops at which hardly any run charges, unless they were asked for."""
+        legs = [itinerary[0]]
+        for leg, share in zip(itinerary[1:], charges[1:], strict=True):
+            asked = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
+            if share < self.parameters.idle_share and not asked:
+                legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
+            else:
+                legs.append(leg)
+        return tuple(legs)
 
     def _routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
         """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
@@ -336,20 +348,21 @@ class RobustSearch:
         allowed: NDArray[np.bool_],
         most_labels: float,
     ) -> Itinerary | None:
-        p = self.problem
-        margin_per_s = margin * p.soc_per_s
-        search = ExactSearch(
-            p,
-            queues,
-            speeds=speeds,
-            margin_soc_per_s=margin_per_s,
-            stops=allowed,
-            time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
-            most_labels=most_labels,
-        )
-        found = search.find()
-        self.labels_expanded += search.labels_expanded
-        return found
+        def find(part: Problem) -> tuple[Itinerary | None, float]:
+            search = ExactSearch(
+                part,
+                queues,
+                speeds=speeds,
+                margin_soc_per_s=margin * part.soc_per_s,
+                stops=allowed,
+                time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
+                most_labels=most_labels,
+            )
+            found = search.find()
+            self.labels_expanded += search.labels_expanded
+            return found, search.best_s
+
+        return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None
@@ -390,12 +403,3 @@ def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candida
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]
 
 
-def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64], least: float) -> Itinerary:
-    """Overfly the stops at which hardly any run charges."""
-    legs = [itinerary[0]]
-    for leg, share in zip(itinerary[1:], charges[1:], strict=True):
-        if share < least:
-            legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
-        else:
-            legs.append(leg)
-    return tuple(legs)

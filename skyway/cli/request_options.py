@@ -38,6 +38,10 @@ class RequestOptions(Delivery):
         str, typer.Option(help="At each stop charge to 100 % (full) or to what the next flight needs (enough).")
     ] = "enough"
     seed: Annotated[int, typer.Option(help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
+    stop_at: Annotated[
+        list[str] | None,
+        typer.Option(help="Station to stop at on the way, in the order given; repeatable (planner robust).", autocompletion=completion.stations),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +72,10 @@ class ConditionOptions(Conditions):
     obstacles: options.ObstacleFiles = None
     zones: options.Zones = None
     authorized: options.Authorized = None
+    avoid: Annotated[
+        list[str] | None,
+        typer.Option(help="Station not to land at, or segment FROM:TO not to fly; repeatable.", autocompletion=completion.stations),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

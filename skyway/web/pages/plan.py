@@ -17,7 +17,7 @@ from skyway.web.controls import Button, Field, say, text
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
 from skyway.web.pages.plan_form import PlanForm
-from skyway.web.work.question import Question
+from skyway.web.work.question import ROBUST, Question
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
@@ -27,6 +27,11 @@ MAX_UNDO = 100
 PLACE_ACTIONS = (
     {"name": "start", "words": "Start here"},
     {"name": "to", "words": "Deliver here"},
+    {"name": "stop_at", "words": "Stop here on the way", "station": True, "unlisted": "stopAt"},
+    {"name": "not_stop_at", "words": "No need to stop here", "station": True, "listed": "stopAt"},
+    {"name": "avoid_segment", "words": "Do not fly this segment", "segment": True},
+    {"name": "avoid", "words": "Do not land here", "station": True, "unlisted": "avoid"},
+    {"name": "not_avoid", "words": "Landing here is fine again", "station": True, "listed": "avoid"},
 )
 
 
@@ -61,6 +66,7 @@ class PlanPage:
         with ui.element("div").classes("work"):
             with ui.element("section").classes("panel form").props('aria-label="What is asked"'):
                 self.form = PlanForm(self.question, self.changed)
+                self.kept = ui.element("div").classes("chips")
                 with ui.element("div").classes("line"):
                     self.undo_button = Button("Undo", self.undo, data_keys="ctrl+z", title="Ctrl+Z")
                     self.redo_button = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
@@ -152,11 +158,27 @@ class PlanPage:
     def picked(self, chosen: dict[str, Any]) -> None:
         """Take a place of the map."""
         place = chosen.get("station") or f"{float(chosen['lat']):.5f},{float(chosen['lon']):.5f}"
-        if chosen.get("action") in {"start", "to"}:
-            self.changed(**{chosen["action"]: place})
+        action, q = chosen.get("action"), self.question
+        if action in {"start", "to"}:
+            self.changed(**{action: place})
+        elif action == "stop_at":
+            self.changed(stop_at=(*q.stop_at, place), avoid=without(q.avoid, place), planner=ROBUST)
+        elif action == "avoid":
+            self.changed(avoid=(*q.avoid, place), stop_at=without(q.stop_at, place))
+        elif action in {"not_stop_at", "not_avoid"}:
+            name = str(action).removeprefix("not_")
+            self.changed(**{name: without(getattr(q, name), place)})
+        elif action == "avoid_segment":
+            self.changed(avoid=(*q.avoid, str(chosen["segment"])))
 
     def dragged(self, moved: dict[str, Any]) -> None:
-        """Move a stop to another station."""
+        """Move a stop to another station: the drone stops there and does not land where it did."""
+        old, new, q = str(moved["from"]), str(moved["to"]), self.question
+        stops = [new if one == old else one for one in q.stop_at]
+        if new not in stops:
+            made = self.plans[self.chosen]["stops"] if self.plans else []
+            stops = [new if one == old else one for one in made if one == old or one in q.stop_at]
+        self.changed(stop_at=tuple(dict.fromkeys(stops)), avoid=(*without(q.avoid, new, old), old), planner=ROBUST)
 
     # the answer
 
@@ -164,6 +186,7 @@ class PlanPage:
         """Plan, and show the answer as it comes: first the plan, then what is told beside it."""
         with self.client:
             self._show_ends()
+            self._show_kept()
             self.undo_button.enable(bool(self.before))
             self.redo_button.enable(bool(self.undone))
             self.weather = asyncio.create_task(self._weather())
@@ -258,6 +281,15 @@ class PlanPage:
         self.notes.set_content(plan_answer.notes(plan, answer))
         say(self.command, self.question.command(self.site.scenario, plan["planner"]))
 
+    def _show_kept(self) -> None:
+        """What was asked of the route, each with a button that takes it back."""
+        self.kept.clear()
+        with self.kept:
+            for name, words in (("stop_at", "stop at"), ("avoid", "avoid")):
+                for place in getattr(self.question, name):
+                    act = {"action": f"not_{name}", "station": place}
+                    Button(f"{words} {place} ×", lambda act=act: self.picked(act), "chip", title="Take this back")
+
     def _show_ends(self) -> None:
         """Start and target on the map."""
         places = {one["id"]: one for one in (self.region or {}).get("stations", ())}
@@ -271,11 +303,21 @@ class PlanPage:
             position = parse_position(typed)
             return None if position is None else {"lat": position[0], "lon": position[1]}
 
-        self.map.put(start=place(self.question.start), target=place(self.question.to))
+        self.map.put(
+            start=place(self.question.start),
+            target=place(self.question.to),
+            avoid=list(self.question.avoid),
+            stopAt=list(self.question.stop_at),
+        )
 
     def _tell(self, words: str, *, wrong: bool = False) -> None:
         self.status.classes(replace="status wrong" if wrong else "status")
         say(self.status, words)
+
+
+def without(names: tuple[str, ...], *gone: str) -> tuple[str, ...]:
+    """Return names without some."""
+    return tuple(one for one in names if one not in gone)
 
 
 _PLAN_OF_CLICK = "(e) => { const b = e.target.closest('[data-plan]'); if (b) emit(b.dataset.plan); }"

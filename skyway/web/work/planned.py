@@ -17,7 +17,7 @@ from skyway.planner.parameters.planner import USUAL
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 from skyway.planner.report import plan_report
 from skyway.planner.uncertainties import NOT_COUNTED
-from skyway.planning import Conditions, solve, solve_window, with_pads
+from skyway.planning import Conditions, avoiding, solve, solve_window, with_pads
 from skyway.plots.charge_band import charge_by_leg
 from skyway.web.work.question import MOST_PLANS, ROBUST, Question, conditions, pads
 from skyway.web.work.region import loaded
@@ -92,6 +92,7 @@ def _solved(
     world: Scenario, question: Question, how: Conditions, planner: str
 ) -> tuple[PlanResult, list[Departure], Scenario]:
     """Plan as ``skyway plan`` does."""
+    world = avoiding(world, how.avoid or ())
     asked = question.delivery().request(world, how.instant, question.objective if planner == ROBUST else "mean")
     if question.window.strip() and planner not in CLAIRVOYANT_PLANNERS:
         result, tried = solve_window(*asked, how, question.window, planner, parameters=USUAL)

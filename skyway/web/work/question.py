@@ -42,9 +42,9 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     wind: str = ""
     """One constant wind, m/s@degrees FROM; empty is the forecast."""
     avoid: tuple[str, ...] = ()
-    """Stations, and segments as FROM>TO, that are not to be used."""
+    """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()
-    """Stations at which the drone must stop."""
+    """Stations at which the drone must stop, in this order."""
 
     @property
     def complete(self) -> bool:
@@ -55,13 +55,13 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         """Return what is carried; an `InputError` names what is no number."""
         return Delivery(
             start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
-            drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"),
+            drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
             airspeed=number(self.airspeed, "--airspeed") if self.airspeed.strip() else None,
         )  # fmt: skip
 
     def conditions(self) -> dict[str, Any]:
         """Return when and in which wind: fields of `skyway.planning.Conditions`."""
-        return {"depart": self.depart.strip() or None, "wind": self.wind.strip() or None}
+        return {"depart": self.depart.strip() or None, "wind": self.wind.strip() or None, "avoid": list(self.avoid)}
 
     @property
     def objective(self) -> str:

@@ -142,7 +142,7 @@ function segments(c, view, region, state, colours) {
   c.beginPath();
   for (const [a, b] of region.segments) {
     const [one, other] = [region.stations[a].id, region.stations[b].id];
-    if (!shut.has(`${one}>${other}`) && !shut.has(`${other}>${one}`)) continue;
+    if (!shut.has(`${one}:${other}`) && !shut.has(`${other}:${one}`)) continue;
     c.moveTo(...places[a]);
     c.lineTo(...places[b]);
   }

@@ -170,14 +170,31 @@ export class SkywayMap {
     this.selected = station;
     const [lat, lon] = this.view.toWorld(x, y);
     const place = station < 0 ? null : this.state.region.stations[station];
-    const target = { station: place?.id || null, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
-    if (this.state.actions) this.menu.open(x, y, place?.name || null, this.actionsFor(place), target);
+    const segment = place ? null : this.segmentAt(x, y);
+    const target = { station: place?.id || null, segment, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
+    if (this.state.actions) this.menu.open(x, y, place?.name || segment, this.actionsFor(place, segment), target);
     else this.emit("choose", { action: "pick", ...target });
     return this.changed();
   }
 
-  actionsFor(place) {
+  // A segment of the plan that is shown, as FROM:TO.
+  segmentAt(x, y) {
+    const route = this.state.plans[this.state.chosen]?.route || [];
+    const places = Object.fromEntries((this.state.region?.stations || []).map((one) => [one.id, one]));
+    for (let i = 0; i + 1 < route.length; i++) {
+      const [a, b] = [places[route[i]], places[route[i + 1]]];
+      if (!a || !b || a.bend || b.bend) continue;
+      const [ax, ay] = this.view.toScreen(a.lat, a.lon);
+      const [bx, by] = this.view.toScreen(b.lat, b.lon);
+      const along = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / Math.max((bx - ax) ** 2 + (by - ay) ** 2, 1);
+      if (along > 0 && along < 1 && Math.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y) < NEAR) return `${a.id}:${b.id}`;
+    }
+    return null;
+  }
+
+  actionsFor(place, segment) {
     return this.state.actions.filter((one) => {
+      if (one.segment) return Boolean(segment);
       if (!place) return !one.station;
       if (one.listed) return (this.state[one.listed] || []).includes(place.id);
       if (one.unlisted) return !(this.state[one.unlisted] || []).includes(place.id);
