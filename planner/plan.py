@@ -111,7 +111,14 @@ def plan(
         )
     if request.stop_at and planner != ROBUST:
         remedy = f"take the planner {ROBUST}, or leave the stops to the planner"
-        raise InputError(Fault(f"{planner} plans no stops that are asked for", field="stop_at", value=", ".join(request.stop_at), remedy=remedy))
+        raise InputError(
+            Fault(
+                f"{planner} plans no stops that are asked for",
+                field="stop_at",
+                value=", ".join(request.stop_at),
+                remedy=remedy,
+            )
+        )
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
     wind = forecast
     if planner in CLAIRVOYANT_PLANNERS:

@@ -178,7 +178,12 @@ def avoiding(scenario: Scenario, names: Sequence[str]) -> Scenario:
         other = network.index[_station(scenario, end, "--avoid")]
         hit = ((network.tail == one) & (network.head == other)) | ((network.tail == other) & (network.head == one))
         if not hit.any():
-            raise InputError("no such segment", field="--avoid", value=name, remedy="FROM:TO, two stations with a segment between them")
+            raise InputError(
+                "no such segment",
+                field="--avoid",
+                value=name,
+                remedy="FROM:TO, two stations with a segment between them",
+            )
         kept &= ~hit
     stations = tuple(replace(one, pads=0) if one.id in shut else one for one in network.stations)
     number = np.cumsum(kept) - 1
@@ -278,7 +283,12 @@ def _asked_for(request: Request, conditions: Conditions) -> list[str]:
     both = {request.state.station, request.destination, *request.stop_at} & set(conditions.avoid or ())
     if both:
         remedy = "leave it out of one of them"
-        raise InputError("is the start, the destination or a stop that is asked for", field="--avoid", value=sorted(map(str, both)), remedy=remedy)
+        raise InputError(
+            "is the start, the destination or a stop that is asked for",
+            field="--avoid",
+            value=sorted(map(str, both)),
+            remedy=remedy,
+        )
     ways = [("stops", request.stop_at), ("avoided", conditions.avoid or ())]
     said = [f"{words} as asked: {', '.join(names)}" for words, names in ways if names]
     return [f"{'; '.join(said)}; a flight that plans again does not know of it"] if said else []

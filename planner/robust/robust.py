@@ -401,5 +401,3 @@ class RobustSearch:
 def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
     """Those that arrive in any realization."""
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]
-
-

@@ -40,7 +40,10 @@ class RequestOptions(Delivery):
     seed: Annotated[int, typer.Option(help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
     stop_at: Annotated[
         list[str] | None,
-        typer.Option(help="Station to stop at on the way, in the order given; repeatable (planner robust).", autocompletion=completion.stations),
+        typer.Option(
+            help="Station to stop at on the way, in the order given; repeatable (planner robust).",
+            autocompletion=completion.stations,
+        ),
     ] = None
 
 
@@ -74,7 +77,10 @@ class ConditionOptions(Conditions):
     authorized: options.Authorized = None
     avoid: Annotated[
         list[str] | None,
-        typer.Option(help="Station not to land at, or segment FROM:TO not to fly; repeatable.", autocompletion=completion.stations),
+        typer.Option(
+            help="Station not to land at, or segment FROM:TO not to fly; repeatable.",
+            autocompletion=completion.stations,
+        ),
     ] = None
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from itertools import pairwise
+
 import pytest
 
 from skyway.cli.main import main
@@ -21,13 +24,16 @@ def _planned(start="siuh-north", to="white-plains", planner="robust", avoid=(), 
 
 def _flown(plan):
     ways = [(leg.origin, *leg.via, leg.destination) for leg in plan.services]
-    return {frozenset(pair) for way in ways for pair in zip(way, way[1:], strict=False)}
+    return {frozenset(pair) for way in ways for pair in pairwise(way)}
 
 
 @pytest.mark.parametrize("planner", ["robust", "pfs"])
 def test_what_is_avoided_is_neither_landed_at_nor_flown(planner):
     free = _planned(planner=planner)
-    station, segment = free.stops[0].station, next(iter(_flown(free) - _flown(_planned(planner=planner, avoid=[free.stops[0].station]))))
+    station, segment = (
+        free.stops[0].station,
+        next(iter(_flown(free) - _flown(_planned(planner=planner, avoid=[free.stops[0].station])))),
+    )
     plan = _planned(planner=planner, avoid=[station, ":".join(sorted(segment))])
     assert station not in {stop.station for stop in plan.stops}
     assert segment not in _flown(plan)
@@ -68,3 +74,38 @@ def test_the_command_line_takes_the_same_wishes(capsys):
     said = capsys.readouterr().out
     assert "columbia: " in said
     assert "Note: stops as asked: columbia; avoided as asked: yankee" in said
+
+
+def test_the_briefing_and_the_kml_tell_the_plan_and_escape_what_people_typed(capsys, tmp_path):
+    from xml.etree import ElementTree as ET
+
+    kml, page = tmp_path / "way.kml", tmp_path / "way.html"
+    words = [
+        "plan",
+        "--from",
+        "bellevue",
+        "--to",
+        "40.9,-73.9",
+        "--payload",
+        "0.8",
+        "--depart",
+        DEPART,
+        "--wind",
+        "5@250",
+        "--json",
+    ]
+    assert main([*words, "--kml", str(kml), "--briefing", str(page), "--contact", "<script>1</script> & Co"]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    marks = ET.parse(kml).getroot().findall(".//{*}Placemark")
+    lines = [one.find(".//{*}LineString/{*}coordinates") for one in marks]
+    assert sum(line is not None for line in lines) == len(plan["legs"])
+    lon, lat, height = lines[0].text.split()[0].split(",")
+    start = plan["stations"][plan["from"]]
+    assert (float(lat), float(lon), float(height)) == (start["lat"], start["lon"], plan["cruise_height_m"])
+    text = page.read_text()
+    assert "<script" not in text
+    assert "&lt;script&gt;1&lt;/script&gt; &amp; Co" in text
+    assert "{{" not in text
+    for leg in plan["legs"]:
+        assert f"{leg['distance_m'] / 1000.0:.1f}" in text
+        assert all(name in text for name in leg["diverts"])

@@ -107,24 +107,16 @@ def _leg_index(number: int, legs: int) -> int:
 
 def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
     """Write every mission of an export and its parameters, or nothing."""
-    from skyway.missions import write
-    from skyway.missions.files.mission_file import files_of
-    from skyway.models.base.files import write_atomically
+    from skyway.mission_export import planned_files, targets_of, write_export
 
-    count = len(export.documents)
-    targets = [
-        output if count == 1 else output.with_name(f"{output.stem}.leg{number}{output.suffix}")
-        for number in range(1, count + 1)
-    ]
-    settings = output.with_suffix(".param")
-    planned = [file for pair in zip(export.documents, targets, strict=True) for file in files_of(*pair)]
-    options.refuse_overwriting(*planned, settings, force=force)
+    options.refuse_overwriting(*planned_files(export, output), force=force)
     for warning in export.warnings:
         typer.echo(f"warning: {warning}", err=True)
-    for document, target in zip(export.documents, targets, strict=True):
-        _echo_written(document, write(document, target, force=force))
-    write_atomically(settings, parameters, force=force)
-    typer.echo(f"wrote {settings} (parameters that the vehicle needs)")
+    written = write_export(export, parameters, output, force=force)
+    for document, target in zip(export.documents, targets_of(export, output), strict=True):
+        files = [file for file in written if file.name.startswith(f"{target.stem}.") and file.suffix == target.suffix]
+        _echo_written(document, files)
+    typer.echo(f"wrote {written[-1]} (parameters that the vehicle needs)")
     for note in export.notes:
         typer.echo(note)
 

@@ -55,6 +55,9 @@ def plan(
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
     geojson: Annotated[Path | None, typer.Option(help="Write the route as GeoJSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the route: FILE.png or FILE.svg.")] = None,
+    kml: Annotated[Path | None, typer.Option(help="Write the route as KML.")] = None,
+    briefing: Annotated[Path | None, typer.Option(help="Write a briefing to print: FILE.html.")] = None,
+    contact: Annotated[list[str] | None, typer.Option(help="Line under Contacts of the briefing; repeatable.")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the composition to a file.")] = None,
     force: options.Force = False,
 ) -> None:
@@ -75,7 +78,7 @@ def plan(
     from skyway.plan_document import plan_document
     from skyway.planner.report import plan_report
 
-    options.refuse_overwriting(output, geojson, plot, force=force)
+    options.refuse_overwriting(output, geojson, kml, briefing, plot, force=force)
     options.check_picture(plot)
     typed_values.check_planners([planner], "--planner")
     parameters = typed_values.planner_parameters(settings)
@@ -105,12 +108,20 @@ def plan(
         from skyway.route_geojson import route_geojson
 
         write_atomically(geojson, json_text(route_geojson(composition), indent=1) + "\n", force=force)
+    if kml is not None:
+        from skyway.route_kml import route_kml
+
+        write_atomically(kml, route_kml(composition), force=force)
+    if briefing is not None:
+        from skyway.briefing import briefing as briefing_of
+
+        write_atomically(briefing, briefing_of(composition, result.problem.scenario, contact or ()), force=force)
     if plot is not None:
         from skyway.plots.charge_band import charge_band
         from skyway.plots.map import plot_composition
 
         plot_composition(composition, result.problem.scenario, plot, charge_band(result))
-    options.say_written(output, geojson, plot)
+    options.say_written(output, geojson, kml, briefing, plot)
     report = plan_report(result, tried, alternatives, explain=explain)
     if as_json:
         typer.echo(json_text(plan_document(report), indent=1))

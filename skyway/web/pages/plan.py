@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
@@ -16,6 +17,7 @@ from skyway.web import shell
 from skyway.web.controls import Button, Field, say, text
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
+from skyway.web.pages.plan_files import PlanFiles
 from skyway.web.pages.plan_form import PlanForm
 from skyway.web.work.question import ROBUST, Question
 
@@ -99,6 +101,7 @@ class PlanPage:
                     self.beside.on("click", lambda event: self.show(int(event.args)), js_handler=_PLAN_OF_CLICK)
                     self.reasons = ui.html("")
                     self.notes = ui.html("")
+                    self.files = PlanFiles(self.site, self._shown_plan, self.ask)
                 with ui.element("div").classes("command"):
                     self.command = text("code", "", id="plan-command")
                     text("button", "Copy", "plain", type="button", data_copy="plan-command")
@@ -257,6 +260,10 @@ class PlanPage:
         first, *planners = self.answer["plans"]
         return [first, *others, *planners][:4]
 
+    def _shown_plan(self) -> dict[str, Any] | None:
+        """The plan that is shown, as its file has it."""
+        return self.plans[self.chosen]["composition"] if self.plans else None
+
     def show(self, number: int) -> None:
         """Show another plan of those beside each other."""
         if 0 <= number < len(self.plans):
@@ -288,7 +295,12 @@ class PlanPage:
             for name, words in (("stop_at", "stop at"), ("avoid", "avoid")):
                 for place in getattr(self.question, name):
                     act = {"action": f"not_{name}", "station": place}
-                    Button(f"{words} {place} ×", lambda act=act: self.picked(act), "chip", title="Take this back")
+                    Button(
+                        f"{words} {place} \N{MULTIPLICATION SIGN}",
+                        partial(self.picked, act),
+                        "chip",
+                        title="Take this back",
+                    )
 
     def _show_ends(self) -> None:
         """Start and target on the map."""

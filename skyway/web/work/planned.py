@@ -58,7 +58,6 @@ def plan(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
     return {
         "timezone": wide.timezone,
         "plans": [_plan(one, zone) for one in results],
-        "composition": to_json(first.composition),
         "departures": _departures(first, tried, zone),
         "rejected": dict(first.rejected),
         "without": without,
@@ -116,6 +115,7 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         else result.robust.out_of_sample.charge_used * result.problem.drone.battery_j
     )
     return {
+        "composition": to_json(c),
         "planner": c.planner,
         "drone": c.drone,
         "headline": headline(c, zone),

@@ -1,0 +1,125 @@
+"""Saving, opening and exporting plans on the plan page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from nicegui import ui
+
+from skyway.missions.autopilots import NAMES
+from skyway.models.base.errors import SkywayError
+from skyway.web.controls import Button, Field, say, text
+from skyway.web.folder import safe_name
+from skyway.web.work.exports import KINDS
+from skyway.web.work.question import Question
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.web.site import Site
+
+SHOWN = 200
+"""Plan files that are offered."""
+
+
+class PlanFiles:
+    """The part of the page for files.
+
+    Parameters
+    ----------
+    site : Site
+        With the work folder.
+    shown : callable
+        Returns the plan that is shown, as a document; None where there is none.
+    ask : callable
+        Asks a question.
+    """
+
+    def __init__(self, site: Site, shown: Callable[[], dict[str, Any] | None], ask: Callable[[Question], None]) -> None:
+        self.site, self._shown, self._ask = site, shown, ask
+        self.kind, self.stem, self.autopilot, self.contacts, self.wanted = "plan", "", NAMES[0], "", ""
+        with ui.element("details").classes("files"):
+            text("summary", "Save, export, open")
+            with ui.element("div").classes("rows"):
+                with ui.element("div").classes("pair"):
+                    Field("Format", self._set("kind"), kind="select", value=self.kind, options=list(KINDS.items()))
+                    Field(
+                        "Autopilot",
+                        self._set("autopilot"),
+                        kind="select",
+                        value=self.autopilot,
+                        options=[(one, one) for one in NAMES],
+                    )
+                self.name = Field("Name", self._set("stem"), hint="Without ending; empty: start and target")
+                Field("Contacts on the briefing", self._set("contacts"), kind="area", hint="One line each")
+                with ui.element("div").classes("line"):
+                    Button("Download", self.download)
+                    Button("Save in the work folder", self.save)
+                with ui.element("div").classes("line"):
+                    self.choice = Field("Plans in the work folder", self._set("wanted"), kind="select")
+                    Button("Open", self.open)
+                self.told = text("p", "", "status", role="status")
+        self._list()
+
+    def _set(self, name: str) -> Callable[[Any], None]:
+        def take(value: Any) -> None:
+            setattr(self, name, str(value)[:2000])
+
+        return take
+
+    def _list(self) -> None:
+        names = [one.name for one in self.site.folder.files(".json")[:SHOWN]]
+        self.choice.offer([("", "choose a file"), *((name, name) for name in names)])
+
+    async def _made(self) -> list[tuple[str, bytes]]:
+        plan = self._shown()
+        if plan is None:
+            raise SkywayError("there is no plan yet")
+        stem = safe_name(self.stem) if self.stem.strip() else safe_name(f"{plan['from']}-{plan['to']}")
+        more = {"autopilot": self.autopilot, "contacts": self.contacts}
+        found: list[tuple[str, bytes]] = await self.site.workers.ask(
+            "exports.export", self.site.scenario, plan, self.kind, stem, more
+        )
+        return found
+
+    async def download(self) -> None:
+        """Hand the files to the browser."""
+        try:
+            for name, content in await self._made():
+                ui.download.content(content, name)
+        except SkywayError as error:
+            self._tell(str(error), wrong=True)
+        else:
+            self._tell("")
+
+    async def save(self) -> None:
+        """Write the files into the work folder, under names that are free."""
+        try:
+            made = await self._made()
+            first = Path(made[0][0])
+            free = Path(self.site.folder.free_name(first.name)).stem
+            names = [free + name.removeprefix(first.stem) for name, _ in made]
+            for name, (_, content) in zip(names, made, strict=True):
+                self.site.folder.write(name, content)
+        except SkywayError as error:
+            self._tell(str(error), wrong=True)
+            return
+        self._list()
+        self._tell(f"saved {', '.join(names)}")
+
+    async def open(self) -> None:
+        """Ask again what a plan of the folder was asked for."""
+        try:
+            path = self.site.folder.existing(self.wanted)
+            found = await self.site.workers.ask("exports.opened", str(path))
+        except SkywayError as error:
+            self._tell(str(error), wrong=True)
+            return
+        self._tell(f"opened {self.wanted}: planned anew with what it was asked for")
+        self._ask(msgspec.convert(found["question"], Question))
+
+    def _tell(self, words: str, *, wrong: bool = False) -> None:
+        self.told.classes(replace="status wrong" if wrong else "status")
+        say(self.told, words)
