@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import GRAVITY_MPS2
@@ -47,6 +48,7 @@ class Demand:
     """The autopilot's own limit."""
 
 
+@lru_cache(maxsize=16)  # asked several times in a step
 def metres_per_degree(lat: float) -> tuple[float, float]:
     """Metres in one degree of latitude and of longitude at a latitude (WGS-84)."""
     sine = math.sin(math.radians(lat))

@@ -103,7 +103,7 @@ class CommandServer:
 
     def next_wall_s(self) -> float:
         """When there is progress to tell."""
-        return min((task.next_s for task in self.tasks.values()), default=math.inf)
+        return min(task.next_s for task in self.tasks.values()) if self.tasks else math.inf
 
     def tick(self) -> None:
         """Tell progress, and the end."""

@@ -46,6 +46,9 @@ def type_everything(folder, *, flights):
 
 def test_the_documentation_typed_in_order_in_one_fresh_folder_works(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "skyway.link.telemetry.vehicle_monitor.ALONE_S", 0.0
+    )  # nobody else is there; the slow test listens
     type_everything(tmp_path, flights=False)
 
 
@@ -111,6 +114,7 @@ def test_pictures_of_the_documentation_are_small():
         assert picture.stat().st_size < 300_000
 
 
+@pytest.mark.slow
 def test_the_pages_build_without_a_warning(tmp_path):
     shutil.copy(ROOT / "mkdocs.yml", tmp_path)  # the site is written beside the file of its settings
     shutil.copytree(ROOT / "docs", tmp_path / "docs")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import takewhile
 from statistics import median, quantiles
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -229,8 +230,8 @@ class VoltageWatch:
         return bool(self._falls) and not any(believed)
 
     def _fallen(self, time_s: float) -> float:
-        new = [one for one in self._seen if one.time_s > time_s - NOW_S]
-        old = [one for one in self._seen if one.time_s <= self._seen[0].time_s + NOW_S]
+        new = [*takewhile(lambda one: one.time_s > time_s - NOW_S, reversed(self._seen))][::-1]
+        old = [*takewhile(lambda one: one.time_s <= self._seen[0].time_s + NOW_S, self._seen)]
         if len(new) < 3 or len(old) < 3 or new[0].time_s <= old[-1].time_s:
             return 0.0
         before, now = median(one.volts for one in old), median(one.volts for one in new)
