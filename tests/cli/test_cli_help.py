@@ -41,6 +41,15 @@ def test_the_shell_completes_commands_and_options(typed, expected):
     assert expected in done.stdout.split()
 
 
+@pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "4"}, "4")])
+def test_the_command_line_runs_blas_in_one_thread_unless_told_otherwise(given, used):
+    program = "import os, sys, skyway.cli; print(os.environ['OPENBLAS_NUM_THREADS'], 'numpy' in sys.modules)"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    environment |= given | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [used, "False"]  # read when numpy is imported, which is later
+
+
 def test_compiling_is_announced_once(capsys):
     notice = CompilingNotice()
     for kernel in ("first", "", "second", ""):
