@@ -15,6 +15,7 @@ from skyway.models.flight.heights import wind_factors
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.estimation.forecast_update import SLOT_S, update_forecast
 from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
+from skyway.models.wind.estimation.roughness import roughness
 from skyway.models.wind.field_error import EXACT_FIELD
 from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 
@@ -128,6 +129,11 @@ class WindBook:
         measured = self.live.observations()
         return (*self.earlier, *(one.at_height(self.cruise_height_m, self.exponent) for one in measured))
 
+    @property
+    def roughness(self) -> float:
+        """How much the wind changed along the flights so far: see `models.wind.estimation.roughness`."""
+        return roughness(self.observations, self._field)
+
     def forecast_at(self, time_s: float, lat_deg: float, lon_deg: float, *, updated: bool) -> WindSummary:
         """Summarise what the first forecast, or the updated one, says of cruise height at a place and an instant."""
         ensemble = self.forecast(time_s) if updated else self.base
@@ -169,7 +175,7 @@ class WindBook:
 
     def forecast_by_hour(self) -> WindEnsemble:
         """Return the forecast brought up to date, at cruise height, in its own slots."""
-        return self._update(slot_s=self.base.slot_s, here=None)
+        return self._update(slot_s=self.base.slot_s, here=self._measured_at)
 
     def _update(self, *, slot_s: float, here: tuple[float, float] | None) -> WindEnsemble:
         """Bring the forecast up to date, with a site where the wind was measured last."""

@@ -83,9 +83,9 @@ class FieldError:
         """Variance in wind of a speed over that in calm air."""
         return np.asarray(1.0 + np.asarray(speed_mps) / self.gusty_mps)
 
-    def gamma(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gamma(self, distance_m: ArrayLike) -> NDArray[np.float64]:
         """Semivariogram in calm air, m2/s2."""
-        return np.asarray(self.variance * (distance_m / REFERENCE_M) ** EXPONENT)
+        return np.asarray(self.variance * (np.asarray(distance_m) / REFERENCE_M) ** EXPONENT)
 
     def covariance(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], weight: NDArray[np.float64],

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, percent, probability, speed_text
+from skyway.planner.online.options import along_way
 from skyway.planner.reach.diverts import divert_cover
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from skyway.planner.online.following import Step
     from skyway.planner.online.information import Information
@@ -54,8 +58,9 @@ class DepartureGate:
     @cached_property
     def _reach(self) -> Reach:
         return self._policy.reach(
-            self._info.near_forecast or self._info.forecast, self._info.belief.next_flight(), watched=self._info.watched
-        )
+            self._info.near_forecast or self._info.forecast, self._info.belief.next_flight(), watched=self._info.watched,
+            roughness=self._info.roughness,
+        )  # fmt: skip
 
     def check(self, step: Step, p: Problem, time_s: float | None = None) -> Gated:
         """Check the leg of a step as far as it must be sure of it: to the first station where it can land if need be."""
@@ -96,7 +101,8 @@ class DepartureGate:
         return self._p_below_reserve(reach, way, at_s, soc) > self._policy.parameters.p_hopeless
 
     def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
-        return float(reach.p_below(soc, self._cost(reach, way, at_s), self._policy.request.reserve_soc)[0])
+        cost, doubt = self._cost(reach, way, at_s)
+        return float(reach.p_below(soc, cost, self._policy.request.reserve_soc, doubt)[0])
 
     def later(self, step: Step, p: Problem) -> float | None:
         """How much later a leg can be begun by the forecast, s; None where never."""
@@ -106,21 +112,29 @@ class DepartureGate:
                 return wait_s
         return None
 
-    def _cost(self, reach: Reach, way: list[Place], at_s: float) -> Any:
-        return reach.to_the_end(way, at_s, climbs=True).soc[:, None]
+    def _cost(self, reach: Reach, way: list[Place], at_s: float) -> tuple[Any, Any]:
+        """Charge that it takes, and its standard deviation because of the wind ahead, shape (members, 1) each."""
+        flown = reach.to_the_end(way, at_s, climbs=True)
+        return flown.soc[:, None], flown.doubt[:, None]
 
     def _keeps_reserve(self, reach: Reach, way: list[Place], at_s: float) -> float | None:
         """Least charge that is enough; None: no charge is.
 
-        It keeps the reserve but for epsilon. A watched leg keeps it most probably: else another station is landed at in time.
+        It keeps the reserve but for epsilon. A watched leg is most probably not turned: halfway, where it is turned last, what is still unknown of
+        the wind then must not break the reserve but for epsilon; what is known of it by then, the rest of the doubt now, may be worse.
         """
         parameters, reserve = self._policy.parameters, self._policy.request.reserve_soc
         share = parameters.p_begin if self._info.watched else parameters.epsilon
-        cost = self._cost(reach, way, at_s)
+        cost, doubt = self._cost(reach, way, at_s)
+        if self._info.watched:
+            flown_s = 0.5 * float(reach.expected(reach.to_the_end(way, at_s, climbs=True).time_s))
+            rest = reach.to_the_end(second_half(way), at_s + flown_s).doubt[:, None]
+            cost = cost + NormalDist().inv_cdf(1.0 - parameters.epsilon) * rest
+            doubt = np.sqrt(np.maximum(doubt**2 - rest**2, 0.0))
         low, high = 0, STEPS + 1
         while low < high:  # least charge that does
             middle = (low + high) // 2
-            if float(reach.p_below(middle / STEPS, cost, reserve)[0]) <= share:
+            if float(reach.p_below(middle / STEPS, cost, reserve, doubt)[0]) <= share:
                 high = middle
             else:
                 low = middle + 1
@@ -159,3 +173,14 @@ class DepartureGate:
             f"{probability(p_over)}"
         )
         return reason, {"p_wind_over_limit": p_over, "wind_mps": mean}
+
+
+def second_half(way: Sequence[Place]) -> list[Place]:
+    """Return the points of a way from its middle on."""
+    middle_m = 0.5 * sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way))
+    gone_m = 0.0
+    for number, (a, b) in enumerate(pairwise(way)):
+        gone_m += geodesy.distance_m(*a, *b)
+        if gone_m > middle_m:
+            return [along_way(way, middle_m), *way[number + 1 :]]
+    return [way[-1], way[-1]]

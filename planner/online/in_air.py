@@ -105,7 +105,7 @@ class FlightDecision:
 
     def _reach(self) -> Reach:
         info, chosen = self._info, self._memory.airspeed_mps
-        reach = self._policy.reach(info.forecast, info.belief, cleared_m=info.cleared_m, measured=True)
+        reach = self._policy.reach(info.forecast, info.belief, cleared_m=info.cleared_m, roughness=info.roughness)
         if info.here is not None:
             reach = reach.where_flown([info.here], info.time_s)
         wanted, limit_mps = reach.airspeed_mps if chosen is None else chosen, info.airspeed_limit_mps

@@ -80,14 +80,14 @@ class OnlinePolicy:
         *,
         watched: bool = True,
         cleared_m: float = -math.inf,
-        measured: bool = False,
+        roughness: float = 1.0,
     ) -> Reach:
-        """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`, `measured` where the drone is."""
+        """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`, `roughness` as in `Information`."""
         request = self.request
         return Reach(
             self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
             load=self.load, parameters=self.parameters,
-            watched=watched, cleared_m=cleared_m, ahead=self._ahead if measured else None,
+            watched=watched, cleared_m=cleared_m, ahead=replace(self._ahead, roughness=roughness) if watched else None,
         )  # fmt: skip
 
     def problem(self, info: Information) -> Problem:

@@ -63,8 +63,8 @@ def divert_cover(
     safe = np.zeros((len(points), len(nodes)), dtype=bool)
     nearest = np.zeros(len(points), dtype=bool)
     at_end = used[:, -1:] + descent_soc
-    keeps = reach.p_below(soc, at_end, reserve_soc)[0] <= epsilon
-    flown_on = reach if keeps else _not_hopeless(reach, soc, at_end, reserve_soc)
+    keeps = reach.p_below(soc, at_end, reserve_soc, flown.doubt[:, -1:])[0] <= epsilon
+    flown_on = reach if keeps else _not_hopeless(reach, soc, at_end, flown.doubt[:, -1:], reserve_soc)
     mean_s = reach.expected(spent)
     for row, place in enumerate(places):
         if not len(nodes):
@@ -73,8 +73,8 @@ def divert_cover(
         left_s = float(mean_s[-1] - mean_s[row]) + descent_s
         nearest[row] = reach.network.pads[ends_at] > 0 and left_s <= float(reach.expected(flight.time_s).min())
         cost = used[:, row, None] + flight.soc
-        sure = reach.p_below(soc, cost, floor_soc) <= epsilon
-        near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc) <= epsilon))
+        sure = reach.p_below(soc, cost, floor_soc, flight.doubt) <= epsilon
+        near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc, flight.doubt) <= epsilon))
         near = near[np.argsort(reach.expected(cost)[near])][:12]
         safe[row, near[reach.clear(place, nodes[near], begins + float(mean_s[row]))]] = True
     uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
@@ -85,9 +85,11 @@ def divert_cover(
     return DivertCover(tuple(reach.network.stations[nodes[k]].id for k in chosen), gap)
 
 
-def _not_hopeless(reach: Reach, soc: float, at_end: NDArray[np.float64], reserve_soc: float) -> Reach:
+def _not_hopeless(
+    reach: Reach, soc: float, at_end: NDArray[np.float64], doubt: NDArray[np.float64], reserve_soc: float
+) -> Reach:
     """Return the same for those members alone in which a leg is flown to its end: in the others it is turned before."""
-    hopeless = reach.below(soc, at_end, reserve_soc)[:, 0] > reach.parameters.p_hopeless
+    hopeless = reach.below(soc, at_end, reserve_soc, doubt)[:, 0] > reach.parameters.p_hopeless
     return reach.in_members(~hopeless)
 
 

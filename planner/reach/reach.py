@@ -68,9 +68,8 @@ class Reach:
 
     The belief is how its energy differs from the model's, `load` how its power changes with airspeed; by default it
     does not. The planned airspeed is by default the drone's cruise airspeed. A real flight is `watched`: it takes
-    `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`, or, from
-    where it was measured just now on, than `ahead` says. A drone in the air clears ground up to `cleared_m` above sea level by the cruise height: it comes no lower before it
-    lands.
+    `manoeuvres_s` longer, most of it before the touch-down. Its wind is known as `ahead` says; without that it is what the members say. A
+    drone in the air clears ground up to `cleared_m` above sea level by the cruise height: it comes no lower before it lands.
     """
 
     def __init__(
@@ -96,7 +95,6 @@ class Reach:
         self.power = power = FlightPower.of(drone, payload_kg)
         self.soc_per_s = power.soc_per_s
         manoeuvres_s = parameters.manoeuvres_s if watched else 0.0
-        self._wind_spread = parameters.wind_spread if watched and ahead is None else 0.0
         self._ahead = ahead
         self._soc_sd = SOC_SD if watched else 0.0
         self.descent_s = self.rules.descent_s + manoeuvres_s
@@ -248,9 +246,8 @@ class Reach:
         """Probability of landing below a charge in each member, shape of `cost`."""
         from scipy.special import ndtr
 
-        sigma = math.hypot(self.belief.sd_between, self._wind_spread * self.belief.mean_ratio)
         wind = self.belief.mean_ratio * np.asarray(doubt)
-        spread = np.maximum(np.sqrt((cost * sigma) ** 2 + wind**2 + self._soc_sd**2), 1e-9)
+        spread = np.maximum(np.sqrt((cost * self.belief.sd_between) ** 2 + wind**2 + self._soc_sd**2), 1e-9)
         return np.asarray(
             ndtr(self.belief.normal_deviate((cost * self.belief.mean_ratio - (soc - floor_soc)) / spread))
         )

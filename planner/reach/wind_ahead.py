@@ -33,6 +33,8 @@ class WindAhead:
     """At the height that is flown."""
     gust_sd: float
     gust_time_s: float
+    roughness: float = 1.0
+    """Variance of changes of the wind as a multiple of the usual one (`models.wind.estimation.roughness`)."""
 
     @classmethod
     def of(cls, scenario: Scenario, errors: Errors) -> WindAhead:
@@ -49,7 +51,8 @@ class WindAhead:
         """
         gusts = np.array([gust_mean_variance(self.gust_time_s / max(one, 1.0)) for one in flight_s.tolist()])
         apart = 2.0 * self.field.gamma(away_m) * self.field.in_wind(speed_mps)
-        return np.asarray(np.sqrt(HERE_MPS**2 + apart + (self.gust_sd * speed_mps) ** 2 * gusts))
+        usual = HERE_MPS**2 + apart + (self.gust_sd * speed_mps) ** 2 * gusts
+        return np.asarray(np.sqrt(self.roughness * usual))
 
 
 def slower_s(

@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.independent.information import HERE
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
 from skyway.models.wind.estimation.forecast_update import MEASURED_S, SLOT_S, slot_variance, update_forecast
+from skyway.models.wind.estimation.roughness import roughness
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
@@ -45,12 +46,14 @@ class InAir:
         self._height_m, self._exponent = rules.cruise_height_m, rules.wind_profile_exponent
         self._base = start.forecast.at_height(self._height_m, self._exponent)
         self._measured: dict[int, dict[float, WindObservation]] = {}
+        self._measured_at: dict[int, Place] = {}
         self._memory: dict[tuple[int, int], FlightMemory] = {}
         self._next_look: dict[tuple[int, int], int] = {}
 
     def forget(self) -> None:
         """Drop what was noted of deliveries before."""
         self._measured.clear()
+        self._measured_at.clear()
         self._memory.clear()
         self._next_look.clear()
 
@@ -60,7 +63,6 @@ class InAir:
         reports: Mapping[str, tuple[float, float, float]],
         *,
         by_hour: bool = False,
-        here: Place | None = None,
     ) -> WindEnsemble:
         """Bring the forecast up to date by reports and by what the drone measured on its flights, as `fly` does."""
         online, scenario = self.start.parameters.online, self.start.scenario
@@ -74,8 +76,12 @@ class InAir:
         return update_forecast(
             self._base, [*told, *self._measured.get(run, {}).values()],
             ResidualModel(tau_s=online.residual_tau_s), slot_s=self._base.slot_s if by_hour else SLOT_S,
-            least_members=online.least_members, field=scenario.field_error, here=here,
+            least_members=online.least_members, field=scenario.field_error, here=self._measured_at.get(run),
         )  # fmt: skip
+
+    def roughness(self, run: int) -> float:
+        """How much the wind changed along the flights so far."""
+        return roughness(list(self._measured.get(run, {}).values()), self.start.scenario.field_error)
 
     def belief(self, flights: Sequence[Flown]) -> EnergyBelief:
         """How much energy flights take, by those before."""
@@ -99,15 +105,15 @@ class InAir:
         ends = [ids[int(network.head[one])] for one in rest]
         belief, used = self.belief(seen.flights), seen.told_off - seen.told
         modelled = self._modelled(seen.time_s - seen.off_s)
-        here = self._place(seen.segment, seen.share)
         info = Information(
             time_s=seen.time_s,
             soc=seen.told,
-            forecast=self.forecast(seen.run, seen.reports, here=here),
+            forecast=self.forecast(seen.run, seen.reports),
+            roughness=self.roughness(seen.run),
             belief=belief.in_flight(used, modelled) if used > LEARN_SOC else belief.next_flight(),
             visited=frozenset(ids[one.origin] for one in seen.flights),
             busy_pads={one.id: seen.line(node) for node, one in enumerate(network.stations) if one.pads},
-            here=here,
+            here=self._measured_at[seen.run],
             via=tuple(ends[:-1]),
             destination=ends[-1],
             diverts=tuple(ids[node] for node in diverts),
@@ -127,6 +133,7 @@ class InAir:
 
     def _note(self, seen: Aloft) -> None:
         """Keep what was measured, averaged over slots as `fly` does; the slot under way grows."""
+        self._measured_at[seen.run] = self._place(seen.segment, seen.share)
         measured = self._measured.setdefault(seen.run, {})
         for slot, found in groupby(seen.pieces, lambda one: one.time_s // MEASURED_S):
             some = list(found)

@@ -86,6 +86,7 @@ class Supervised(Policy):
             forecast=air.forecast(seen.run, seen.reports, by_hour=True),
             near_forecast=forecast,
             belief=air.belief(seen.flights),
+            roughness=air.roughness(seen.run),
             station=seen.station,
             visited=frozenset(visited),
             left=frozenset(visited - {seen.station}),

@@ -109,6 +109,7 @@ def information(ctx: Context) -> Information:
         visited=frozenset(ctx.delivery.visited),
         left=frozenset(ctx.delivery.visited) - {station},
         busy_pads=busy,
+        roughness=ctx.wind.roughness,
         unusable=frozenset(ctx.delivery.unusable),
         plan=plan,
         planned_soc=_planned(ctx),

@@ -103,6 +103,7 @@ def information(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> Informat
         belief=ctx.energy.now(leg, ctx.battery.soc),
         visited=frozenset(ctx.delivery.visited),
         busy_pads=pads,
+        roughness=ctx.wind.roughness,
         unusable=frozenset(ctx.delivery.unusable),
         via=_ahead(ctx),
         destination=leg.destination,

@@ -317,6 +317,20 @@ def test_what_keeps_the_reserve_and_delivers_first_is_taken(policy):
     assert "the delivery comes in" in decision.reason
 
 
+def test_the_rougher_the_air_the_more_charge_a_flight_needs_in_the_air_and_before_it(policy, composition):
+    head, belief = wind(8.0, 20.0), EnergyBelief(1.0, 0.02, 0.02)
+    risk = [
+        policy.in_air(known_at(0.35, 0.75, head, belief, roughness=rough)).figures["p_below_reserve"]
+        for rough in (0.1, 1.0, 4.0)
+    ]
+    assert risk[0] < 0.2 * risk[1] < 0.2 * risk[2]
+    calm, usual = (
+        policy.on_ground(standing(wind(6.0, 20.0), plan=composition, roughness=rough)).figures["needed_soc"]
+        for rough in (0.1, 1.0)
+    )
+    assert calm < usual - 0.005
+
+
 def test_a_station_where_all_places_are_taken_is_not_turned_to(policy):
     head, sure = wind(8.0, 20.0), EnergyBelief(1.0, 0.02, 0.02)
     free = policy.in_air(known_at(0.35, 0.40, head, sure, sudden=True))
