@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.planner.explain import charge_ranges, robust_gain, stop_reasons, wait_and_see
 from skyway.planner.plan import alternative_plans
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
-from skyway.planner.uncertainties import uncertainties
+from skyway.planner.uncertainties import not_counted, uncertainties
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +37,8 @@ class PlanReport:
     """Why each stop is made; None where nobody asked."""
     rests_on: tuple[Uncertainty, ...] | None
     """What the promise rests on; None where nobody asked."""
+    not_counted: tuple[str, ...]
+    """What it does not count; empty where nobody asked."""
 
 
 def plan_report(
@@ -52,6 +54,7 @@ def plan_report(
         alternatives=tuple(alternative_plans(result, alternatives)) if alternatives > 1 else None,
         reasons=tuple(stop_reasons(result)) if explain else None,
         rests_on=tuple(uncertainties(result)) if explain else None,
+        not_counted=tuple(not_counted(result)) if explain else (),
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.formatting import duration, later_text, percent, speed_text
 from skyway.models.base.units import iso
 from skyway.models.composition.file import figure_json, to_json
-from skyway.planner.uncertainties import ENERGY, GUSTS, NOT_COUNTED, PADS, WIND
+from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,7 +39,7 @@ def plan_document(report: PlanReport) -> dict[str, object]:
             "stops": [_reason_json(one) for one in report.reasons],
             "charges": [vars(one) for one in report.charges],
             "rests_on": [_uncertainty_json(one) for one in report.rests_on or ()],
-            "not_counted": NOT_COUNTED,
+            "not_counted": report.not_counted,
         }
     return found
 

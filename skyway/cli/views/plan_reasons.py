@@ -9,7 +9,6 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import date_clock, minutes, percent, share
 from skyway.models.base.units import J_PER_WH
 from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
-from skyway.planner.uncertainties import NOT_COUNTED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +29,7 @@ def print_more(report: PlanReport) -> None:
     if report.reasons is not None:
         _print_reasons(report.result, report.reasons)
     if report.rests_on:
-        _print_basis(report.rests_on)
+        _print_basis(report.rests_on, report.not_counted)
 
 
 def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
@@ -99,7 +98,7 @@ def _print_reasons(result: PlanResult, reasons: Sequence[StopReason]) -> None:
         say("No stop is needed: the charge suffices for the whole route")
 
 
-def _print_basis(found: Sequence[Uncertainty]) -> None:
+def _print_basis(found: Sequence[Uncertainty], not_counted: Sequence[str]) -> None:
     """What the promise rests on, and what would gain most."""
     say("")
     say("The promise rests on:")
@@ -121,4 +120,4 @@ def _print_basis(found: Sequence[Uncertainty]) -> None:
         say(f"Most is gained by half of the {UNCERTAINTIES[most.name]}: {minutes(most.gain)} min on average{remedy}")
     else:
         say("Half of any one of them makes no clear difference")
-    say("Not counted: " + "; ".join(NOT_COUNTED))
+    say("Not counted: " + "; ".join(not_counted))

@@ -16,7 +16,6 @@ from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_muc
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 from skyway.planner.report import plan_report
-from skyway.planner.uncertainties import NOT_COUNTED
 from skyway.planning import Conditions, avoiding, solve, solve_window, with_pads
 from skyway.plots.charge_band import charge_by_leg
 from skyway.web.work.question import MOST_PLANS, ROBUST, Question, conditions, pads
@@ -82,7 +81,7 @@ def explained(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
             }
             for one in report.rests_on or ()
         ],
-        "not_counted": list(NOT_COUNTED),
+        "not_counted": list(report.not_counted),
         "bound": None if report.bound is None else duration(report.bound.bound_s),
     }  # fmt: skip
 
