@@ -52,9 +52,8 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish():
-    """Look for waste less often and not among the tests themselves, as the command line does (`skyway.cli.main.run`)."""
+    """Look for waste not among the tests themselves; as often as usual, so that each test answers for its own."""
     gc.freeze()
-    gc.set_threshold(100_000, 20, 20)
 
 
 @pytest.fixture(scope="session")
