@@ -31,6 +31,8 @@ def _begin(vehicle: Vehicle, fault: Fault) -> None:
     match fault.kind:
         case "battery-drop":
             vehicle.battery.soc = max(0.0, vehicle.battery.soc - fault.value)
+        case "package-lost":
+            vehicle.autopilot.let_go(fault.value)
         case "battery-swap" if vehicle.active:
             vehicle.event("no battery is swapped: the motors are on")
         case "battery-swap":

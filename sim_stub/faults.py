@@ -44,6 +44,9 @@ KINDS = {
     "prearm": Kind("a pre-arm check fails"),
     "reboot": Kind("the autopilot restarts by itself"),
     "pilot": Kind("a pilot switches the mode to VALUE (position)", word="position"),
+    "gripper-stuck": Kind("the gripper says that it opens, and VALUE (1) of the package stays aboard", (1.0, 0.0, 1.0)),
+    "gripper-silent": Kind("the gripper does not move, and its command fails"),
+    "package-lost": Kind("VALUE (1) of the package falls off at once", (1.0, 0.0, 1.0)),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
         lasts_s=3600.0,

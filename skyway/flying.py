@@ -161,6 +161,9 @@ class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
     journal: str
     report: str | None
     """Files that were written."""
+    proof: str = ""
+    proof_reason: str = ""
+    """What became of the package (``delivered``, ``not delivered``, ``unsure``, or nothing yet), and what shows it."""
 
 
 def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSummary:
@@ -168,7 +171,7 @@ def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSumma
     written = None if report is None else str(report)
     return FlightSummary(
         delivered=outcome.delivered, state=outcome.state, reason=outcome.reason, station=outcome.station,
-        flights=outcome.flights, journal=str(journal), report=written,
+        flights=outcome.flights, journal=str(journal), report=written, proof=outcome.proof, proof_reason=outcome.proof_reason,
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from skyway.link.supervisor.observed.clients import tell_clients
 from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
+from skyway.link.supervisor.proof.proof import Proof
 from skyway.link.supervisor.soc.modelled_use import count_use
 from skyway.link.supervisor.soc.soc_estimator import SocEstimator
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
@@ -75,6 +76,7 @@ class Context:
     texts: TextLog = field(default_factory=TextLog)
     link: LinkWatch = field(default_factory=LinkWatch)
     track: Track = field(default_factory=Track)
+    proof: Proof = field(default_factory=Proof)
 
     def policy(self) -> OnlinePolicy:
         """Make what decides on the ground and in the air, and tells what can be reached."""
@@ -124,6 +126,7 @@ class Context:
             self.battery.hear(self, sample)
             self.wind.hear(sample, math.nan if self.delivery.leg is None else self.delivery.leg.home_ground_m)
             watch_lean(self, sample)
+            self.proof.hear(self, sample)
         changes = self.vehicle.changes()
         for change in changes:
             own = change.ours or follows_a_landing(self, change)

@@ -67,6 +67,9 @@ class Outcome:
     station: str | None
     """Where the vehicle stands, as far as that is a station."""
     flights: int
+    proof: str = ""
+    """What became of the package: ``delivered``, ``not delivered`` or ``unsure``; empty where it was never to be released."""
+    proof_reason: str = ""
 
     @property
     def delivered(self) -> bool:
@@ -75,5 +78,7 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """Of a command: 0 delivered, 1 not, but safe on the ground, 3 left to itself, crashed, or away from a station."""
-        return 0 if self.delivered else 1 if self.state == "stopped-safe" else 3
+        """Of a command: 0 delivered, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        if self.delivered:
+            return 0 if self.proof in ("", "delivered") else 1
+        return 1 if self.state == "stopped-safe" else 3

@@ -123,7 +123,9 @@ class Supervisor:
         self._let_go()
         station, flights = ctx.delivery.station, ctx.delivery.flight
         ctx.note(Ended(outcome=str(ctx.state), station=station, flights=flights), self.reason)
-        return Outcome(str(ctx.state), self.reason, station, flights)
+        known = ctx.proof.evidence.acknowledged is not None or ctx.proof.lost
+        verdict, why = ctx.proof.verdict if known else ("", "")
+        return Outcome(str(ctx.state), self.reason, station, flights, str(verdict), why)
 
     def _let_go(self) -> None:
         """Give control back, and no longer say that we supervise the vehicle."""

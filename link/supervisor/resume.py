@@ -35,6 +35,7 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
     delivery = ctx.delivery
     delivery.restore_flight(max(record.flight for record in records))
     ctx.parameters.follow(records)
+    ctx.proof.restore(records, ctx.job.request.payload_kg)
     for record in records:
         if met := record.entry(Met):
             ctx.observed.identify(met.uid or 0)

@@ -370,11 +370,19 @@ class Autopilot(Family):
         if not self.has_gripper:
             self.event("no gripper is enabled: nothing moves")
             return False
-        if self.gripper_closed and not close and self.body.payload_kg > 0.0:
-            self.event(f"package of {self.body.payload_kg:g} kg released {self.vehicle.place()}")
-            self.body.payload_kg = 0.0
+        if "gripper-silent" in self.vehicle.faults.active:
+            return False
+        if self.gripper_closed and not close:
+            self.let_go(1.0 - self.vehicle.faults.value("gripper-stuck"))
         self.gripper_closed = close
         return True
+
+    def let_go(self, share: float) -> None:
+        """Let a share of the package fall off."""
+        body = self.body
+        if share > 0.0 and body.payload_kg > 0.0:
+            self.event(f"package of {share * body.payload_kg:g} kg released {self.vehicle.place()}")
+            body.payload_kg *= 1.0 - share
 
     def item_begun(self, index: int) -> None:
         """Report the new current item."""

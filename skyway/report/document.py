@@ -113,6 +113,7 @@ def _outcome(records: tuple[Record, ...]) -> Result:
     last = records[-1]
     end = last.entry(entries.Ended)
     state = (None if end is None else end.outcome) or last.state
+    proof, why = _proof(records)
     return Result(
         ended=end is not None,
         state=state,
@@ -122,7 +123,18 @@ def _outcome(records: tuple[Record, ...]) -> Result:
         time=last.time,
         flights=max((record.flight for record in records), default=0),
         resumed=sum(1 for r in records if (entry := r.entry(entries.Resumed)) is not None and entry.last is not None),
+        proof=proof,
+        proof_reason=why,
     )
+
+
+def _proof(records: tuple[Record, ...]) -> tuple[str | None, str | None]:
+    """Return the last verdict on the package, and its reason."""
+    for record in reversed(records):
+        told = record.entry(entries.Proved)
+        if told is not None and told.verdict is not None:
+            return told.verdict, (record.reason or "").removeprefix(f"proof of delivery: {told.verdict}: ") or None
+    return None, None
 
 
 def _reason(records: tuple[Record, ...], *, ended: bool) -> str | None:

@@ -48,6 +48,9 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     time: str
     flights: int
     resumed: int
+    proof: str | None = None
+    proof_reason: str | None = None
+    """`proof`, `proof_reason`: what became of the package, and what shows it."""
 
 
 class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):

@@ -114,11 +114,12 @@ def _head(document: FlightReport) -> str:
         for name, key, show in lines
     )
     last = document.outcome.time
+    proof = f"<p>Package {safe(outcome.proof)}: {safe(outcome.proof_reason or '')}</p>" if outcome.proof else ""
     return (
         f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
         f"<h1>{safe(delivery.origin or UNKNOWN)} to {safe(delivery.destination or UNKNOWN)}</h1>"
         f"<p>{safe(outcome.reason or 'no reason recorded')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
-        f"<p><b>{safe(_expectation(document))}</b></p>"
+        f"{proof}<p><b>{safe(_expectation(document))}</b></p>"
         f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
     )
 

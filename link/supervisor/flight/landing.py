@@ -89,25 +89,38 @@ def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
 def _deliver(ctx: Context) -> After:
     """The package is released, by the gripper or by a person who says so."""
     destination = ctx.job.request.destination
-    if ctx.job.options.release == "gripper":
-        for attempt in range(RELEASES):
-            try:
-                ask(ctx, ctx.vehicle.release)
-            except LinkError as error:
-                ctx.note(ReleaseNote(), f"the gripper did not open: {error}")
-                if attempt == RELEASES - 1:
-                    return (
-                        State.STOPPED,
-                        f"at {destination}, but the gripper did not open: {error}. Take the package off by hand",
-                    )
-                ctx.wait(2.0)
-            else:
-                break
-        ctx.note(ReleaseNote(), "the gripper is open")
+    if ctx.proof.lost:
         return (
-            State.DELIVERED,
-            f"delivered at {destination}; the drone stands disarmed with {percent(ctx.battery.soc)}",
+            State.STOPPED,
+            f"at {destination} without the package: {ctx.proof.verdict[1]}; look for it along the track",
         )
-    ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
-    ctx.note(ReleaseNote(), "a person took the package off")
+    if ctx.job.options.release == "gripper":
+        refused = _release(ctx)
+        if refused:
+            return (
+                State.STOPPED,
+                f"at {destination}, but the gripper did not open: {refused}. Take the package off by hand",
+            )
+        ctx.note(ReleaseNote(), "the gripper is open")
+    else:
+        ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
+        ctx.note(ReleaseNote(), "a person took the package off")
+        ctx.proof.released(ctx, acknowledged=True, by_person=True)
     return State.DELIVERED, f"delivered at {destination}; the drone stands disarmed with {percent(ctx.battery.soc)}"
+
+
+def _release(ctx: Context) -> str:
+    """Open the gripper; returns why that was not possible, or nothing."""
+    refused = ""
+    for _ in range(RELEASES):
+        try:
+            ask(ctx, ctx.vehicle.release)
+        except LinkError as error:
+            refused = str(error)
+            ctx.note(ReleaseNote(), f"the gripper did not open: {refused}")
+            ctx.wait(2.0)
+        else:
+            ctx.proof.released(ctx, acknowledged=True)
+            return ""
+    ctx.proof.released(ctx, acknowledged=False)
+    return refused

@@ -282,6 +282,18 @@ class ReleaseNote(Entry, frozen=True, kw_only=True, tag="release"):
     """The package was released, or could not be."""
 
 
+class Proved(Entry, frozen=True, kw_only=True, tag="proof"):
+    """What shows that the package was delivered, or not; or what a take-off under it weighs by (`gain_w`)."""
+
+    verdict: str | None = None
+    acknowledged: bool | None = None
+    by_person: bool | None = None
+    lost_s: float | None = None
+    share: float | None = None
+    sigma: float | None = None
+    gain_w: float | None = None
+
+
 # The vehicle, the link, the operator
 
 

@@ -308,6 +308,8 @@ def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool)
         typer.echo(json_text(flying.summary(outcome, journal, report)))
     else:
         typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
+        if outcome.proof:
+            typer.echo(f"package {outcome.proof}: {outcome.proof_reason}")
         typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

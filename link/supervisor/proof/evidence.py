@@ -1,0 +1,66 @@
+"""Evidence of a delivery, and what follows from all of it together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.proof.weighing import Weight
+
+ABOARD, SURE_SIGMAS, WEIGHABLE = 0.3, 1.0, 0.25
+"""A share of the package above this counts as aboard; a weight nearer to that than so many standard deviations says nothing, nor does
+one whose standard deviation is above the last."""
+
+
+class Verdict(StrEnum):
+    """What became of the package."""
+
+    DELIVERED = "delivered"
+    NOT_DELIVERED = "not delivered"
+    UNSURE = "unsure"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What is known; None is not known."""
+
+    acknowledged: bool | None = None
+    """The gripper, or the person, said that the package is off."""
+    by_person: bool = False
+    """A person took it off."""
+    lost_s: float | None = None
+    """It left the drone on the way, at this instant, POSIX seconds."""
+    weight: Weight | None = None
+    """How much of it was aboard after the next take-off."""
+    package_kg: float = 0.0
+
+
+def judge(e: Evidence) -> tuple[Verdict, str]:
+    """Return the verdict, and its reason.
+
+    What was weighed goes before what was said: acknowledgements of grippers that did not open are what this is for. A package that
+    was lost on the way was not delivered, whatever the gripper says.
+    """
+    if e.lost_s is not None:
+        return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in level flight"
+    said = "a person took it off" if e.by_person else "the release was acknowledged"
+    if e.acknowledged is False:
+        return Verdict.NOT_DELIVERED, "the release was not acknowledged"
+    w = e.weight
+    if w is None:
+        if e.acknowledged:
+            return Verdict.DELIVERED, f"{said}; the drone has not taken off since, so it was not weighed"
+        return Verdict.UNSURE, "nothing was acknowledged, and nothing was weighed"
+    figure = f"{max(w.share, 0.0) * e.package_kg:.2f} ± {w.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"
+    if w.sigma > WEIGHABLE or abs(w.share - ABOARD) < SURE_SIGMAS * w.sigma:
+        why = "too light to be weighed" if w.sigma > WEIGHABLE else "weighed"
+        return Verdict.UNSURE, f"{said}, and the package was {why}: {figure} seem to be aboard"
+    if w.share > ABOARD:
+        part = "" if w.share > 0.75 else " in part"
+        return (
+            Verdict.NOT_DELIVERED,
+            f"{said}, but the package is{part} still aboard: {figure} by the power after take-off",
+        )
+    return Verdict.DELIVERED, f"{said}, and the drone is lighter: {figure} aboard by the power after take-off"

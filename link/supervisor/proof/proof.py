@@ -1,0 +1,116 @@
+"""Proof of one delivery: evidence collected as the drone flies, journaled, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import Proved
+from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge
+from skyway.link.supervisor.proof.scale_of import scale_of
+from skyway.link.supervisor.proof.weighing import END_S, Scale, Weight
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.journal.file import Record
+    from skyway.models.drones.telemetry import TelemetrySample
+
+_OFF_GROUND_M, _DOWN = 0.5, 1.0
+
+
+@dataclass(slots=True)
+class Proof:
+    """The evidence of one delivery; written by the methods here alone."""
+
+    evidence: Evidence = field(default_factory=Evidence)
+    _scale: Scale | None = None
+    _gains: list[float] = field(default_factory=list)
+    _down: bool = True
+    _open: bool = False
+    """A take-off is being weighed."""
+
+    @property
+    def verdict(self) -> tuple[Verdict, str]:
+        """What became of the package as far as is known, and why that is thought."""
+        return judge(self.evidence)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the package left the drone on the way."""
+        return self.evidence.lost_s is not None
+
+    def hear(self, ctx: Context, s: TelemetrySample) -> None:
+        """Weigh by a sample of the flight; tell and write down what it shows."""
+        if not ctx.job.request.payload_kg > 0.0:
+            return
+        if self._scale is None:
+            drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
+            self._scale = scale_of(drone, ctx.job.request.payload_kg, ctx.job.drag)
+            self._scale.remember(self._gains)
+        down = s.landed == _DOWN or s.armed == 0.0
+        if self._down and not down and s.height_m > _OFF_GROUND_M:
+            self._scale.take_off(s.time_s)
+            self._down, self._open = False, True
+        elif down:
+            self._down, self._open = True, False
+        if self._down:
+            return
+        self._scale.hear(s, ctx.wind.here(s))
+        if self.evidence.acknowledged is None:
+            self._watch_loss(ctx, self._scale)
+        if self._open and s.time_s > self._scale.took_off_s + END_S:
+            self._open = False
+            self._weighed(ctx, self._scale)
+
+    def _weighed(self, ctx: Context, scale: Scale) -> None:
+        """A take-off was weighed: under the package it is a measure for later ones, without it the proof."""
+        if self.lost:
+            return
+        if self.evidence.acknowledged is None:
+            gain = scale.keep()
+            if gain is not None:
+                ctx.note(
+                    Proved(gain_w=gain),
+                    f"power of this take-off under the package: {gain:.0f} W by the model of the scale",
+                )
+            return
+        self._take(ctx, replace(self.evidence, weight=scale.weigh()))
+
+    def _watch_loss(self, ctx: Context, scale: Scale) -> None:
+        if self.lost:
+            return
+        lost_s = scale.lost()
+        if lost_s is not None:
+            self._take(ctx, replace(self.evidence, lost_s=lost_s))
+
+    def released(self, ctx: Context, *, acknowledged: bool, by_person: bool = False) -> None:
+        """Take what the gripper, or the person, said of the release."""
+        kg = ctx.job.request.payload_kg
+        self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, package_kg=kg))
+
+    def _take(self, ctx: Context, evidence: Evidence) -> None:
+        before = judge(self.evidence)[0] if self.evidence.acknowledged is not None or self.lost else None
+        self.evidence = evidence
+        verdict, reason = judge(evidence)
+        w = evidence.weight
+        entry = Proved(
+            verdict=str(verdict), acknowledged=evidence.acknowledged, by_person=evidence.by_person or None,
+            lost_s=evidence.lost_s, share=None if w is None else w.share, sigma=None if w is None else w.sigma,
+        )  # fmt: skip
+        ctx.note(entry, f"proof of delivery: {verdict}: {reason}")
+        if verdict is not before or w is not None:
+            ctx.tell(f"proof of delivery: {verdict}: {reason}")
+
+    def restore(self, records: Iterable[Record], package_kg: float) -> None:
+        """Bring back what a journal says."""
+        for record in records:
+            told = record.entry(Proved)
+            if told is None:
+                continue
+            if told.gain_w is not None:
+                self._gains.append(told.gain_w)
+                continue
+            weight = None if told.share is None or told.sigma is None else Weight(told.share, told.sigma, 0)
+            self.evidence = Evidence(told.acknowledged, bool(told.by_person), told.lost_s, weight, package_kg)

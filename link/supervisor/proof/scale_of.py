@@ -1,0 +1,25 @@
+"""The scale of one drone, from its figures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.proof.weighing import Scale
+from skyway.models.drones.airspeed_load import AirspeedLoad
+from skyway.models.drones.drag import DragModel
+from skyway.models.drones.power import EnduranceEnergy
+
+if TYPE_CHECKING:
+    from skyway.models.drones.drone import Drone
+
+USUAL_DRAG = DragModel(linear_per_s=0.03, quadratic_per_m=0.006)
+"""Of a multirotor of 2 to 10 kg, where nobody has measured it; within 12 m/s the power hardly depends on it."""
+
+
+def scale_of(drone: Drone, package_kg: float, drag: DragModel | None) -> Scale:
+    """Make the scale of a drone under a package."""
+    model = drone.energy_model
+    load = AirspeedLoad(drag or USUAL_DRAG)
+    if isinstance(model, EnduranceEnergy):
+        return Scale(drone.mass_kg, package_kg, model.kappa, load)
+    return Scale(drone.mass_kg, package_kg, load=load)
