@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def application(options: ServeOptions) -> Any:
     """Return the application; one for each process."""
     from skyway.web import documents
-    from skyway.web.pages import plan
+    from skyway.web.pages import fly, history, missions, plan, replay
 
     site = Site(options)
 
@@ -33,7 +33,8 @@ def application(options: ServeOptions) -> Any:
 
     outer = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     documents.add(outer, site)
-    plan.add(site)
+    for page in (plan, missions, fly, replay, history):
+        page.add(site)
     pages.config.socket_io_js_transports = ["websocket"]
     pages.config.endpoint_documentation = "none"
     ui.run_with(

@@ -122,3 +122,25 @@ def say(element: ui.element, words: str) -> None:
     if element._text != words:  # noqa: SLF001
         element._text = words  # noqa: SLF001
         element.update()
+
+
+class Drop(ui.element, component="static/drop.js"):
+    """A place where files are dropped; they go to the work folder.
+
+    Parameters
+    ----------
+    label : str
+        What it takes.
+    accept : str
+        Endings, separated by commas.
+    on_uploaded, on_refused : callable
+        Called with the name that a file got, and with why one was refused.
+    """
+
+    def __init__(
+        self, label: str, accept: str, on_uploaded: Callable[[str], Any], on_refused: Callable[[str], Any]
+    ) -> None:
+        super().__init__()
+        self._props.update(label=label, accept=accept)
+        self.on("uploaded", lambda event: on_uploaded(str(event.args)))
+        self.on("refused", lambda event: on_refused(str(event.args)))

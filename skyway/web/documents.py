@@ -10,11 +10,16 @@ from fastapi.responses import JSONResponse
 from starlette.staticfiles import StaticFiles
 
 from skyway.models.base.errors import SkywayError
+from skyway.web.folder import LOGS, MISSIONS, safe_name
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from skyway.web.site import Site
+
+
+TAKEN = (*MISSIONS, *LOGS, ".json", ".geojson", ".param", ".toml")
+"""Endings of files that may be uploaded."""
 
 
 def add(app: FastAPI, site: Site) -> None:
@@ -39,6 +44,31 @@ def add(app: FastAPI, site: Site) -> None:
     @app.get("/api/queues")
     async def queues(request: Request) -> Response:
         return await answer("region.queues", site.scenario, _conditions(request))
+
+    @app.get("/api/replay")
+    async def replay(request: Request) -> Response:
+        try:
+            path = site.folder.existing(request.query_params.get("log", ""))
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 404)
+        return await answer("replayed.shown", str(path))
+
+    @app.get("/api/fleet")
+    async def fleet() -> Response:
+        return JSONResponse(await site.fleet.digest(), headers={"cache-control": "no-store"})
+
+    @app.post("/api/upload")
+    async def upload(request: Request) -> Response:
+        name = safe_name(request.query_params.get("name", "")[:300])
+        if not name.lower().endswith(TAKEN):
+            return JSONResponse({"error": f"not a file that the page reads: {', '.join(TAKEN)}"}, 415)
+        try:
+            content = await request.body()
+            kept = site.folder.free_name(name)
+            site.folder.write(kept, content)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 422)
+        return JSONResponse({"name": kept})
 
     @app.get("/api/outline")
     async def outline() -> Response:

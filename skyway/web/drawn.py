@@ -175,6 +175,37 @@ def _short(words: str, width: float) -> str:
     return words if len(words) <= most else words[: most - 1] + "…"
 
 
+def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
+    """Return the heights above home along a mission."""
+    factor = 1.0 / 0.3048 if unit == "ft" else 1.0
+    points = [one for leg in legs for one in leg["profile"]]
+    if not points:
+        return ""
+    top, bottom, far = 8.0, 86.0, max(points[-1][0], 0.001)
+    high, low = max(one[1] for one in points), min(0.0, *(one[1] for one in points))
+    span = max(high - low, 1.0)
+
+    def place(one: Sequence[float]) -> str:
+        return (
+            f"{LEFT + (WIDTH - LEFT - RIGHT) * one[0] / far:.1f} {bottom - (bottom - top) * (one[1] - low) / span:.1f}"
+        )
+
+    parts = [f'<path class="grid" d="M{LEFT:g} {bottom:g}H{WIDTH - RIGHT:g}M{LEFT:g} {top:g}H{WIDTH - RIGHT:g}"/>']
+    for value, y in ((high, top), (low, bottom)):
+        parts.append(
+            f'<text class="tick" x="{LEFT - 8:g}" y="{y + 4:g}" text-anchor="end">{value * factor:.0f} {unit}</text>'
+        )
+    parts += [
+        f'<path class="typical" d="M{"L".join(place(one) for one in leg["profile"])}"/>'
+        for leg in legs
+        if leg["profile"]
+    ]
+    parts.append(f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 13:g}" text-anchor="end">{far:.1f} km</text>')
+    return _svg(
+        "".join(parts), bottom + 18.0, f"Heights above home along {far:.1f} km, up to {high * factor:.0f} {unit}"
+    )
+
+
 def _svg(inner: str, height: float, words: str) -> str:
     return f'<svg class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{safe(words)}">{inner}</svg>'
 

@@ -13,6 +13,9 @@ from skyway.models.base.files import write_atomically
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+MISSIONS = (".plan", ".waypoints", ".mission", ".fence", ".rally", ".txt")
+LOGS = (".tlog", ".bin", ".ulg", ".log", ".csv", ".jsonl")
+"""Endings of missions, and of logs and journals."""
 MOST_FILES = 5000
 """Files of a folder that are looked at."""
 MOST_DEEP = 4

@@ -1,4 +1,4 @@
-"""The map: one canvas of ours, which draws stations, routes, wind and vehicles."""
+"""The map: one canvas of ours, which draws stations, routes, wind and vehicles; and what moves something on it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from skyway.web.preferences import CHOICES
+
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from skyway.web.preferences import Preferences
 
 
 class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "static/map"}):
@@ -43,3 +47,29 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
     def load(self, name: str, url: str) -> None:
         """Let the browser fetch a part by itself."""
         self.run_method("load", name, url)
+
+
+class OnMap(ui.element):
+    """A component of the page that moves something on the map by itself, in the units that a person prefers."""
+
+    def __init__(self, wanted: Preferences) -> None:
+        super().__init__()
+        self._props.update(
+            {
+                "speed-unit": CHOICES["speed"][1][wanted.speed], "speed-factor": wanted.speed_factor,
+                "height-unit": wanted.height, "height-factor": wanted.height_factor, "utc": wanted.time == "utc",
+            }
+        )  # fmt: skip
+
+
+class Player(OnMap, component="static/player.js"):
+    """Plays logs: ``static/player.js``."""
+
+    def in_zone(self, timezone: str) -> None:
+        """Show local times of a zone."""
+        self._props["zone"] = timezone
+        self.update()
+
+
+class FleetTable(OnMap, component="static/fleet.js"):
+    """Vehicles that are heard: ``static/fleet.js``."""

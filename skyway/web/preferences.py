@@ -39,6 +39,16 @@ class Preferences:
         found = {name: cookies.get(f"skyway_{name}", "") for name in CHOICES}
         return cls(**{name: value for name, value in found.items() if value in CHOICES[name][1]})
 
+    @property
+    def speed_factor(self) -> float:
+        """What a speed in m/s is multiplied by."""
+        return _SPEEDS[self.speed]
+
+    @property
+    def height_factor(self) -> float:
+        """What a height in metres is multiplied by."""
+        return _FEET_PER_M if self.height == "ft" else 1.0
+
     def zone(self, timezone: str) -> tzinfo:
         """Return the zone of the times shown."""
         return UTC if self.time == "utc" else ZoneInfo(timezone)

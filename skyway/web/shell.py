@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from skyway.web.site import Site
 
-PAGES = (("/", "Plan"),)
+PAGES = (("/", "Plan"), ("/missions", "Missions"), ("/fly", "Fly"), ("/replay", "Replay"), ("/history", "History"))
 """Address and name of each page."""
 
 

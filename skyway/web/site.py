@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from skyway.web.fleet import Fleet
 from skyway.web.folder import Folder
 from skyway.web.workers import Workers
 
@@ -22,12 +23,15 @@ class Site:
         The work folder.
     workers : Workers
         Processes that work things out, so that the page answers meanwhile.
+    fleet : Fleet
+        Vehicles that are heard.
     """
 
     def __init__(self, options: ServeOptions) -> None:
         self.options = options
         self.folder = Folder(options.folder)
         self.workers = Workers()
+        self.fleet = Fleet(self)
 
     @property
     def scenario(self) -> str | None:
@@ -40,4 +44,5 @@ class Site:
 
     def stop(self) -> None:
         """End them."""
+        self.fleet.stop_all()
         self.workers.stop()

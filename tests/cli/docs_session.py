@@ -43,7 +43,7 @@ DEADLINE_S = 180.0
 """For everything that is waited for: far more than it takes, since the machine may be busy."""
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C broke off; those that Ctrl-C ends as usual exit with 0."""
-_PORTS = ("5760", "5790", "14540", "14550")
+_PORTS = ("5760", "5790", "14540", "14550", "8080")
 _FILE = re.compile(r"<!-- file: (\S+) -->")
 _NOT_RUN = re.compile(r"<!-- not run: (.+) -->")
 _AFTER = re.compile(r"<!-- after: (\S+) -->")

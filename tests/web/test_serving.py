@@ -69,6 +69,32 @@ def test_attacks_are_refused(page, status, path, asked):
     assert headers["x-content-type-options"] == "nosniff"
 
 
+def test_uploads_land_in_the_work_folder_under_plain_names_and_nowhere_else(page):
+    own = {"Origin": page.address}
+    asked = [
+        (200, "mission.plan", "mission.plan"), (200, "mission.plan", "mission-2.plan"), (200, "../../evil.plan", "evil.plan"),
+        (200, "%3Cscript%3E.plan", "_script_.plan"), (415, "page.html", None), (415, "plan.plan.exe", None), (415, "", None),
+    ]  # fmt: skip
+    for status, name, kept in asked:
+        found, _, text = page.ask(f"/api/upload?name={name}", "POST", b"{}", **own)
+        assert found == status, name
+        assert kept is None or json.loads(text)["name"] == kept
+    assert page.ask("/api/upload?name=x.plan", "POST", b"{}")[0] == 403
+    assert sorted(one.name for one in page.folder.iterdir()) == [
+        "_script_.plan",
+        "evil.plan",
+        "mission-2.plan",
+        "mission.plan",
+    ]
+    assert not (page.folder.parent / "evil.plan").exists()
+    assert page.ask("/api/replay?log=../secret.tlog")[0] == 404
+    assert page.ask("/api/replay?log=mission.plan")[0] == 422
+    for path in ("/missions?file=%3Cscript%3E1", "/fly", "/replay?log=%3Cscript%3E1", "/history"):
+        status, _, text = page.ask(path, **HTML)
+        assert status == 200
+        assert "<script>1" not in text
+
+
 def test_a_page_asked_for_with_a_script_in_its_question_shows_it_as_text(page):
     _, _, text = page.ask("/?start=%3Cscript%3Ealert(1)%3C/script%3E&avoid=%60%24%7Balert(1)%7D&nonsense=1", **HTML)
     assert "<script>alert" not in text

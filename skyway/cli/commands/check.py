@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyway import typed_values
 from skyway.cli import airspace_options, options
 from skyway.cli.options import FamilyName
 from skyway.models.base.errors import InputError
@@ -20,10 +19,6 @@ from skyway.scenarios import load_scenario
 if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.checks.report import CheckReport
-    from skyway.missions.checks.weather import Weather
-    from skyway.models.drones.drone import Drone
-    from skyway.models.flight.way_heights import Over
-    from skyway.models.scenario.scenario import Scenario
 
 
 def check(
@@ -52,6 +47,10 @@ def check(
         float | None, typer.Option(help="Clearance over terrain and obstacles, m. Without it: the scenario's, or 30.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the heights over the terrain: FILE.png or FILE.svg.")] = None,
+    fix: Annotated[
+        Path | None,
+        typer.Option(help="Write the mission with those findings mended whose remedy is certain: .plan or .waypoints."),
+    ] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
@@ -67,19 +66,20 @@ def check(
       skyway check survey.plan --terrain S36E149.hgt.zip --obstacles towers.csv --plot heights.png
       skyway check survey.plan --zones national.json --depart 2026-08-05T14:00+02:00
     """
+    from skyway.checking import conditions_of, over_of, weather_of
     from skyway.missions import check as check_mission
     from skyway.missions import family_named, read
 
     options.check_picture(plot)
-    options.refuse_overwriting(plot, force=force)
+    options.refuse_overwriting(plot, fix, force=force)
     document = read(file)
     region = None if scenario is None else load_scenario(scenario)
-    over = _over(region, terrain, obstacles, clearance)
+    over = over_of(region, terrain, obstacles, clearance)
     if plot is not None and over is None:
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
     airspace = airspace_options.zones_of(region, zones or (), authorized or ())
-    weather = _weather(region, wind, depart, forecast, zoned=bool(zones))
-    conditions = _conditions(region, drone, weather, payload, soc, reserve)
+    weather = weather_of(region, wind, depart, forecast, zoned=bool(zones))
+    conditions = conditions_of(region, drone, weather, payload, soc, reserve)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,
@@ -93,6 +93,15 @@ def check(
 
         plot_heights(report.heights, plot, title=file.name)
         options.say_written(plot)
+    if fix is not None:
+        from skyway.missions import write
+        from skyway.missions.checks.fixes import fixed
+
+        mended, told = fixed(document, report.findings)
+        write(mended, fix, force=force)
+        for line in told or ("nothing could be mended for certain",):
+            typer.echo(line, err=True)
+        options.say_written(fix)
     if as_json:
         typer.echo(json_text(report, indent=1))
     else:
@@ -100,100 +109,6 @@ def check(
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
-
-
-def _over(
-    region: Scenario | None, terrain: list[str] | None, obstacles: list[str] | None, clearance_m: float | None
-) -> Over | None:
-    """Terrain that a mission is checked over, and what it keeps."""
-    from dataclasses import replace
-
-    from skyway.models.flight.rules import FlightRules
-    from skyway.models.flight.way_heights import Over
-    from skyway.models.terrain.files import read_terrain
-    from skyway.scenarios import with_terrain
-
-    if region is not None:
-        over = with_terrain(region, terrain, obstacles).network.over
-    elif terrain or obstacles:
-        rules = FlightRules()
-        over = Over(read_terrain(terrain or (), obstacles or ()), rules.clearance, rules.cruise_height_m)
-    else:
-        over = None
-    if clearance_m is None:
-        return over
-    if not 0.0 <= clearance_m <= 1000.0:
-        raise InputError("is not between 0 and 1000 m", field="--clearance", value=clearance_m)
-    if over is None:
-        raise InputError("needs a terrain model", field="--clearance", remedy="give --terrain too")
-    return replace(over, clearance=replace(over.clearance, least_m=clearance_m))
-
-
-def _weather(
-    region: Scenario | None, wind: str | None, depart: str | None, forecast: list[Path] | None, *, zoned: bool
-) -> Weather | None:
-    """Return the wind of a check; a departure alone may be meant for the zones."""
-    from skyway.missions import ForecastWind, SteadyWind
-
-    if wind is not None:
-        if (depart is not None and not zoned) or forecast:
-            raise InputError("a steady wind and a forecast exclude each other", field="--wind, --depart")
-        return SteadyWind(*typed_values.parse_wind(wind))
-    if depart is None and forecast:
-        raise InputError("a forecast needs a departure", field="--forecast", remedy="give --depart, the first take-off")
-    if depart is None or (region is None and zoned and not forecast):
-        return None
-    if region is None:
-        raise InputError("a forecast needs a scenario", field="--depart", remedy="give --scenario too, or --wind")
-    start = parse_instant(depart, field="--depart")
-    rules = region.rules
-    found = region.forecast_from(forecast, start, 24) if forecast else region.forecast(start, 24)
-    return ForecastWind(found, start.timestamp(), rules.wind_profile_exponent)
-
-
-def _conditions(
-    region: Scenario | None,
-    drone: str | None,
-    weather: Weather | None,
-    payload_kg: float,
-    soc_percent: float,
-    reserve_percent: float,
-) -> FlightConditions:
-    from skyway.missions import FlightConditions, SteadyWind
-
-    if not 0.0 <= payload_kg <= 1000.0:
-        raise InputError("is not between 0 and 1000", field="--payload", value=payload_kg)
-    vehicle, assumed = _vehicle(region, drone)
-    rules = region.rules if region else None
-    return FlightConditions(
-        vehicle,
-        payload_kg,
-        typed_values.percent(soc_percent, "--soc"),
-        typed_values.percent(reserve_percent, "--reserve"),
-        rules.climb_rate_mps if rules else 5.0,
-        rules.descent_rate_mps if rules else 3.0,
-        weather or SteadyWind(),
-        region.network.stations if region else (),
-        assumed,
-    )
-
-
-def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool]:
-    """Return the vehicle, and whether nobody named it."""
-    from skyway.models.drones.drone import BUILT_IN
-
-    if identity is None:
-        if region is not None and len(region.drones) == 1:
-            return region.drones[0], False
-        return BUILT_IN["m200-v2"], True
-    if region is not None and any(drone.id == identity for drone in region.drones):
-        return region.drone(identity), False
-    if identity in BUILT_IN:
-        return BUILT_IN[identity], False
-    if region is not None:
-        return region.drone(identity), False
-    remedy = f"built in: {', '.join(BUILT_IN)}; a scenario brings its own fleet"
-    raise InputError("no such drone", field="--drone", value=identity, remedy=remedy)
 
 
 def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -133,7 +134,9 @@ class VerifyReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def progress() -> Callable[[str, int, int], None] | None:
-    """Return a line that is written over, where the output is a terminal."""
+    """Return a line that is written over, where the output is a terminal; lines where SKYWAY_PROGRESS asks for them."""
+    if os.environ.get("SKYWAY_PROGRESS"):
+        return lambda what, done, total: typer.echo(f"{what} {done}/{total}", err=True)
     if not sys.stderr.isatty():
         return None
 

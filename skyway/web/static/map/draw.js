@@ -25,6 +25,7 @@ export function draw(context, view, state, colours, map) {
   for (const track of state.tracks) path(c, view, track.points, colours[track.colour] || colours.vehicle, track.width || 2, track.dash || []);
   const taken = [];
   if (region) stations(c, view, state, colours, map, taken);
+  marks(c, view, state.marks || [], colours);
   vehicles(c, view, state.vehicles, colours, taken);
   ends(c, view, state, colours);
   if (map.dragged?.x !== undefined) ghost(c, view, state, map.dragged, colours);
@@ -329,6 +330,18 @@ function vehicles(c, view, found, colours, taken) {
       label(c, view, one.name, x + 11, y + 4, colours, taken, true);
     }
   }
+}
+
+function marks(c, view, found, colours) {
+  c.font = "700 12px system-ui, sans-serif";
+  c.textAlign = "center";
+  for (const { place, label: words, colour } of found) {
+    const [x, y] = view.toScreen(...place);
+    disc(c, x, y, 9, colours[colour] || colours.ink, colours.halo);
+    c.fillStyle = colours.paper;
+    c.fillText(words, x, y + 4);
+  }
+  c.textAlign = "start";
 }
 
 function ghost(c, view, state, dragged, colours) {

@@ -63,7 +63,8 @@ export class SkywayMap {
   // Take new data: region, wind, queues, plans, chosen, hour, start, target, avoid, stopAt, vehicles, tracks, layers.
   set(parts) {
     Object.assign(this.state, parts);
-    if (parts.region) this.fit();
+    if (parts.region || parts.fitted) this.fit();
+    if (parts.centre) this.view.centre(...parts.centre);
     this.changed();
   }
 

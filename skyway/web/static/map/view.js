@@ -52,6 +52,11 @@ export class View {
     this.cy += (y - this.height / 2) * change;
   }
 
+  centre(lat, lon) {
+    [this.cx, this.cy] = mercator(lat, lon);
+    this.zoom = Math.max(this.zoom, 13);
+  }
+
   // Show [west, south, east, north], degrees, with a margin in pixels.
   fit([west, south, east, north], margin = 48) {
     const [x1, y1] = mercator(north, west);

@@ -1,0 +1,47 @@
+"""Findings whose remedy is certain: what a vehicle makes of the mission anyway is written down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
+    from skyway.missions.items.mission import MissionItem
+
+CERTAIN = ("parameter-not-given", "fraction-lost")
+"""Codes of such findings. Whatever leaves a choice (a missing landing, a wrong jump) is left to a person."""
+_E7 = 10_000_000
+
+
+def fixed(document: MissionDocument, findings: Sequence[Finding]) -> tuple[MissionDocument, tuple[str, ...]]:
+    """Return the document with those findings mended, and what was done, a line each."""
+    items = list(document.mission.items)
+    told = []
+    for finding in findings:
+        if finding.code not in CERTAIN or finding.item is None:
+            continue
+        before = items[finding.item]
+        after = _zeros(before) if finding.code == "parameter-not-given" else _whole(before)
+        if after != before:
+            items[finding.item] = after
+            told.append(f"item {finding.item}: {finding.remedy}, as the vehicle does")
+    if not told:
+        return document, ()
+    return replace(document, mission=replace(document.mission, items=tuple(items))), tuple(told)
+
+
+def _zeros(item: MissionItem) -> MissionItem:
+    """0 for parameters that are not given."""
+    given = {f"param{number}": 0.0 for number, value in enumerate(item.params, start=1) if math.isnan(value)}
+    return replace(item, **given)  # type: ignore[arg-type]
+
+
+def _whole(item: MissionItem) -> MissionItem:
+    """Whole numbers for the parameters that travel as such."""
+    x, y = (None if value is None else round(value / _E7) * _E7 for value in (item.x, item.y))
+    return replace(item, x=x, y=y)

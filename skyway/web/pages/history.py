@@ -1,0 +1,131 @@
+"""The history page: journals of the work folder, searchable, and totals."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from nicegui import Client, ui
+
+from skyway.models.base.errors import SkywayError
+from skyway.models.base.formatting import distance_text, duration, percent
+from skyway.report.svg import safe
+from skyway.web import shell
+from skyway.web.controls import Button, Field, say, text
+from skyway.web.work.history import energy_per_km
+
+if TYPE_CHECKING:
+    from skyway.web.preferences import Preferences
+    from skyway.web.site import Site
+
+
+def add(site: Site) -> None:
+    """Add the page."""
+
+    @ui.page("/history", title="skyway: history")
+    async def history(client: Client) -> None:
+        with shell.page(site, client, "/history") as wanted:
+            HistoryPage(site, wanted)
+
+
+class HistoryPage:
+    """One open page."""
+
+    def __init__(self, site: Site, wanted: Preferences) -> None:
+        self.site, self.wanted = site, wanted
+        self.rows: list[dict[str, Any]] = []
+        self.sought = ""
+        self.timezone = "UTC"
+        with ui.element("div").classes("panel whole"):
+            with ui.element("div").classes("line"):
+                Field("Search", self.seek, hint="Station, drone, state, file; several words narrow it")
+                Button("Read the folder again", self._read)
+            self.status = text("p", "", "status", role="status")
+            self.totals = ui.html("")
+            self.table = ui.html("")
+            with ui.element("div").classes("command"):
+                text("code", "skyway report JOURNAL.jsonl", id="history-command")
+                text("button", "Copy", "plain", type="button", data_copy="history-command")
+        ui.timer(0.01, self._read, once=True)
+
+    async def _read(self) -> None:
+        say(self.status, "Reading …")
+        names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
+        try:
+            self.timezone = (await self.site.workers.ask("region.region", self.site.scenario))["timezone"]
+            self.rows = await self.site.workers.ask("history.told", str(self.site.folder.root.resolve()), names)
+        except SkywayError as error:
+            say(self.status, str(error))
+            return
+        say(
+            self.status,
+            "" if self.rows else "No journals in the work folder yet: skyway fly and skyway demo write them.",
+        )
+        self._draw()
+
+    def seek(self, words: Any) -> None:
+        """Show those that have all words."""
+        self.sought = str(words)
+        self._draw()
+
+    def _draw(self) -> None:
+        words = self.sought.casefold().split()
+        found = [
+            row
+            for row in self.rows
+            if all(word in " ".join(str(value) for value in row.values()).casefold() for word in words)
+        ]
+        self.totals.set_content(_totals(found))
+        self.table.set_content(self._table(found))
+
+    def _table(self, found: list[dict[str, Any]]) -> str:
+        rows = []
+        for row in found:
+            when = (
+                "unknown"
+                if row["depart_s"] is None
+                else datetime.fromtimestamp(row["depart_s"], self.wanted.zone(self.timezone)).strftime(
+                    "%Y-%m-%d %H:%M %Z"
+                )
+            )
+            kept = {True: "kept", False: "<span class='warn'>missed</span>", None: ""}[row["promise_kept"]]
+            low = row["lowest_soc"]
+            below = low is not None and row["reserve_soc"] is not None and low < row["reserve_soc"]
+            reserve = f"<span class='{'warn' if below else ''}'>{percent(low)}{' (below the reserve)' if below else ''}</span>"
+            state = "<span class='good'>delivered</span>" if row["delivered"] else safe(row["state"])
+            link = f'<a href="/replay?log={quote(row["file"])}">{safe(row["file"])}</a>'
+            rows.append(
+                f"<tr><td>{safe(when)}</td><td>{safe(row['from'])} &gt; {safe(row['to'])}</td><td>{safe(row['drone'])}</td><td>{state}</td>"
+                f"<td class='n'>{row['flights']}</td><td class='n'>{duration(row['delivery_s'])}</td><td>{kept}</td><td class='n'>{reserve}</td>"
+                f"<td class='n'>{row['decisions']}</td><td>{link}</td></tr>"
+            )
+        head = (
+            "<tr><th>departure</th><th>delivery</th><th>drone</th><th>end</th><th class='n'>flights</th><th class='n'>took</th><th>promise (95 %)</th>"
+            "<th class='n'>lowest charge</th><th class='n'>decisions</th><th>journal</th></tr>"
+        )
+        return (
+            f"<div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
+            if found
+            else ""
+        )
+
+
+def _totals(found: list[dict[str, Any]]) -> str:
+    promised = [row["promise_kept"] for row in found if row["promise_kept"] is not None]
+    lows = [row["lowest_soc"] for row in found if row["lowest_soc"] is not None]
+    energy = energy_per_km(found)
+    cells = [
+        ("deliveries", f"{sum(row['delivered'] for row in found)} of {len(found)}"),
+        ("flights", str(sum(row["flights"] for row in found))),
+        ("in the air", duration(sum(row["flight_s"] or 0.0 for row in found))),
+        ("way planned", distance_text(sum(row["distance_m"] for row in found))),
+        ("energy", "unknown" if energy is None else f"{energy:.1f} Wh/km"),
+        ("promises kept", f"{sum(promised)} of {len(promised)}"),
+        ("lowest charge", percent(min(lows)) if lows else "unknown"),
+    ]
+    return (
+        f"<dl class='figures'>{''.join(f'<div><dt>{name}</dt><dd>{safe(value)}</dd></div>' for name, value in cells)}</dl>"
+        if found
+        else ""
+    )

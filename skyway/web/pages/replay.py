@@ -1,0 +1,111 @@
+"""The replay page: any log, forwards and backwards, one or two beside each other."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING, Any
+
+from nicegui import Client, ui
+
+from skyway.models.base.errors import SkywayError
+from skyway.web import shell
+from skyway.web.controls import Drop, Field, say, text
+from skyway.web.folder import LOGS
+from skyway.web.map_layer import MapLayer, Player
+
+if TYPE_CHECKING:
+    from skyway.web.preferences import Preferences
+    from skyway.web.site import Site
+
+
+def add(site: Site) -> None:
+    """Add the page."""
+
+    @ui.page("/replay", title="skyway: replay")
+    async def replay(client: Client) -> None:
+        with shell.page(site, client, "/replay") as wanted:
+            ReplayPage(site, client, wanted)
+
+
+class ReplayPage:
+    """One open page."""
+
+    def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
+        self.site, self.client = site, client
+        self.files = [client.request.query_params.get("log", ""), ""]
+        with ui.element("div").classes("work"):
+            with (
+                ui.element("section").classes("panel form").props('aria-label="Logs"'),
+                ui.element("div").classes("rows wide"),
+            ):
+                Drop(
+                    "Drop a log here, or choose (.tlog, .bin, .ulg, journal)",
+                    ",".join(LOGS),
+                    self.uploaded,
+                    self.refused,
+                )
+                self.first = Field(
+                    "Log", lambda name: self.choose(0, name), kind="select", hint="Of the work folder, newest first"
+                )
+                self.second = Field("Beside it", lambda name: self.choose(1, name), kind="select")
+                self.status = text("p", "", "status", role="status")
+            with ui.element("section").classes("seen").props('aria-label="Map"'):
+                self.map = MapLayer("Map of the flight. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+            with ui.element("section").classes("panel answer").props('aria-label="Player"'):
+                self.player = Player(wanted)
+                self.player.on("failed", lambda event: self._tell(str(event.args), wrong=True))
+                with ui.element("div").classes("command"):
+                    self.command = text("code", "", id="replay-command")
+                    text("button", "Copy", "plain", type="button", data_copy="replay-command")
+        ui.timer(0.01, self._begin, once=True)
+
+    async def _begin(self) -> None:
+        for name in ("region", "outline"):
+            self.map.load(name, f"/api/{name}")
+        try:
+            region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
+        except SkywayError:
+            region = {"timezone": "UTC", "bounds": [-180, -60, 180, 70]}
+        self.player.in_zone(region["timezone"])
+        self.map.put(bounds=region["bounds"], fitted=True)
+        self._list()
+        self._open()
+
+    def _list(self) -> None:
+        names = [one.name for one in self.site.folder.files(*LOGS)]
+        for field, chosen, nothing in (
+            (self.first, self.files[0], "choose a log"),
+            (self.second, self.files[1], "no other"),
+        ):
+            field.offer([("", nothing), *((name, name) for name in names)])
+            field.show(chosen)
+
+    def choose(self, number: int, name: Any) -> None:
+        """Show another log."""
+        self.files[number] = str(name)
+        self._open()
+
+    def uploaded(self, name: str) -> None:
+        """Show a log that has come."""
+        self.files[0] = name
+        self._list()
+        self._open()
+
+    def refused(self, why: str) -> None:
+        """Tell why a file was refused."""
+        self._tell(why, wrong=True)
+
+    def _open(self) -> None:
+        names = [name for name in self.files if name]
+        self._tell(
+            ""
+            if names
+            else "Choose a log, or drop one. Logs of skyway fly and skyway watch are in the folder that they were started in."
+        )
+        if names:
+            self.player.run_method("open", names)
+            say(self.command, shlex.join(["skyway", "report" if names[0].endswith(".jsonl") else "replay", names[0]]))
+
+    def _tell(self, words: str, *, wrong: bool = False) -> None:
+        self.status.classes(replace="status wrong" if wrong else "status")
+        say(self.status, words)

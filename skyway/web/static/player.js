@@ -1,0 +1,170 @@
+// The player of the replay page: one or two logs, a time, and everything at that time. It runs in the browser alone.
+import { h } from "vue";
+import { lines, marks } from "skyway-map/traces.js";
+
+const SPEEDS = [-60, -10, -1, 1, 5, 10, 30, 60, 120];
+const COLOURS = ["vehicle", "start"];
+
+export default {
+  props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String },
+  emits: ["failed"],
+  data() {
+    return { logs: [], at: 0, speed: 10, playing: false };
+  },
+  computed: {
+    end() {
+      return Math.max(1, ...this.logs.map((log) => log.columns.time_s.at(-1)));
+    },
+    events() {
+      return this.logs[0]?.events || [];
+    },
+  },
+  render() {
+    if (!this.logs.length) return h("div", { class: "player" });
+    const button = (words, act, title) => h("button", { type: "button", onClick: act, title, "aria-label": title }, words);
+    return h("div", { class: "player" }, [
+      h("div", { class: "line" }, [
+        button("|<", () => this.jump(0), "To the beginning"),
+        button("<", () => this.jump(this.nextEvent(-1)), "Event before"),
+        h("button", { type: "button", class: "main", onClick: () => this.toggle(), "data-keys": " " }, this.playing ? "Pause" : "Play"),
+        button(">", () => this.jump(this.nextEvent(1)), "Next event"),
+        h("label", { for: "player-speed", class: "faint" }, "Speed"),
+        h(
+          "select",
+          { id: "player-speed", value: this.speed, onChange: (e) => (this.speed = Number(e.target.value)) },
+          SPEEDS.map((one) => h("option", { value: one }, one < 0 ? `${-one} x backwards` : `${one} x`)),
+        ),
+        h("output", { class: "clock", "aria-live": "off" }, this.clock(this.at)),
+      ]),
+      h("input", {
+        type: "range", min: 0, max: this.end, step: this.end / 2000, value: this.at, "aria-label": "Time of the log",
+        "aria-valuetext": this.clock(this.at), onInput: (e) => this.jump(Number(e.target.value)),
+      }),
+      h("div", { class: "nows" }, this.logs.map((log, i) => this.now(log, i))),
+      h("div", { class: "traces" }, this.traces()),
+      h("ol", { class: "events", "aria-label": "Events" }, this.eventRows()),
+    ]);
+  },
+  mounted() {
+    this.last = 0;
+    this.tick = (time) => {
+      if (this.playing) this.step((time - this.last) / 1000);
+      this.last = time;
+      this.frame = requestAnimationFrame(this.tick);
+    };
+    this.frame = requestAnimationFrame(this.tick);
+    window.skywayPlayer = this;
+  },
+  unmounted() {
+    cancelAnimationFrame(this.frame);
+  },
+  methods: {
+    async open(names) {
+      const logs = [];
+      for (const name of names) {
+        const answer = await fetch(`/api/replay?log=${encodeURIComponent(name)}`);
+        const told = await answer.json();
+        if (answer.ok) logs.push(Object.freeze(told));
+        else this.$emit("failed", told.error);
+      }
+      this.logs = logs;
+      this.at = 0;
+      this.playing = false;
+      this.drawn = undefined;
+      this.frameMap();
+    },
+    frameMap() {
+      const places = this.logs.flatMap((log) => log.columns.lat.map((lat, i) => [lat, log.columns.lon[i]]).filter(([lat, lon]) => lat !== null && lon !== null));
+      if (!places.length) return;
+      const lat = places.map((p) => p[0]).sort((a, b) => a - b);
+      const lon = places.map((p) => p[1]).sort((a, b) => a - b);
+      const tracks = this.logs.map((log, i) => ({
+        points: log.columns.lat.map((one, k) => [one, log.columns.lon[k]]).filter(([a, b]) => a !== null && b !== null),
+        colour: COLOURS[i], width: 2, dash: i ? [6, 4] : [],
+      }));
+      window.skywayMap?.set({ tracks, bounds: [lon[0], lat[0], lon.at(-1), lat.at(-1)], fitted: true });
+      this.show();
+    },
+    toggle() {
+      if (!this.playing && this.speed > 0 && this.at >= this.end) this.at = 0;
+      this.playing = !this.playing;
+    },
+    step(seconds) {
+      this.at = Math.max(0, Math.min(this.end, this.at + seconds * this.speed));
+      if (this.at === 0 || this.at === this.end) this.playing = false;
+      this.show();
+    },
+    jump(to) {
+      this.at = Math.max(0, Math.min(this.end, to));
+      this.show();
+    },
+    nextEvent(way) {
+      const times = this.events.map((one) => one.time_s);
+      return way > 0 ? (times.find((t) => t > this.at + 0.05) ?? this.end) : (times.findLast((t) => t < this.at - 0.05) ?? 0);
+    },
+    row(log) {
+      const times = log.columns.time_s;
+      let [low, high] = [0, times.length - 1];
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (times[middle] <= this.at) low = middle;
+        else high = middle - 1;
+      }
+      return low;
+    },
+    show() {
+      const vehicles = this.logs.flatMap((log, i) => {
+        const k = this.row(log);
+        const c = log.columns;
+        return c.lat[k] === null ? [] : [{ id: i, name: log.name, lat: c.lat[k], lon: c.lon[k], heading_deg: c.heading_deg[k] }];
+      });
+      const log = this.logs[0];
+      const k = this.row(log);
+      const [east, north] = [log.columns.wind_east_mps[k], log.columns.wind_north_mps[k]];
+      const wind = east === null || !vehicles.length ? null : { points: [[vehicles[0].lat, vehicles[0].lon]], hours: [{ east: [east], north: [north] }] };
+      window.skywayMap?.set({ vehicles, wind, hour: 0 });
+    },
+    clock(seconds) {
+      const log = this.logs[0];
+      const whole = Math.max(0, Math.round(seconds));
+      const relative = `${Math.floor(whole / 3600)}:${String(Math.floor(whole / 60) % 60).padStart(2, "0")}:${String(whole % 60).padStart(2, "0")}`;
+      if (!log || log.begin_s === null) return relative;
+      const zone = this.utc ? "UTC" : this.zone;
+      const day = new Date(1000 * (log.begin_s + seconds));
+      const words = day.toLocaleString("sv-SE", { timeZone: zone, hour12: false });
+      return `${relative} (${words} ${this.utc ? "UTC" : "local"})`;
+    },
+    now(log, i) {
+      const k = this.row(log);
+      const c = log.columns;
+      const value = (x, factor, unit, digits = 1) => (x === null ? "unknown" : `${(x * factor).toFixed(digits)} ${unit}`);
+      const wind = c.wind_north_mps[k] === null ? null : Math.hypot(c.wind_north_mps[k], c.wind_east_mps[k]);
+      const from = wind === null ? "" : ` from ${String(Math.round(((Math.atan2(-c.wind_east_mps[k], -c.wind_north_mps[k]) * 180) / Math.PI + 360) % 360)).padStart(3, "0")}°`;
+      const sure = c.wind_sigma_mps[k] === null ? "" : ` ± ${(c.wind_sigma_mps[k] * this.speedFactor).toFixed(1)}`;
+      const health = c.health[k] === null ? "unknown" : c.health[k] ? "consistent" : "not consistent";
+      const cells = [
+        ["height", value(c.height_m[k], this.heightFactor, this.heightUnit, 0)],
+        ["ground speed", value(c.ground_speed_mps[k], this.speedFactor, this.speedUnit)],
+        ["charge", value(c.soc[k], 100, "%", 0)],
+        ["wind", wind === null ? "not measured" : `${(wind * this.speedFactor).toFixed(1)}${sure} ${this.speedUnit}${from}`],
+        ["wind filter", health],
+      ];
+      return h("dl", { class: "figures", "aria-label": log.name }, [
+        h("div", [h("dt", ["log", ` ${i + 1}`]), h("dd", { class: "small-dd" }, log.name)]),
+        ...cells.map(([name, words]) => h("div", [h("dt", name), h("dd", { class: "small-dd" }, words)])),
+      ]);
+    },
+    traces() {
+      this.drawn ||= ["height_m", "soc", "ground_speed_mps", "wind"].map((name) => lines(this.logs, name, this.end, this));
+      return this.drawn.map((one) => marks(one, this.at / this.end, (share) => this.jump(share * this.end)));
+    },
+    eventRows() {
+      return this.events.map((one) =>
+        h("li", { class: Math.abs(one.time_s - this.at) < 1 ? "now" : "" }, [
+          h("button", { type: "button", class: "plain", onClick: () => this.jump(one.time_s) }, this.clock(one.time_s).split(" ")[0]),
+          ` ${one.text}`,
+        ]),
+      );
+    },
+  },
+};

@@ -1,0 +1,128 @@
+"""Logs and journals as the replay page shows them: columns over time, flights and events."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+MOST_ROWS = 20_000
+"""Rows that a browser gets; of longer logs each second, third … row."""
+MOST_EVENTS = 2_000
+NAMES = (
+    "time_s",
+    "lat",
+    "lon",
+    "height_m",
+    "ground_speed_mps",
+    "soc",
+    "heading_deg",
+    "wind_north_mps",
+    "wind_east_mps",
+    "wind_sigma_mps",
+    "health",
+)
+"""Columns of the document. Winds blow TO; `health` is 1 where the wind filter is consistent, 0 where not."""
+
+
+def shown(path: str) -> dict[str, Any]:
+    """Return a log, or the journal of a supervised flight, for the player."""
+    file = Path(path)
+    return _journal(file) if file.suffix == ".jsonl" else _log(file)
+
+
+def _log(file: Path) -> dict[str, Any]:
+    """Go through a log as ``skyway replay`` does."""
+    from skyway.link.logs.reader import open_log
+    from skyway.link.replay.replay import replay
+
+    found = replay(open_log(file))
+    track = found.seconds
+    if not len(track):
+        raise InputError("has no telemetry", str(file))
+    step = max(1, math.ceil(len(track) / MOST_ROWS))
+    at = slice(None, None, step)
+    wind = _wind_at(found.wind, track.time_s[at])
+    columns = {
+        "time_s": track.time_s[at],
+        "lat": track["lat_deg"][at],
+        "lon": track["lon_deg"][at],
+        "height_m": track["height_m"][at],
+        "ground_speed_mps": np.hypot(track["vel_north_mps"][at], track["vel_east_mps"][at]),
+        "soc": track["soc"][at],
+        "heading_deg": np.degrees(track["yaw_rad"][at]) % 360.0,
+        **wind,
+    }
+    flights = [[leg.start_s, leg.end_s] for leg in found.legs]
+    events = [{"time_s": one.time_s, "text": one.text} for one in found.events[:MOST_EVENTS]]
+    return _document(file, columns, flights, events, absolute=found.summary.time_base.absolute)
+
+
+def _wind_at(wind: Any, time_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """The estimated wind at some times: the last one before each."""
+    if not len(wind):
+        nothing = np.full(len(time_s), np.nan)
+        return dict.fromkeys(("wind_north_mps", "wind_east_mps", "wind_sigma_mps", "health"), nothing)
+    last = np.searchsorted(wind.time_s, time_s, side="right") - 1
+    known = last >= 0
+    last = np.maximum(last, 0)
+    sigma = np.sqrt(np.maximum((wind.covariance[last, 0] + wind.covariance[last, 2]) / 2.0, 0.0))
+    columns = {
+        "wind_north_mps": wind.wind[last, 0], "wind_east_mps": wind.wind[last, 1], "wind_sigma_mps": sigma,
+        "health": wind.trusted[last].astype(float),
+    }  # fmt: skip
+    return {name: np.where(known, values, np.nan) for name, values in columns.items()}
+
+
+def _journal(file: Path) -> dict[str, Any]:
+    from skyway.report.report import flight
+
+    report = flight(file)
+    track = report.series.track
+    columns = {
+        name: np.array([math.nan if value is None else value for value in track.get(name, [])], dtype=float)
+        for name in NAMES
+        if name in track
+    }
+    if not len(columns.get("time_s", ())):
+        raise InputError("tells of no flight yet", str(file))
+    flights = [
+        [leg.depart_s, leg.land_s if leg.land_s is not None else float(columns["time_s"][-1])] for leg in report.legs
+    ]
+    events = [
+        {"time_s": one.time_s, "text": f"{one.state}: {one.reason or one.event}"} for one in report.events[:MOST_EVENTS]
+    ]
+    return _document(file, columns, flights, events, absolute=True)
+
+
+def _document(
+    file: Path,
+    columns: dict[str, NDArray[np.float64]],
+    flights: Sequence[Sequence[float]],
+    events: list[dict[str, Any]],
+    *,
+    absolute: bool,
+) -> dict[str, Any]:
+    count = len(columns["time_s"])
+    begin_s = float(columns["time_s"][0])
+    rows = {
+        name: _plain(columns.get(name, np.full(count, np.nan)), 7 if name in {"lat", "lon"} else 3) for name in NAMES
+    }
+    return {
+        "name": file.name, "begin_s": begin_s if absolute else None, "columns": rows | {"time_s": _plain(columns["time_s"] - begin_s, 2)},
+        "flights": [[round(one - begin_s, 2) for one in pair] for pair in flights],
+        "events": [{"time_s": round(one["time_s"] - begin_s, 2), "text": one["text"][:300]} for one in events],
+    }  # fmt: skip
+
+
+def _plain(values: NDArray[np.float64], digits: int) -> list[float | None]:
+    return [round(one, digits) if math.isfinite(one) else None for one in np.asarray(values, dtype=float).tolist()]
