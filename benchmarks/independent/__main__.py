@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
@@ -26,6 +27,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--days", type=int, default=10, help="held-out days of each request")
     parser.add_argument("--runs", type=int, default=5, help="deliveries a day")
     parser.add_argument("--planner", choices=sorted(PLANNERS), default="robust")
+    parser.add_argument("--now", action="store_true", help="plan each day with what was reported by the departure")
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
@@ -42,12 +44,16 @@ def main(argv: list[str] | None = None) -> int:
     if unknown:
         parser.error(f"no such world: {', '.join(unknown)}; there are {', '.join(known)}")
     count = 1 if options.order else options.requests
-    study = Study(options.city, options.planner, count, options.days, options.runs, options.seed, options.order)
+    study = Study(
+        options.city, options.planner, count, options.days, options.runs, options.seed, options.order, options.now
+    )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []
     if options.out is not None and not options.out.exists():
         options.out.write_text(json.dumps(asdict(study)) + "\n", encoding="utf-8")
-    done = {(one["world"], one["order"]["seed"]) for one in found}
+    flown = Counter((one["world"], one["order"]["seed"]) for one in found)
+    done = {key for key, count in flown.items() if count == study.documents}
+    found = [one for one in found if (one["world"], one["order"]["seed"]) in done]
     for order in orders(study):
         missing = [known[name] for name in names if (name, order.seed) not in done]
         for document in fly_order(study, order, missing) if missing else ():

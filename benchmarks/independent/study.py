@@ -17,6 +17,7 @@ from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days, percent, wilson
+from benchmarks.independent.telling import reports
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -50,6 +51,13 @@ class Study:
     runs: int
     seed: int
     order: str = ""
+    now: bool = False
+    """Each day is planned for by itself, with what the sites reported by the departure."""
+
+    @property
+    def documents(self) -> int:
+        """How many there are of one order in one world."""
+        return self.days if self.now else 1
 
 
 def orders(study: Study) -> Iterator[Order]:
@@ -76,7 +84,7 @@ def written(text: str) -> Order:
 
 
 def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
-    """Fly one order in several worlds; plans for the same sites are made once. One JSON document a world."""
+    """Fly one order in several worlds; plans for the same sites are made once. JSON documents: one a world, or one a world and day."""
     city = planning.city(study.city)
     days = planning.days_for(study.city, order, study.days, study.seed)
     policies: dict[str, tuple[Any, planning.Planned] | None] = {}
@@ -85,6 +93,12 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
     seeds: list[tuple[int, ...]] = [
         (study.seed, order.seed, day.toordinal(), k % study.runs) for k, day in enumerate(of_run)
     ]
+    if study.now:
+        for world in worlds:
+            for day in days:
+                runs = slice(of_run.index(day), of_run.index(day) + study.runs)
+                yield _flown_now(study, order, world, days, (of_run[runs], shift[runs], seeds[runs]))
+        return
     for world in worlds:
         if world.kept_back not in policies:
             plan = planning.planned(study.city, order, days, world.kept_back)
@@ -96,6 +110,25 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
             policy.forget()
             document |= _flown(world, order, policy, plan.promise, (of_run, shift, seeds), city)
         yield document
+
+
+def _flown_now(
+    study: Study,
+    order: Order,
+    world: World,
+    days: Sequence[date],
+    drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
+) -> dict[str, Any]:
+    """Plan for one day with what was reported by the departure, and fly that day."""
+    city = planning.city(study.city)
+    setting = setting_for(world, city, order, drawn[1], drawn[2])
+    told = reports(setting, 0, order.depart_s)
+    complete = len(told) == len(setting.told)
+    plan = planning.planned(study.city, order, days, world.kept_back, told if complete else None)
+    document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": plan is not None}
+    if plan is None:
+        return document
+    return document | _flown(world, order, PLANNERS[study.planner](plan), plan.promise, drawn, city)
 
 
 def _flown(

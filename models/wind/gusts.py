@@ -10,6 +10,8 @@ GUST_SD = 0.15
 """Standard deviation of gusts along the wind, as a share of the hourly speed."""
 GUST_TIME_S = 180.0
 """Their time constant."""
+GUST_LENGTH_M = 5_000.0
+"""Gusts of places this far apart are unlike."""
 
 
 @compiled_lean

@@ -194,7 +194,7 @@ class FlightDecision:
         def full_at(time_s: float) -> float:
             return full_on_arrival(scenario, node, present, info.time_s, time_s)
 
-        return option.with_room(full_at, reach.soc_per_s, self._floors, self._parameters.empty_soc)
+        return option.with_room(full_at, reach.soc_per_s, self._floors)
 
     def _onward(self, reach: Reach) -> Hindsight:
         """What follows landings, in futures of the newest forecast; energy as for the next flights."""
@@ -222,8 +222,7 @@ class FlightDecision:
         best = min([now, *options], key=lambda one: one.risk)
         if best.p_empty > self._parameters.max_probable:
             return _land(airborne, figures, best.p_empty)
-        pairs = ((best.p_empty, now.p_empty), (best.p_half, now.p_half), (best.p_reserve, now.p_reserve))
-        if best is now or not any(there < self._parameters.clearly * here and here > epsilon for there, here in pairs):
+        if not best.risk < self._parameters.clearly * now.risk:
             return None
         return self._answer(now, best, figures)
 

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from skyway.planner.reach.reach import Flown, Place, Reach
 
 
+HALF, EMPTY = 10.0, 100.0
+"""A landing below half of the reserve, and a battery that is empty in the air, count as so many landings below the reserve more."""
+
+
 @dataclass(frozen=True, slots=True)
 class Option:
     """One thing to do."""
@@ -35,29 +39,21 @@ class Option:
     p_reserve: float
     p_half: float
     p_empty: float
-    """Probability of landing below the reserve, below half of it, and of a battery that is empty before; of hovering for a place until then, too."""
+    """Probability of landing below the reserve, or hovering for a place until then; of landing below half of it, and of a battery that is empty before."""
     distance_m: float
     """Way left."""
     arrival_s: float = math.nan
     """Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out."""
 
     @property
-    def risk(self) -> tuple[float, float, float]:
-        """What is to be small where nothing keeps the reserve: an empty battery in the air before anything else."""
-        return round(self.p_empty, 2), round(self.p_half, 2), self.p_reserve
+    def risk(self) -> float:
+        """What is to be small where nothing keeps the reserve: landings below it, those that `HALF` and `EMPTY` weigh more among them."""
+        return self.p_reserve + HALF * self.p_half + EMPTY * self.p_empty
 
-    def with_room(
-        self, full_at: Callable[[float], float], soc_per_s: float, floors: Floors, empty_soc: float
-    ) -> Option:
-        """Return the same with the risk of hovering for a place, by the chance that its station is full at a time, POSIX seconds."""
-        full = [
-            full_at(self.lands_s + max(self.soc - floor, 0.0) / soc_per_s)
-            for floor in (floors.reserve, floors.half, empty_soc)
-        ]
-        risks = [
-            1.0 - (1.0 - p) * (1.0 - q) for p, q in zip((self.p_reserve, self.p_half, self.p_empty), full, strict=True)
-        ]
-        return replace(self, p_reserve=risks[0], p_half=risks[1], p_empty=risks[2])
+    def with_room(self, full_at: Callable[[float], float], soc_per_s: float, floors: Floors) -> Option:
+        """Return the same with the risk of hovering for a place down to the reserve, by the chance that its station is full at a time, POSIX seconds."""
+        full = full_at(self.lands_s + max(self.soc - floors.reserve, 0.0) / soc_per_s)
+        return replace(self, p_reserve=1.0 - (1.0 - self.p_reserve) * (1.0 - full))
 
     def as_data(self) -> dict[str, Any]:
         """For the journal."""

@@ -2,12 +2,12 @@
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from benchmarks.independent import study
+from benchmarks.independent import study, worlds
 from benchmarks.independent.__main__ import main
 
 STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
@@ -67,3 +67,21 @@ def test_an_unknown_world_is_refused_with_those_that_there_are(capsys):
     told = capsys.readouterr().err
     assert "no such world: theirs" in told
     assert "without-JFK" in told
+
+
+@pytest.mark.slow
+def test_planned_with_the_weather_of_now_each_day_has_a_promise_of_its_own_that_is_narrower():
+    asked = "bellevue,jacobi,2013-07-10T14:00-04:00,0.8"
+    usual = study.Study("new-york", "robust", 1, 2, 2, 1, asked)
+    now = replace(usual, now=True)
+    (order,) = study.orders(usual)
+    (season,) = study.fly_order(usual, order, [worlds.OURS])
+    days = list(study.fly_order(now, order, [worlds.OURS]))
+    assert len(days) == now.documents == 2
+    assert [one["day"] for one in days] == [season["day"][:2], season["day"][2:]]
+    assert days[0]["promised_mean_s"] != days[1]["promised_mean_s"]
+
+    def width(found):
+        return found["promised_quantile_s"][-1] - found["promised_quantile_s"][0]
+
+    assert min(map(width, days)) < width(season)

@@ -52,7 +52,7 @@ def logs(tmp_path):
 def test_two_logs_are_fused_and_the_forecast_comes_nearer_to_what_they_measured(skyway):
     report = json.loads(skyway("forecast", "one.csv", "two.csv", "--drag", "drag.toml", "--json").out)
     assert report["schema"] == "skyway.forecast-update/1"
-    assert len(report["observations"]) == 2
+    assert len(report["observations"]) == 4
     now, later = report["hours"][0], report["hours"][-1]
     assert now["after"]["speed_mps"] == pytest.approx(7.8, abs=1.5)
     assert now["after"]["from_deg"] == pytest.approx(320.0, abs=15.0)
@@ -75,7 +75,7 @@ def test_two_drones_make_the_field_surer_than_one(skyway):
 @pytest.mark.usefixtures("logs")
 def test_the_written_forecast_is_read_back_by_plan_and_wind(skyway, tmp_path):
     told = skyway("forecast", "one.csv", "two.csv", "--drag", "drag.toml", "-o", "new.csv", "--slot", "30").out
-    assert "2 measurements" in told
+    assert "4 measurements of 2.5 minutes" in told
     assert "plan --forecast new.csv" in told
     shown = json.loads(
         skyway("wind", "--forecast", "new.csv", "--depart", "2013-07-10T17:30:00Z", "--hours", "1", "--json").out

@@ -18,6 +18,7 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.wind.estimation.filter import WindEstimate
+from skyway.models.wind.gusts import GUST_LENGTH_M, GUST_SD, GUST_TIME_S
 from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
@@ -99,6 +100,21 @@ def places(
     return table[:, 0], table[:, 1], table[:, 2]
 
 
+def noise_covariance(observations: Sequence[WindObservation]) -> NDArray[np.float64]:
+    """Covariance of what observations are off by themselves, m2/s2, shape (n, n).
+
+    The gusts in them are alike where they were measured soon after each other and nearby: more slots do not average them out the better
+    the shorter they are.
+    """
+    time_s, lat, lon = places(observations)
+    variance = np.array([one.variance for one in observations], dtype=np.float64)
+    speed = np.array([math.hypot(one.north_mps, one.east_mps) for one in observations], dtype=np.float64)
+    gust = np.sqrt(np.minimum(variance, (GUST_SD * speed) ** 2))
+    distance, _ = geodesy.inverse(lat[:, None], lon[:, None], lat[None], lon[None])
+    alike = np.exp(-np.abs(time_s[:, None] - time_s) / GUST_TIME_S - distance / GUST_LENGTH_M)
+    return np.asarray(alike * gust * gust[:, None] + np.diag(variance - gust**2))
+
+
 def check_observations(observations: Sequence[WindObservation]) -> None:
     """Raise `InputError` for observations that are not finite or have no positive variance."""
     for one in observations:
@@ -124,9 +140,8 @@ class WindField:
         self.residual = residual or ResidualModel()
         self._places = places(observations)
         measured = np.array([(one.north_mps, one.east_mps) for one in observations], dtype=np.float64).reshape(-1, 2)
-        noise = np.array([one.variance for one in observations], dtype=np.float64)
-        inner = self.residual.covariance(self._places, self._places) + np.diag(noise)
-        self._inverse = np.linalg.inv(inner) if len(noise) else np.empty((0, 0))
+        inner = self.residual.covariance(self._places, self._places) + noise_covariance(observations)
+        self._inverse = np.linalg.inv(inner) if len(inner) else np.empty((0, 0))
         self._weighted = self._inverse @ (measured - np.asarray(forecast, dtype=np.float64).reshape(-1, 2))
 
     def at(self, time_s: float, lat_deg: float, lon_deg: float, forecast: tuple[float, float]) -> WindEstimate:

@@ -19,9 +19,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
-from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
+from skyway.models.wind.estimation.field import (
+    ResidualModel,
+    WindObservation,
+    check_observations,
+    noise_covariance,
+    places,
+)
 from skyway.models.wind.field_error import EXACT_FIELD
 from skyway.models.wind.gusts import GUST_SD, GUST_TIME_S, gust_mean_variance
 
@@ -43,8 +48,6 @@ REPRESENTATION_MPS = 0.2
 uncertainty, which an average over correlated estimates does not reduce."""
 SHORTEST_S = 20.0
 """No wind is an average over less: the filter has its own memory."""
-GUST_LENGTH_M = 5_000.0
-"""Gusts of places this far apart are unlike."""
 HALVINGS = 20
 MAX_SLOTS = 20_000
 
@@ -136,7 +139,7 @@ def update_forecast(
     sites = np.zeros(len(ensemble.site_lat)), ensemble.site_lat, ensemble.site_lon
     weight = ensemble.weights(where[1], where[2])
     reach = weight @ model.covariance(sites, sites)  # of each observation with each site at the same time, m2/s2
-    known = reach @ weight.T * model.fade(where[0], where[0]) + _noise(observations, where, told)
+    known = reach @ weight.T * model.fade(where[0], where[0]) + noise_covariance(observations)
     local = _Local.of(ensemble, where, weight, here, field, told) if ensemble.lattice is None else None
     inverse = np.linalg.inv(known if local is None else known + local.between)
     pressed = inverse @ misses
@@ -157,23 +160,6 @@ def update_forecast(
     if not float((moved.probability * likelihood).sum()) > 0.0:
         return moved
     return moved.weighted(_flattened(moved.probability, likelihood, least_members))
-
-
-def _noise(
-    observations: Sequence[WindObservation],
-    where: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-    told: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Covariance of what observations are off by themselves, m2/s2, shape (n, n).
-
-    The gusts in them are alike where they were measured soon after each other and nearby: more slots do not average them out the better
-    the shorter they are.
-    """
-    variance = np.array([one.variance for one in observations])
-    gust = np.sqrt(np.minimum(variance, (GUST_SD * np.hypot(*told)) ** 2))
-    distance, _ = geodesy.inverse(where[1][:, None], where[2][:, None], where[1][None], where[2][None])
-    alike = np.exp(-np.abs(where[0][:, None] - where[0]) / GUST_TIME_S - distance / GUST_LENGTH_M)
-    return np.asarray(alike * gust * gust[:, None] + np.diag(variance - gust**2))
 
 
 class _Local(NamedTuple):

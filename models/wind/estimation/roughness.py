@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.models.base import geodesy
-from skyway.models.wind.estimation.forecast_update import GUST_LENGTH_M, MEASURED_S
-from skyway.models.wind.gusts import GUST_TIME_S
+from skyway.models.wind.estimation.forecast_update import MEASURED_S
+from skyway.models.wind.gusts import GUST_LENGTH_M, GUST_TIME_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,6 +20,7 @@ from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
+from skyway.planner.online.options import Floors, Option
 from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.online.told_plan import best_charges, itinerary_of, needed_charges
 from skyway.planner.parameters.online import OnlineParameters
@@ -347,6 +348,17 @@ def test_a_flight_to_a_station_that_filled_up_meanwhile_goes_elsewhere(policy):
     turned = policy.in_air(known_at(0.4, 0.6, wind(), busy_pads={"yankee-stadium": 60}, **known))
     assert turned.action == "divert", turned
     assert turned.figures["p_below_reserve"] > 0.99
+
+
+def test_a_small_risk_ahead_is_not_left_for_a_landing_below_the_reserve_elsewhere():
+    """A drone turned back to land at 17 % because its own station was full with a chance of one in a hundred."""
+    floors = Floors(0.2, 0.1)
+    ahead = Option("ahead", 15.0, 0.0, 0.30, 0.0, 0.0, 0.0, 3000.0).with_room(lambda _: 0.013, 6e-4, floors)
+    back = Option("back", 15.0, 0.0, 0.17, 1.0, 0.0, 0.0, 9000.0)
+    assert ahead.p_reserve == pytest.approx(0.013)
+    assert ahead.risk < 0.5 * back.risk
+    empty = replace(ahead, p_half=0.3, p_empty=0.05)
+    assert back.risk < 0.5 * empty.risk  # what saves the drone costs the reserve
 
 
 def test_one_look_is_not_enough_unless_charge_was_lost_at_once(policy):
