@@ -40,8 +40,8 @@ def scenario_of(
 ) -> Scenario:
     """Read the scenario that a plan was made in, or the one named; stations of the plan that it lacks are added.
 
-    It lies over the terrain that is named, else over that of the plan. The zones of more files count beside its own;
-    authorizations are those of the plan.
+    It lies over the terrain that is named, else over that of the plan. The zones of the files that are named, else of those that the plan
+    names, count beside its own; authorizations are those of the plan.
 
     An `InputError` says that it cannot be found, or has changed since the plan was made.
     """
@@ -62,7 +62,7 @@ def scenario_of(
         scenario = with_terrain(scenario, terrain, obstacles)
     elif composition.terrain is not None:
         scenario = over_plan(composition, scenario)
-    scenario = scenario.with_airspace(zones, composition.authorized)
+    scenario = scenario.with_airspace(zone_files(composition, zones), composition.authorized)
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]
@@ -70,6 +70,16 @@ def scenario_of(
             more = len(network) - len(scenario.network)
             scenario = replace(scenario, network=network, load=scenario.load.extended(more))
     return scenario
+
+
+def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
+    """Files of zones that are named, else those that a plan was made with; an `InputError` says that these are not there."""
+    files = named or [Path(one) for one in composition.zones]
+    missing = [str(one) for one in files if not named and not one.is_file()]
+    if missing:
+        remedy = "give the zones of the plan with --zones"
+        raise InputError("was not found: the plan was made with its zones", ", ".join(missing), remedy=remedy)
+    return files
 
 
 def over_plan(composition: Composition, scenario: Scenario) -> Scenario:

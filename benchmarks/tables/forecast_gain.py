@@ -3,7 +3,7 @@
 Two days of each month are drawn and never used for anything else. On each of them orders leave between 8 and 21 o'clock. Each is planned four times: from the
 record without that day; from the answer of a weather service issued up to two hours before (`benchmarks.cases.day_forecast`), read as a file, with the error by lead
 that is published; with the error that ``skyway weather verify`` learns from the forecasts of 60 other days; and with that and the METARs that were out. All are flown in the true wind of the day: by the
-product's out-of-sample evaluation, and in worlds of `benchmarks.independent`, which share no code with the planner.
+product's out-of-sample evaluation, by its online policy where that is asked for, and in worlds of `benchmarks.independent`, which share no code with the planner.
 
     python -m benchmarks.tables.forecast_gain --orders 12 --out gain.jsonl
 """
@@ -34,9 +34,10 @@ from skyway.models.weather.lead_error import lead_error_text
 from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.verification import learn, pairs_of
 from skyway.models.wind.estimation.field import WindObservation
-from skyway.planner.evaluation.evaluate import fly_charging, held_out_forecast, sample_realizations
+from skyway.planner.evaluation.evaluate import fly_charging, fly_policy, held_out_forecast, sample_realizations
 from skyway.planner.evaluation.statistics import DayBootstrap
-from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.problem.problem import HORIZON_H, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 
 CITY, DAYS, LEARNING_DAYS = "new-york", 24, 60
 OWN = "out of sample"
+ONLINE = "decided again at each stop"
 RECORD = "record alone"
 ARMS = (RECORD, "forecast, published error", "forecast, learnt error", "the same and reports of now")
 LEVELS = (0.05, 0.5, 0.8, 0.95)
@@ -153,7 +155,7 @@ def forecasts(service: Service, order: Order, day: date) -> dict[str, WindEnsemb
 
 
 def flown(service: Service, days: Sequence[date], count: int, seed: int, named: Sequence[World], runs: int,
-          known: set[tuple[int, int]]) -> Iterator[dict[str, Any]]:  # fmt: skip
+          known: set[tuple[int, int]], online: int = 0) -> Iterator[dict[str, Any]]:  # fmt: skip
     """Plan and fly; a document for each order and arm. `known` holds (day, order) of what is there already."""
     for day in days:
         for order in orders(day, count, seed):
@@ -165,12 +167,12 @@ def flown(service: Service, days: Sequence[date], count: int, seed: int, named: 
                 yield (
                     told
                     | {"planned": plan is not None}
-                    | ({} if plan is None else _flown(order, day, plan, named, runs, seed))
+                    | ({} if plan is None else _flown(order, day, plan, named, runs, seed, online))
                 )
 
 
 def _flown(
-    order: Order, day: date, plan: planning.Planned, named: Sequence[World], runs: int, seed: int
+    order: Order, day: date, plan: planning.Planned, named: Sequence[World], runs: int, seed: int, online: int
 ) -> dict[str, Any]:
     outcome = plan.result.outcome
     due = [outcome.quantile_s(level) for level in LEVELS]
@@ -184,6 +186,11 @@ def _flown(
     truths = sample_realizations(plan.scenario, request, [day], runs=OWN_RUNS, seed=seed + order.seed)
     own = fly_charging(truths, plan.result.composition.drone, plan.result.robust.policy)
     found[OWN] = {"s": _rounded(own.delivery_s), "below": int(own.below_reserve.sum())}
+    if online:
+        few = sample_realizations(plan.scenario, request, [day], runs=online, seed=seed + order.seed)
+        drone = plan.scenario.drone(plan.result.composition.drone)
+        again, _ = fly_policy(few, drone.id, RollingRobust(Problem(plan.scenario, plan.request, drone, plan.forecast)))
+        found[ONLINE] = {"s": _rounded(again.delivery_s), "below": int(again.below_reserve.sum())}
     seeds: list[tuple[int, ...]] = [(seed, order.seed, k) for k in range(runs)]
     policy = policies.Robust(plan)
     for world in named:
@@ -259,6 +266,9 @@ def main() -> int:
     parser.add_argument("--worlds", default="ours,weather")
     parser.add_argument("--seed", type=int, default=1919)
     parser.add_argument("--tuning", action="store_true", help="days that the tables are not made of")
+    parser.add_argument(
+        "--online", type=int, default=0, help="deliveries of the online policy, which decides at each stop; slow"
+    )
     parser.add_argument("--scale", type=float, default=1.0, help="of all errors of the forecasts")
     parser.add_argument("--out", type=Path, required=True, help="JSON lines, one for each order and arm")
     options = parser.parse_args()
@@ -278,11 +288,12 @@ def main() -> int:
     options.out.write_text("".join(json.dumps(one) + "\n" for one in found), encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         service = Service.beginning(Path(folder), learning_days(held_out), options.scale)
-        for document in flown(service, days, options.orders, options.seed, named, options.runs, whole):
+        for document in flown(service, days, options.orders, options.seed, named, options.runs, whole, options.online):
             found.append(document)
             with options.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(document) + "\n")
-    print("\n".join(table(found, [OWN, *(world.name for world in named)])))
+    online = [ONLINE] if options.online else []
+    print("\n".join(table(found, [OWN, *online, *(world.name for world in named)])))
     print(f"{time.perf_counter() - started:.0f} s", file=sys.stderr)
     return 0
 

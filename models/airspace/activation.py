@@ -7,17 +7,22 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from email.utils import parsedate_to_datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.formatting import date_clock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from datetime import date
 
 Span = tuple[float, float]
 """Begin and end, POSIX seconds; both belong to it."""
 DAY_S = 86_400.0
 EVERY_DAY = frozenset(range(7))
+SUN_EVENTS = ("BMCT", "SR", "SS", "EECT")
+"""Begin of morning civil twilight, sunrise, sunset, end of evening civil twilight, as ED-318 names them."""
+SUN_S = 300.0
+"""So much longer hours that depend on the sun count at either end: a zone is wide, and the refraction of the day unknown."""
 _CLOCK = re.compile(r"T?(\d{1,2}):?(\d{2})(?::?(\d{2})(?:[.,]\d+)?)?\s*(Z|UTC|[+-]\d{2}:?\d{2}|[+-]\d{2})?")
 
 
@@ -33,12 +38,34 @@ class Window:
         On which it begins; Monday is 0.
     zone : tzinfo
         Of the clock and of the days.
+    events : (str, str)
+        Of `SUN_EVENTS`, where it begins or ends with one instead; where the sun does not rise or set on a day, all of it counts.
+    place : (float, float)
+        Latitude and longitude, degrees, at which they are.
     """
 
     begin_s: float
     end_s: float
     days: frozenset[int] = EVERY_DAY
     zone: tzinfo = UTC
+    events: tuple[str, str] = ("", "")
+    place: tuple[float, float] = (0.0, 0.0)
+
+    def _by_sun(self, day: date) -> Span:
+        """Begin and end on a day, POSIX seconds."""
+        midnight = datetime(day.year, day.month, day.day, tzinfo=self.zone).timestamp()
+        begin_s, end_s = midnight + self.begin_s, midnight + self.end_s
+        if self.events[0]:
+            found = sun_s(self.events[0], day, self.place, self.zone)
+            begin_s = midnight if found is None else found - SUN_S
+        for later in range(2):  # an end that is not later than the begin is on the day after
+            end_s += later * DAY_S
+            if self.events[1]:
+                found = sun_s(self.events[1], day + timedelta(days=later), self.place, self.zone)
+                end_s = midnight + (1 + later) * DAY_S if found is None else found + SUN_S
+            if end_s > begin_s:
+                break
+        return begin_s, end_s
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
         """Yield what of it lies between two times."""
@@ -46,7 +73,11 @@ class Window:
         last = datetime.fromtimestamp(until_s, self.zone).date()
         length = timedelta(days=1) if self.end_s <= self.begin_s else timedelta()
         while day <= last:
-            if day.weekday() in self.days:
+            if day.weekday() in self.days and any(self.events):
+                begin_s, end_s = self._by_sun(day)
+                if begin_s <= until_s and end_s >= from_s:
+                    yield begin_s, end_s
+            elif day.weekday() in self.days:
                 midnight = datetime(day.year, day.month, day.day)  # noqa: DTZ001  the clock of the zone, put to UTC below
                 ends = midnight + timedelta(seconds=self.begin_s), midnight + length + timedelta(seconds=self.end_s)
                 begin_s, end_s = (end.replace(tzinfo=self.zone).timestamp() for end in ends)
@@ -118,8 +149,26 @@ def _period_text(period: Period) -> str:
 
 def _window_text(window: Window) -> str:
     days = "daily" if window.days == EVERY_DAY else " ".join(_DAYS[day] for day in sorted(window.days))
-    clock = [str(timedelta(seconds=time_s % DAY_S))[:-3] for time_s in (window.begin_s, window.end_s)]
+    clock = [
+        event or str(timedelta(seconds=time_s % DAY_S))[:-3]
+        for event, time_s in zip(window.events, (window.begin_s, window.end_s), strict=True)
+    ]
     return f"{days} {clock[0]}-{clock[1]} {window.zone}"
+
+
+def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> float | None:
+    """When one of `SUN_EVENTS` is at a place on a day of a clock, POSIX seconds; None where the sun has none that day.
+
+    A `ModuleNotFoundError` says that astral (extra ``weather``) is not installed.
+    """
+    from astral import Observer
+    from astral.sun import dawn, dusk, sunrise, sunset
+
+    find: Any = dict(zip(SUN_EVENTS, (dawn, sunrise, sunset, dusk), strict=True))[event]
+    try:
+        return float(find(Observer(*place), date=day, tzinfo=zone).timestamp())
+    except ValueError:
+        return None
 
 
 def clock_s(text: str) -> tuple[float, tzinfo | None] | None:

@@ -60,6 +60,8 @@ class Airspace:
         Ids of zones for which an authorization was given.
     notes : tuple of Fault
         What of the files was not understood, and counts as closed.
+    handed : tuple of str
+        Files that were handed over besides those of the scenario.
     """
 
     zones: tuple[Zone, ...] = ()
@@ -70,6 +72,7 @@ class Airspace:
     max_detour: float = 1.0
     authorized: frozenset[str] = frozenset()
     notes: tuple[Fault, ...] = ()
+    handed: tuple[str, ...] = ()
 
     @classmethod
     def of_polygons(cls, names: Sequence[str], polygons: Sequence[shapely.Geometry]) -> Airspace:

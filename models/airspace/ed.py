@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from datetime import UTC, tzinfo
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.airspace import areas, geojson_area
@@ -16,6 +17,7 @@ from skyway.models.airspace.activation import (
     ALWAYS,
     DAY_S,
     EVERY_DAY,
+    SUN_EVENTS,
     Activation,
     Period,
     Window,
@@ -28,7 +30,7 @@ from skyway.models.airspace.zone import Kind, Volume, Zone
 from skyway.models.base.errors import one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from skyway.models.airspace.notes import Notes
 
@@ -89,7 +91,7 @@ def zone_of_ed269(item: dict[str, Any], notes: Notes, source: str) -> Zone | Non
         notes.wrong("geometry", "has no volume", None, "give the zone an area, or take it out of the file")
         return None
     kind = _kind(item.get("restriction", item.get("type")), notes)
-    return _zone(item, kind, tuple(volumes), _activation(item.get("applicability"), notes), source)
+    return _zone(item, kind, tuple(volumes), _activation(item.get("applicability"), notes, volumes), source)
 
 
 def zone_of_ed318(feature: dict[str, Any], notes: Notes, source: str) -> Zone | None:
@@ -110,7 +112,7 @@ def zone_of_ed318(feature: dict[str, Any], notes: Notes, source: str) -> Zone | 
         return None
     kind = _kind(item.get("type", item.get("restriction")), notes)
     when = item.get("limitedApplicability", item.get("applicability"))
-    return _zone(item, kind, tuple(volumes), _activation(when, notes), source)
+    return _zone(item, kind, tuple(volumes), _activation(when, notes, volumes), source)
 
 
 def check_metadata(document: dict[str, Any], notes: Notes) -> None:
@@ -187,16 +189,17 @@ def text_of(value: object) -> str:
     return one_line(str(value)).strip() if isinstance(value, str | int | float) else ""
 
 
-def _activation(value: object, notes: Notes) -> Activation:
+def _activation(value: object, notes: Notes, volumes: Sequence[Volume]) -> Activation:
     """Read when a zone counts: always where nothing limits it, or where that is not understood."""
     if value in (None, "", []):
         return ALWAYS
     entries = value if isinstance(value, list) else [value]
-    periods = [_period(entry, notes) for entry in entries]
+    middle = volumes[0].area.centroid
+    periods = [_period(entry, notes, (float(middle.y), float(middle.x))) for entry in entries]
     return Activation(tuple(periods))
 
 
-def _period(entry: object, notes: Notes) -> Period:
+def _period(entry: object, notes: Notes, place: tuple[float, float]) -> Period:
     if not isinstance(entry, dict):
         notes.closed("applicability", "is not understood", entry, "counted as always")
         return Period()
@@ -208,7 +211,7 @@ def _period(entry: object, notes: Notes) -> Period:
             notes.closed("applicability", "ends before it begins", entry, "counted as always")
             begin_s, end_s = -math.inf, math.inf
     found = entry.get("schedule") or entry.get("dailyPeriod") or ()
-    windows = [_window(one, notes) for one in (found if isinstance(found, list | tuple) else [found])]
+    windows = [_window(one, notes, place) for one in (found if isinstance(found, list | tuple) else [found])]
     if any(window is None for window in windows):
         return Period(begin_s, end_s)
     return Period(begin_s, end_s, tuple(window for window in windows if window is not None))
@@ -224,8 +227,8 @@ def _instant(value: object, missing: float, notes: Notes) -> float:
     return found
 
 
-def _window(entry: object, notes: Notes) -> Window | None:
-    """Read hours of days; None is all the time."""
+def _window(entry: object, notes: Notes, place: tuple[float, float]) -> Window | None:
+    """Read hours of days; None is all the time. Of the sun they are those at a place."""
     if not isinstance(entry, dict):
         notes.closed("schedule", "is not understood", entry, "counted as all day")
         return None
@@ -235,18 +238,23 @@ def _window(entry: object, notes: Notes) -> Window | None:
         notes.closed("day", "is not a day of the week", named, "counted as any day")
         days = EVERY_DAY
     begin, end = (entry.get(f"{which}Time") for which in ("start", "end"))
-    events = [entry[name] for name in ("startEvent", "endEvent") if entry.get(name)]
-    if events:
-        notes.closed(
-            "schedule", "depends on the sun", ", ".join(map(str, events)), "counted as the whole day and night"
-        )
+    first, last = (str(entry.get(name) or "").strip().upper() for name in ("startEvent", "endEvent"))
+    events = [one for one in (first, last) if one]
+    known = all(one in SUN_EVENTS for one in events)
+    if events and not (known and find_spec("astral")):
+        problem = "depends on the sun" if known else "is no event of the sun"
+        counted = "counted as the whole day and night" + ("; install skyway-planner[weather]" if known else "")
+        notes.closed("schedule", problem, ", ".join(events), counted)
         # a night that begins on a day ends on the next
         return None if days == EVERY_DAY else Window(0.0, 2.0 * DAY_S, days)
+    begin, end = ("" if event else time for event, time in ((first, begin), (last, end)))
     clocks = [clock_s(value) if isinstance(value, str) and value.strip() else (0.0, None) for value in (begin, end)]
     if clocks[0] is None or clocks[1] is None:
         notes.closed("schedule", "is not a time of day", f"{begin} to {end}", "counted as all day")
         return None if days == EVERY_DAY else Window(-DAY_S / 2, 1.5 * DAY_S, days)
     zone = clocks[0][1] or clocks[1][1] or UTC
+    if events:
+        return Window(clocks[0][0], clocks[1][0], days, zone, (first, last), place)
     if days == EVERY_DAY and clocks[0][0] == clocks[1][0]:
         return None
     begin_s, end_s = clocks[0][0], clocks[1][0]

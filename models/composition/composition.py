@@ -276,6 +276,8 @@ class Composition:
         Terrain that the legs are flown over; None where the ground is known at stations alone.
     authorized : tuple of str
         Zones for which the plan counts on an authorization.
+    zones : tuple of str
+        Files of zones that were handed over besides those of the scenario.
     """
 
     id: str
@@ -309,6 +311,7 @@ class Composition:
     conditions: tuple[Condition, ...] = ()
     terrain: TerrainUse | None = None
     authorized: tuple[str, ...] = ()
+    zones: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""

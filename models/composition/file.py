@@ -66,7 +66,7 @@ def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     document: dict[str, Any] = _plain(composition)
-    for name in ("conditions", "terrain", "authorized"):
+    for name in ("conditions", "terrain", "authorized", "zones"):
         if not document[name]:
             del document[name]
     for leg in document["legs"]:

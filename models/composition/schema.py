@@ -217,4 +217,5 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     conditions: list[Condition] = []
     terrain: TerrainUse | None = None
     authorized: list[str] = []
+    zones: list[str] = []
     """All three left out where there are none."""

@@ -179,7 +179,8 @@ class Scenario:
         if files:
             more, notes = read_airspace(files)
             refuse(zone_faults(self.network.stations, Airspace(more), "", ""))
-            zones = zones.with_zones(more, notes)
+            handed = tuple(dict.fromkeys((*zones.handed, *map(str, files))))
+            zones = replace(zones.with_zones(more, notes), handed=handed)
             network = with_zones(network, zones)
             warnings = (*warnings, *(str(note) for note in notes[:MAX_NOTES]))
         load = self.load

@@ -68,7 +68,7 @@ def mission(
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
       skyway mission plan.json -o delivery.plan --zones national.json
     """
-    from skyway.flying import heights, terrain_of
+    from skyway.flying import heights, terrain_of, zone_files
     from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
@@ -82,10 +82,11 @@ def mission(
         cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation),
         over=terrain_of(composition, terrain, obstacles),
     )  # fmt: skip
-    if zones or scenario is not None:
+    files = zone_files(composition, zones or ())
+    if files or scenario is not None:
         region = None if scenario is None else load_scenario(scenario)
         airspace_options.refuse_closed(
-            composition, flown_by, how, airspace_options.zones_of(region, zones or (), composition.authorized)
+            composition, flown_by, how, airspace_options.zones_of(region, files, composition.authorized)
         )
     if leg is not None:
         export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, how)

@@ -17,8 +17,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, ROBUST
-from skyway.planning import solve, solve_window, with_pads
-from skyway.scenarios import load_scenario
+from skyway.planning import Conditions, solve, solve_window, with_pads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -202,6 +201,10 @@ def evaluate(
         bool,
         typer.Option("--online", help="Fly the online policy, which decides at each stop; seconds for each delivery."),
     ] = False,
+    terrain: options.TerrainFiles = None,
+    obstacles: options.ObstacleFiles = None,
+    zones: options.Zones = None,
+    authorized: options.Authorized = None,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -226,7 +229,10 @@ def evaluate(
 
     typed_values.check_planners([planner], "--planner", (ROBUST, *FORECAST_PLANNERS))
     parameters = typed_values.planner_parameters(settings)
-    world, request = asked.request(load_scenario(scenario), typed_values.parse_depart(depart))
+    where = Conditions(
+        scenario=scenario, depart=depart, terrain=terrain, obstacles=obstacles, zones=zones, authorized=authorized
+    )
+    world, request = asked.request(where.loaded(), where.instant)
     with typed_values.as_typed():
         held_out = season_days(world, request, days, seed=request.seed)
         forecast = held_out_forecast(world, request, held_out)

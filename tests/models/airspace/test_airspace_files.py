@@ -144,10 +144,57 @@ def test_zones_are_active_on_the_days_and_hours_of_their_own_clock(entry, inside
         assert not activation.spans(at_s, at_s)
 
 
+def sun_deg(posix_s, lat, lon):
+    """Elevation of the sun's centre without refraction, by the low-precision formulas of the Astronomical Almanac, page C5."""
+    n = posix_s / 86_400.0 + 2_440_587.5 - 2_451_545.0
+    mean, g = (280.460 + 0.9856474 * n) % 360.0, math.radians(357.528 + 0.9856003 * n)
+    along = math.radians(mean + 1.915 * math.sin(g) + 0.020 * math.sin(2.0 * g))
+    tilt = math.radians(23.439 - 0.0000004 * n)
+    right = math.degrees(math.atan2(math.cos(tilt) * math.sin(along), math.cos(along)))
+    up = math.asin(math.sin(tilt) * math.sin(along))
+    hour = math.radians(280.46061837 + 360.98564736629 * n + lon - right)
+    phi = math.radians(lat)
+    return math.degrees(math.asin(math.sin(phi) * math.sin(up) + math.cos(phi) * math.cos(up) * math.cos(hour)))
+
+
+@pytest.mark.parametrize(
+    ("events", "place", "day"),
+    [
+        (("SR", "SS"), (47.37, 8.54), "2024-06-20"),
+        (("BMCT", "EECT"), (-37.8, 145.0), "2024-06-20"),
+        (("SS", "SR"), (40.71, -74.01), "2024-12-20"),
+    ],
+)
+def test_hours_of_the_sun_are_those_of_the_zones_place(events, place, day, tmp_path):
+    zone = zone_by_the_sun(events, place, tmp_path)
+    assert not zone.activation.is_permanent
+    assert "-".join(events) in str(zone.activation)
+    noon_s = datetime.fromisoformat(day + "T12:00Z").timestamp() - 240.0 * place[1]
+    middle_s = noon_s + 43_200.0 * (events[0] == "SS")
+    ((begin_s, end_s),) = zone.activation.spans(middle_s - 43_000.0, middle_s + 43_000.0)
+    wanted = {"SR": -0.833, "SS": -0.833, "BMCT": -6.0, "EECT": -6.0}
+    for event, at_s in zip(events, (begin_s + 300.0, end_s - 300.0), strict=True):
+        assert sun_deg(at_s, *place) == pytest.approx(wanted[event], abs=0.25)
+
+
+def test_where_the_sun_does_not_set_all_of_the_day_counts(tmp_path):
+    zone = zone_by_the_sun(("SR", "SS"), (78.22, 15.65), tmp_path)
+    begin_s = datetime.fromisoformat("2024-06-20T00:00Z").timestamp()
+    assert zone.activation.spans(begin_s, begin_s + 172_800.0) == [(begin_s, begin_s + 172_800.0)]
+
+
+def zone_by_the_sun(events, place, folder):
+    schedule = {"day": ["ANY"], "startEvent": events[0], "endEvent": events[1]}
+    document = ed269(applicability=[{"permanent": "YES", "schedule": [schedule]}])
+    projection = document["features"][0]["geometry"][0]
+    projection["horizontalProjection"] = {"type": "Circle", "center": [place[1], place[0]], "radius": 500}
+    return only(held(folder, json.dumps(document)))
+
+
 @pytest.mark.parametrize(
     "window",
     [
-        {"day": ["ANY"], "startEvent": "SR", "endEvent": "SS"},
+        {"day": ["ANY"], "startEvent": "MOONRISE", "endEvent": "SS"},
         {"day": ["FOO"], "startTime": "25:00", "endTime": "26:00"},
     ],
 )
