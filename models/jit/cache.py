@@ -13,12 +13,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_CONSTANTS = (int, float, str, bytes, tuple, np.generic)
+_CONSTANTS = (int, float, str, bytes, tuple)
 
 
 def checks_bounds() -> bool:
@@ -31,6 +29,8 @@ def stamp_of(function: Callable[..., Any]) -> str:
 
     That is its file, the kernels and constants that the file imports, and whether indices are checked.
     """
+    import numpy as np  # late: the command line reads this module
+
     parts = [_digest(function.__code__.co_filename), "checked" if checks_bounds() else ""]
     for name, value in sorted(function.__globals__.items()):
         if name.startswith("__"):
@@ -41,7 +41,7 @@ def stamp_of(function: Callable[..., Any]) -> str:
             parts.append(f"{name} {getattr(value, '_fields', ())}")
         elif isinstance(value, np.ndarray):
             parts.append(f"{name} {value.dtype} {value.tolist()}")
-        elif isinstance(value, _CONSTANTS):
+        elif isinstance(value, (*_CONSTANTS, np.generic)):
             parts.append(f"{name} {value!r}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

@@ -50,6 +50,13 @@ def test_the_command_line_runs_blas_in_one_thread_unless_told_otherwise(given, u
     assert done.stdout.split() == [used, "False"]  # read when numpy is imported, which is later
 
 
+def test_help_needs_neither_numpy_nor_numba():
+    program = "import sys; from skyway.cli.main import main; main(['plan', '--help']); print([one for one in ('numpy', 'numba') if one in sys.modules])"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def test_compiling_is_announced_once(capsys):
     notice = CompilingNotice()
     for kernel in ("first", "", "second", ""):

@@ -13,7 +13,6 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
-from skyway.models.composition.heights import least_words
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -119,6 +118,8 @@ def _circumstances(conditions: FlightConditions, wind: str | None, depart: str |
 
 
 def _print_report(report: CheckReport) -> None:
+    from skyway.models.composition.heights import least_words
+
     for finding in report.findings:
         typer.echo(str(finding))
     for number, leg in enumerate(report.legs, start=1):
