@@ -11,6 +11,7 @@ from skyway.link.forwarding.forwarder import POLL_S
 from skyway.link.protocol.exchange import Carrier, RoundTrip, Target
 from skyway.link.protocol.stations import ANNOUNCEMENT, Stations, announcement
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
+from skyway.link.wire.redundant import RedundantTransport
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
 
@@ -154,7 +155,9 @@ class Connection(Carrier):
         """Another sender on this connection; our own heartbeats pause meanwhile."""
         self._writer = FrameWriter(self.system, self.component, signing=signing)
         self._routed = transport if isinstance(transport, UdpSocket) else None
-        self._reader = FrameReader(signing, datagrams=self._routed is not None)
+        self.radios = transport if isinstance(transport, RedundantTransport) else None
+        """The radios, where there are several."""
+        self._reader = FrameReader(signing, datagrams=self._routed is not None or self.radios is not None)
         self._beat_s = -math.inf
         self._own: deque[bytes] = deque(maxlen=16)
         self._exchange: Exchange | None = None
@@ -317,7 +320,7 @@ class Connection(Carrier):
         return peer
 
     def _count(self, peer: Peer, message: Message, now: float) -> None:
-        if peer.sequence is not None:
+        if peer.sequence is not None and self.radios is None:  # of several radios each counts its own
             gap = (message.sequence - peer.sequence - 1) & 0xFF
             if gap < 128:
                 peer.lost += gap

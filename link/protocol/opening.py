@@ -12,6 +12,7 @@ from skyway.link.forwarding.permission import Permission
 from skyway.link.protocol.connection import GROUND_SYSTEM, PLANNER_COMPONENT, Connection
 from skyway.link.wire.address import parse_address
 from skyway.link.wire.recorder import Recorder
+from skyway.link.wire.redundant import RedundantTransport
 from skyway.link.wire.signing import Signing
 from skyway.link.wire.transport import open_transport
 from skyway.models.base.clock import WallClock
@@ -20,6 +21,9 @@ from skyway.models.base.files import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from skyway.link.wire.transport import Transport
+    from skyway.models.base.address import Address
 
 KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
 """Environment variable with the signing key in hexadecimal digits."""
@@ -64,7 +68,7 @@ def _no_key(where: str) -> InputError:
 
 
 def open_connection(
-    text: str,
+    text: str | Sequence[str],
     *,
     record: Path | None,
     system: int = GROUND_SYSTEM,
@@ -72,14 +76,18 @@ def open_connection(
     forward: Sequence[str] = (),
     permission: Permission = Permission.PILOT,
 ) -> Connection:
-    """Open a connection string, such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
+    """Open a connection string, or several (radios to the same vehicle), such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
 
     It is recorded in the folder `record`; None records nothing, which only tests do. Other ground stations at the addresses
     `forward` share it, and may order what `permission` allows. An `InputError` or `LinkLostError` says that it cannot be opened.
     """
     if not 1 <= system <= 255:
         raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
-    address = parse_address(text)
+    texts = [text] if isinstance(text, str) else list(text)
+    addresses = [parse_address(one) for one in texts]
+    if not addresses or len(set(map(str, addresses))) < len(addresses):
+        raise InputError(Fault("the same radio twice", field="--connect", value=", ".join(texts)))
+    address = addresses[0]
     clock = WallClock()
     signing = None if key is None else Signing(key)
     recorder = None if record is None else Recorder(record, clock, name=f"{address.kind}-{address.port}")
@@ -88,7 +96,7 @@ def open_connection(
         if forward:
             signed = (lambda: None) if key is None else lambda: _signing(key, clock)
             forwarder = Forwarder(forward, permission, own=(system, PLANNER_COMPONENT), signing=signed)
-        transport = open_transport(address)
+        transport = _open_radios(addresses)
     except Exception:
         if forwarder is not None:
             forwarder.close()
@@ -98,6 +106,19 @@ def open_connection(
                 path.unlink(missing_ok=True)  # nothing was said
         raise
     return Connection(transport, clock, recorder=recorder, system=system, signing=signing, forwarder=forwarder)
+
+
+def _open_radios(addresses: Sequence[Address]) -> Transport:
+    """Open one radio, or several as one; what was opened is closed again where one cannot be."""
+    opened: list[tuple[str, Transport]] = []
+    try:
+        for address in addresses:
+            opened.append((str(address), open_transport(address)))  # noqa: PERF401  what was opened is closed below
+    except Exception:
+        for _, one in opened:
+            one.close()
+        raise
+    return opened[0][1] if len(opened) == 1 else RedundantTransport(opened)
 
 
 def _signing(key: bytes, clock: WallClock) -> Signing:

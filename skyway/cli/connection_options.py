@@ -33,7 +33,11 @@ class Driver(StrEnum):
     MAVSDK = "mavsdk"
 
 
-CONNECT_HELP = "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD."
+DEFAULT_CONNECT = "udpin:127.0.0.1:14540"
+CONNECT_HELP = (
+    "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD; repeatable: several radios to one vehicle. "
+    f"Without it: {DEFAULT_CONNECT}."
+)
 FORWARD_HELP = (
     "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may fly (modes, arming), "
     "not change missions and parameters: --forward-commands."
@@ -45,7 +49,7 @@ Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes no
 class Line:
     """A connection as a person names it: to whom, as whom, signed with what, recorded where."""
 
-    connect: Annotated[str, typer.Option(help=CONNECT_HELP)] = "udpin:127.0.0.1:14540"
+    connect: Annotated[list[str] | None, typer.Option(help=CONNECT_HELP)] = None
     ground: Annotated[int, typer.Option("--gcs-system", help="System id of this ground station.")] = 255
     key_file: Annotated[
         Path | None,
@@ -57,6 +61,11 @@ class Line:
         Literal["none", "pilot", "all"], typer.Option(help="What other ground stations may order: see --forward.")
     ] = "pilot"
 
+    @property
+    def addresses(self) -> list[str]:
+        """Where the vehicle is reached."""
+        return self.connect or [DEFAULT_CONNECT]
+
     @contextmanager
     def opened(self) -> Iterator[Connection]:
         """Open the connection; everything on it is recorded, and forwarded where that is asked for."""
@@ -64,7 +73,7 @@ class Line:
         from skyway.link.protocol.opening import open_connection, read_key
 
         connection = open_connection(
-            self.connect, record=self.record, system=self.ground, key=read_key(self.key_file),
+            self.addresses, record=self.record, system=self.ground, key=read_key(self.key_file),
             forward=self.forward or (), permission=Permission(self.forward_commands),
         )  # fmt: skip
         if connection.forwarder is not None:

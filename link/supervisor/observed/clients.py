@@ -1,10 +1,10 @@
-"""Other ground stations on our link (``--forward``): what they order, and what they are refused, told and written down."""
+"""Other ground stations on our link (``--forward``) and its radios: what they do, told and written down."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.journal.entries import ClientNote
+from skyway.link.supervisor.journal.entries import ClientNote, LinkNote
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -18,3 +18,13 @@ def tell_clients(ctx: Context) -> None:
             client=note.client, system=note.system, component=note.component, what=note.what, order=note.order
         )
         ctx.say(entry, note.said)
+
+
+def tell_radios(ctx: Context) -> None:
+    """Tell when a radio falls silent or another one is used; that one may be a channel of its own, on which nothing was asked for yet."""
+    radios = ctx.vehicle.connection.radios
+    used = None if radios is None else radios.used
+    for note in () if radios is None else radios.notes():
+        ctx.say(LinkNote(), note)
+        if used is not None and note.startswith(f"radio {used}"):
+            ctx.vehicle.nudge_telemetry()

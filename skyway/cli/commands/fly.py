@@ -182,7 +182,7 @@ def _flown(
     from skyway.models.base.units import from_posix
     from skyway.report.report import write_report
 
-    view.doing(f"connecting: {link.connect}")
+    view.doing(f"connecting: {', '.join(link.addresses)}")
     with link.aboard() as vehicle:
         if vehicle.connection.forwarder is not None:
             vehicle.connection.forwarder.tell = None  # told and journaled by the supervisor

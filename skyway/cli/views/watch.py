@@ -53,6 +53,7 @@ class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
     doubts: list[str]
     rejected: Rejected
     conflict: bool
+    radios: list[str]
 
 
 def _row(vehicle: VehicleMonitor) -> VehicleRow:
@@ -85,7 +86,16 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         ],
         rejected=vehicle.connection.rejected,
         conflict=vehicle.connection.conflict is not None,
+        radios=_radios(vehicle.connection),
     )
+
+
+def _radios(connection: Connection) -> list[str]:
+    """Each radio with its quality, the one in use first; none where there is only one."""
+    if connection.radios is None:
+        return []
+    used = connection.radios.used
+    return [str(used), *(str(radio) for radio in connection.radios.radios if radio is not used)]
 
 
 def _known(value: float, digits: int) -> float | None:
@@ -166,6 +176,8 @@ class Watched:
             said.append(f"packets rejected: {told}")
         if self.connection.conflict is not None:
             said.append(str(self.connection.conflict))
+        if self.connection.radios is not None:
+            self._of_clients.extend(self.connection.radios.notes())
         return [*said, *self._of_clients]
 
 

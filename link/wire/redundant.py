@@ -1,0 +1,217 @@
+"""Several radios to one vehicle: each packet once, the better radio used, and the other one where that falls silent.
+
+A radio may carry the same channel of the vehicle as another (a copy, byte by byte), or a channel of its own (other packet numbers). Of copies every
+packet is taken once, whichever brings it; of channels those of the radio in use, since what is asked for on one is answered on it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from skyway.link.wire.frames import FrameReader
+from skyway.link.wire.layout import MAGIC_1, SENDER_AT_1, SENDER_AT_2
+from skyway.link.wire.transport import UdpSocket
+from skyway.models.base.errors import LinkLostError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from skyway.link.wire.transport import Transport
+
+SILENT_S = 1.3
+"""A radio that brings nothing for so long is not used while another brings something."""
+_POLL_S = 0.01
+_COPIES_S, _MAX_SEEN = 3.0, 4000
+_COUNTED_S, _BETTER, _BETTER_S = 5.0, 0.1, 5.0
+"""Losses are counted over so long; a radio that loses less by so much, for so long, takes over."""
+_JUDGED, _RECENT, _COPY_SHARE = 20, 80, 0.5
+_OWN = 64
+
+
+@dataclass(eq=False, slots=True)
+class Radio:
+    """One radio, and how good it is."""
+
+    name: str
+    transport: Transport
+    reader: FrameReader
+    heard_s: float = -math.inf
+    received: int = 0
+    lost: int = 0
+    """`received`, `lost`: packets of vehicles, and gaps in their numbers, since the beginning."""
+    copies: int = 0
+    others: int = 0
+    """`copies`, `others`: packets that another radio brought, too, and those that none did; old ones count ever less."""
+    delay_s: float = math.nan
+    """How much later than the quickest it brings the same packet, on average."""
+    signal: int | None = None
+    noise: int | None = None
+    """`signal`, `noise`: RSSI and noise of RADIO_STATUS, in the radio's own units; None where it tells none."""
+    echoes: int = 0
+    """Packets of our own that it has sent back."""
+    told_silent: bool = False
+    _numbers: dict[tuple[int, int], int] = field(default_factory=dict)
+    _window: deque[tuple[float, int, int]] = field(default_factory=deque)
+
+    def count(self, sender: tuple[int, int], sequence: int, now_s: float) -> None:
+        """Count a packet and the gap before it."""
+        before = self._numbers.get(sender)
+        gap = 0 if before is None else (sequence - before - 1) & 0xFF
+        gap = gap if gap < 128 else 0
+        self._numbers[sender] = sequence
+        self.received, self.lost, self.heard_s = self.received + 1, self.lost + gap, now_s
+        self._window.append((now_s, 1, gap))
+        while self._window and self._window[0][0] < now_s - _COUNTED_S:
+            self._window.popleft()
+
+    def compare(self, *, copy: bool) -> None:
+        """Count a packet that another radio brought, too, or that none did."""
+        if self.copies + self.others >= _RECENT:
+            self.copies, self.others = self.copies // 2, self.others // 2
+        self.copies, self.others = self.copies + copy, self.others + (not copy)
+
+    @property
+    def loss(self) -> float:
+        """Share of its packets that did not arrive lately, 0-1; 1 where none came."""
+        came, gone = sum(one[1] for one in self._window), sum(one[2] for one in self._window)
+        return gone / (came + gone) if came else 1.0
+
+    @property
+    def copies_others(self) -> bool:
+        """Whether it brings the channel that others bring, too."""
+        total = self.copies + self.others
+        return total >= _JUDGED and self.copies > _COPY_SHARE * total
+
+    def __str__(self) -> str:
+        parts = [f"{100 * self.loss:.0f} % lost"]
+        if math.isfinite(self.delay_s) and self.delay_s > 0.001:
+            parts.append(f"{1e3 * self.delay_s:.0f} ms later")
+        if self.signal is not None:
+            parts.append(f"RSSI {self.signal}, noise {self.noise}")
+        return f"{self.name}: {', '.join(parts)}"
+
+
+class RedundantTransport:
+    """Several transports as one; `radios` are their names and themselves."""
+
+    def __init__(self, radios: Sequence[tuple[str, Transport]], now_s: Callable[[], float] = time.monotonic) -> None:
+        self.radios = [Radio(name, one, FrameReader(datagrams=isinstance(one, UdpSocket))) for name, one in radios]
+        self.used = self.radios[0]
+        """The radio that orders go out by."""
+        self._now_s = now_s
+        self._seen: dict[bytes, tuple[float, Radio, bool]] = {}
+        self._sent: deque[bytes] = deque(maxlen=_OWN)
+        self._better_since_s = math.inf
+        self._notes: deque[str] = deque(maxlen=100)
+
+    def notes(self) -> list[str]:
+        """Return what was noticed since this was asked last, a sentence each."""
+        found = list(self._notes)
+        self._notes.clear()
+        return found
+
+    def read(self, timeout_s: float = 0.0) -> bytes:
+        """Return whole frames that are new; waits for at most so long."""
+        end = self._now_s() + timeout_s
+        share_s = min(_POLL_S, timeout_s) / len(self.radios)
+        while True:
+            found = b"".join(self._read_one(radio, share_s) for radio in self.radios)
+            self._choose(self._now_s())
+            if found or self._now_s() >= end:
+                return found
+
+    def _read_one(self, radio: Radio, wait_s: float) -> bytes:
+        try:
+            data = radio.transport.read(wait_s)
+        except LinkLostError:  # a device that was unplugged; the others go on
+            return b""
+        now, taken = self._now_s(), b""
+        for frame, message in radio.reader.feed(data) if data else ():
+            if frame in self._sent:
+                self._echo(radio)
+                continue
+            if message is not None and message.name in ("RADIO_STATUS", "RADIO"):
+                radio.signal, radio.noise = message["rssi"], message["noise"]
+                taken += frame
+                continue
+            at = SENDER_AT_1 if frame[0] == MAGIC_1 else SENDER_AT_2
+            if isinstance(radio.transport, UdpSocket):
+                radio.transport.learn(frame[at])
+            radio.count((frame[at], frame[at + 1]), frame[at - 1], now)
+            if self._new(radio, frame, now):
+                taken += frame
+        return taken
+
+    def _echo(self, radio: Radio) -> None:
+        radio.echoes += 1
+        if radio.echoes == 1:
+            self._notes.append(f"radio {radio.name} sends back what it is sent: its echoes are dropped")
+
+    def _new(self, radio: Radio, frame: bytes, now_s: float) -> bool:
+        """Whether a frame is to be taken: the first of copies, and of other channels those of the radio in use."""
+        first = self._seen.get(frame)
+        if first is not None and now_s <= first[0] + _COPIES_S and first[1] is not radio:
+            radio.compare(copy=True)
+            delay_s = now_s - first[0]
+            radio.delay_s = delay_s if math.isnan(radio.delay_s) else radio.delay_s + 0.1 * (delay_s - radio.delay_s)
+            late = not first[2] and radio is self.used
+            if late:
+                self._seen[frame] = (first[0], first[1], True)
+            return late
+        radio.compare(copy=False)
+        taken = radio is self.used or radio.copies_others or self.used.copies_others
+        self._seen[frame] = (now_s, radio, taken)
+        if len(self._seen) > _MAX_SEEN:
+            self._seen = {one: told for one, told in self._seen.items() if now_s <= told[0] + _COPIES_S}
+            if len(self._seen) > _MAX_SEEN:
+                self._seen.clear()
+        return taken
+
+    def _choose(self, now_s: float) -> None:
+        """Use another radio where the one in use is silent, or has been worse for long."""
+        for radio in self.radios:
+            silent = now_s > radio.heard_s + SILENT_S and math.isfinite(radio.heard_s)
+            if silent != radio.told_silent:
+                radio.told_silent = silent
+                self._notes.append(f"radio {radio.name} is {'silent' if silent else 'heard again'}")
+        alive = [radio for radio in self.radios if now_s <= radio.heard_s + SILENT_S]
+        if not alive:
+            return
+        best = min(alive, key=lambda radio: radio.loss)
+        if self.used not in alive:
+            self._use(best, "is used instead")
+        elif self.used.loss - best.loss > _BETTER:
+            self._better_since_s = min(self._better_since_s, now_s)
+            if now_s >= self._better_since_s + _BETTER_S:
+                self._use(best, "is used, which loses less")
+        else:
+            self._better_since_s = math.inf
+
+    def _use(self, radio: Radio, why: str) -> None:
+        self._notes.append(f"radio {radio} {why}")
+        self.used, self._better_since_s = radio, math.inf
+
+    def write(self, data: bytes) -> None:
+        """Send by the radio in use; the others get what keeps their way open, and tells them that we are here."""
+        self._sent.append(data)
+        for radio in self.radios:
+            if radio is self.used or self._is_heartbeat(data):
+                try:
+                    radio.transport.write(data)
+                except LinkLostError:
+                    continue
+
+    @staticmethod
+    def _is_heartbeat(frame: bytes) -> bool:
+        if frame[:1] == bytes([MAGIC_1]):
+            return frame[5] == 0
+        return frame[7:10] == b"\0\0\0"
+
+    def close(self) -> None:
+        """Close all."""
+        for radio in self.radios:
+            radio.transport.close()
