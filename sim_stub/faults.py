@@ -47,6 +47,11 @@ KINDS = {
     "gripper-stuck": Kind("the gripper says that it opens, and VALUE (1) of the package stays aboard", (1.0, 0.0, 1.0)),
     "gripper-silent": Kind("the gripper does not move, and its command fails"),
     "package-lost": Kind("VALUE (1) of the package falls off at once", (1.0, 0.0, 1.0)),
+    "aircraft": Kind(
+        "an aircraft circles the drone at VALUE m (500), 100 m above, for 60 s unless a duration is given",
+        (500.0, 0.0, 50_000.0),
+        60.0,
+    ),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
         lasts_s=3600.0,

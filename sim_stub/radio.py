@@ -176,6 +176,8 @@ class Radio:
         port.streams.clear()
         for name, rate in self.vehicle.autopilot.DEFAULT_HZ.items():
             port.set_interval(name, 1.0 / rate, self.vehicle.sim_s)
+        if any(fault.kind == "aircraft" for fault in self.vehicle.faults.faults):
+            port.set_interval("ADSB_VEHICLE", 1.0, self.vehicle.sim_s)
         if self.vehicle.config.operator_control:
             port.set_interval("CONTROL_STATUS", 1.0, self.vehicle.sim_s)
 

@@ -14,7 +14,7 @@ from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, 
 from skyway.link.supervisor.flight.track import Track
 from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
 from skyway.link.supervisor.journal.standing import standing
-from skyway.link.supervisor.observed.clients import tell_clients, tell_radios
+from skyway.link.supervisor.observed.clients import tell_clients, tell_radios, tell_traffic
 from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
@@ -136,6 +136,7 @@ class Context:
         tell_texts(self)
         tell_clients(self)
         tell_radios(self)
+        tell_traffic(self)
         self.conversation.listen(self)
         count_use(self)
         self.track.write(self)

@@ -11,6 +11,7 @@ from skyway.link.protocol.parameters import read_value
 from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
 from skyway.link.telemetry.stored_lists import KINDS, StoredLists
+from skyway.link.telemetry.traffic import Traffic
 from skyway.missions.autopilots.registry import FAMILIES, family_named, family_of
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 
@@ -107,6 +108,8 @@ class VehicleMonitor:
         self._was: dict[str, str] = {}
         self._unconfirmed: dict[str, tuple[str, int]] = {}
         self._as_before_s: dict[str, float] = {}
+        self.traffic = Traffic()
+        """Other aircraft that its receiver hears."""
         self._tells_ids = False
         self._lists: StoredLists | None = None
         self._lists_changed = False
@@ -141,6 +144,8 @@ class VehicleMonitor:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
+        elif name == "ADSB_VEHICLE":
+            self.traffic.hear(message, self.live.sample, self.connection.clock.now_s())
         elif name == "CONTROL_STATUS":
             self._note("control", str(message["gcs_main"]))
         elif name == "PARAM_VALUE":

@@ -355,6 +355,24 @@ def _version(v: Vehicle) -> Any:
     )
 
 
+def _aircraft(v: Vehicle) -> Any:
+    """Make ADSB_VEHICLE of an aircraft that circles the vehicle, where there is one."""
+    if "aircraft" not in v.faults.active:
+        return None
+    angle, away_m = 0.1 * v.sim_s, v.faults.value("aircraft")
+    return message(
+        "ADSB_VEHICLE",
+        ICAO_address=0xABCDEF,
+        lat=round((v.body.lat + away_m * math.cos(angle) / 111_000.0) * 1e7),
+        lon=round((v.body.lon + away_m * math.sin(angle) / (111_000.0 * math.cos(math.radians(v.body.lat)))) * 1e7),
+        altitude_type=1,
+        altitude=round((v.body.alt_m + 100.0) * 1e3),
+        callsign="N12345",
+        tslc=1,
+        flags=1 | 2 | 16,
+    )
+
+
 def _control_status(v: Vehicle) -> Any:
     return v.commands.control.status()
 
@@ -362,6 +380,7 @@ def _control_status(v: Vehicle) -> Any:
 STREAMED: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     message_id("CONTROL_STATUS"): _control_status,
+    message_id("ADSB_VEHICLE"): _aircraft,
 }
 """The same, with those that nobody asks for."""
 VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCOL_VERSION", "HOME_POSITION"))

@@ -339,6 +339,16 @@ class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
     order: str | None
 
 
+class AircraftNear(Entry, frozen=True, kw_only=True, tag="traffic"):
+    """Another aircraft has come near."""
+
+    aircraft: str | None
+    lat: float | None
+    lon: float | None
+    away_m: float | None
+    above_m: float | None
+
+
 class Rebooted(Entry, frozen=True, kw_only=True, tag="reboot"):
     """The vehicle has restarted."""
 

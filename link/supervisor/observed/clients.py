@@ -1,10 +1,11 @@
-"""Other ground stations on our link (``--forward``) and its radios: what they do, told and written down."""
+"""Who else is there: ground stations on our link (``--forward``), its radios, other aircraft; told and written down."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.journal.entries import ClientNote, LinkNote
+from skyway.link.supervisor.journal.entries import AircraftNear, ClientNote, LinkNote
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -28,3 +29,13 @@ def tell_radios(ctx: Context) -> None:
         ctx.say(LinkNote(), note)
         if used is not None and note.startswith(f"radio {used}"):
             ctx.vehicle.nudge_telemetry()
+
+
+def tell_traffic(ctx: Context) -> None:
+    """Tell of aircraft that have come near."""
+    for one in ctx.vehicle.traffic.alerts():
+        entry = AircraftNear(
+            aircraft=one.name, lat=one.lat_deg, lon=one.lon_deg, away_m=one.away_m,
+            above_m=None if math.isnan(one.above_m) else one.above_m,
+        )  # fmt: skip
+        ctx.say(entry, str(one))

@@ -54,6 +54,7 @@ class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
     rejected: Rejected
     conflict: bool
     radios: list[str]
+    traffic: list[str]
 
 
 def _row(vehicle: VehicleMonitor) -> VehicleRow:
@@ -87,6 +88,7 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         rejected=vehicle.connection.rejected,
         conflict=vehicle.connection.conflict is not None,
         radios=_radios(vehicle.connection),
+        traffic=[str(one) for one in vehicle.traffic.near(vehicle.connection.clock.now_s())],
     )
 
 
@@ -178,6 +180,8 @@ class Watched:
             said.append(str(self.connection.conflict))
         if self.connection.radios is not None:
             self._of_clients.extend(self.connection.radios.notes())
+        for vehicle in self.vehicles.values():
+            self._of_clients.extend(f"vehicle {vehicle.system}: {one}" for one in vehicle.traffic.alerts())
         return [*said, *self._of_clients]
 
 

@@ -1,0 +1,94 @@
+"""Other aircraft that a vehicle's receiver hears (ADSB_VEHICLE), and which of them are near."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from skyway.models.base.geodesy import inverse
+
+if TYPE_CHECKING:
+    from skyway.link.wire.messages import Message
+    from skyway.models.drones.telemetry import TelemetrySample
+
+NEAR_M, NEAR_HEIGHT_M = 3000.0, 300.0
+"""An aircraft within both is told; one that does not tell its height counts as being at ours."""
+_COORDINATES, _ALTITUDE, _CALLSIGN = 1, 2, 16
+_OLD_S, _FORGOTTEN_S = 30, 60.0
+_MAX_AIRCRAFT = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Aircraft:
+    """One aircraft, as it was told last."""
+
+    name: str
+    """Its callsign, or its ICAO address."""
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    """`lat_deg`, `lon_deg`, `alt_m`: where it is; the height is NaN where it is not told."""
+    heard_s: float
+    """When, by the clock."""
+    away_m: float
+    above_m: float
+    """`away_m`, `above_m`: from the drone; NaN where either place is not known."""
+
+    @property
+    def near(self) -> bool:
+        """Whether it is near enough to be told."""
+        return self.away_m <= NEAR_M and not abs(self.above_m) > NEAR_HEIGHT_M
+
+    def __str__(self) -> str:
+        height = (
+            "at unknown height"
+            if math.isnan(self.above_m)
+            else f"{abs(self.above_m):.0f} m {'above' if self.above_m >= 0.0 else 'below'}"
+        )
+        return f"aircraft {self.name}: {self.away_m / 1e3:.1f} km away, {height}"
+
+
+@dataclass(slots=True)
+class Traffic:
+    """The aircraft near one vehicle."""
+
+    known: dict[int, Aircraft] = field(default_factory=dict)
+    """By ICAO address."""
+    _told_s: dict[int, float] = field(default_factory=dict)
+    _alerts: list[Aircraft] = field(default_factory=list)
+
+    def hear(self, message: Message, own: TelemetrySample | None, now_s: float) -> None:
+        """Take an ADSB_VEHICLE; what is old, or without a place, is left out."""
+        flags, number = message["flags"], message["ICAO_address"]
+        lat, lon = message["lat"] * 1e-7, message["lon"] * 1e-7
+        if not flags & _COORDINATES or message["tslc"] > _OLD_S or not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+            return
+        alt_m = message["altitude"] * 1e-3 if flags & _ALTITUDE else math.nan
+        away_m = above_m = math.nan
+        if own is not None and math.isfinite(own.lat_deg):
+            away_m = float(inverse(own.lat_deg, own.lon_deg, lat, lon)[0])
+            above_m = alt_m - own.alt_msl_m
+        name = message["callsign"].strip() if flags & _CALLSIGN else ""
+        seen = Aircraft(
+            name if name.isprintable() and name else f"{number:06X}", lat, lon, alt_m, now_s, away_m, above_m
+        )
+        self.known = {key: one for key, one in self.known.items() if now_s <= one.heard_s + _FORGOTTEN_S}
+        if number in self.known or len(self.known) < _MAX_AIRCRAFT:
+            self.known[number] = seen
+        if seen.near:
+            if now_s > self._told_s.get(number, -math.inf) + _FORGOTTEN_S and len(self._alerts) < _MAX_AIRCRAFT:
+                self._alerts.append(seen)
+            self._told_s[number] = now_s
+            if len(self._told_s) > 2 * _MAX_AIRCRAFT:
+                self._told_s.clear()
+
+    def alerts(self) -> list[Aircraft]:
+        """Return those that have come near since this was asked last."""
+        found, self._alerts = self._alerts, []
+        return found
+
+    def near(self, now_s: float) -> list[Aircraft]:
+        """Return those that are near at this time, the nearest first."""
+        found = [one for one in self.known.values() if one.near and now_s <= one.heard_s + _OLD_S]
+        return sorted(found, key=lambda one: one.away_m)
