@@ -147,6 +147,11 @@ class ChargePolicy:
         if not paths:
             raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
+        told, true = known.air.north.shape[2], truth.air.north.shape[2]
+        if told != true:
+            remedy = "bring the forecast to the sites of the true wind with at_sites"
+            problem = "the forecast is for other sites than those where the wind is measured"
+            raise InputError(Fault(problem, field="sites", value=f"{told} instead of {true}", remedy=remedy))
         check_shape(
             "share", known.share, (realizations if share is not None else len(known.share), len(known.air.north))
         )
