@@ -31,16 +31,18 @@ def page(site: Site, client: Client, here: str) -> Iterator[Preferences]:
         f'<link rel="stylesheet" href="/static/page.css?{__version__}"><script src="/static/page.js?{__version__}"></script>'
     )
     with ui.element("div").classes("site"):
-        with ui.element("header").classes("bar"):
+        with ui.element("div").classes("bar"):
             text("a", "Skip to the page", "skip", href="#main")
-            text("span", "skyway", "brand")
+            text("h1", "skyway", "brand")
             with ui.element("nav").props('aria-label="Pages"'):
                 for address, name in PAGES:
                     text("a", name, href=address, **({"aria-current": "page"} if address == here else {}))
             text("span", "", "where")
             for name, (words, choices) in CHOICES.items():
                 _preference(name, words, choices, getattr(wanted, name))
-        with ui.element("main").props("id=main tabindex=-1"):
+        with (
+            ui.element("div").classes("main").props("id=main tabindex=-1")
+        ):  # the main landmark is NiceGUI's own element around all
             yield wanted
 
 

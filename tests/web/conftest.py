@@ -50,7 +50,16 @@ class Served:
 def served(folder: Path, *options: str) -> Served:
     """Start the page on a free port."""
     pytest.importorskip("nicegui", reason="the page needs the extra web")
-    command = [sys.executable, "-m", "skyway", "serve", *options, "--port", "0", "--folder", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "skyway",
+        "serve",
+        *(() if "--port" in options else ("--port", "0")),
+        *options,
+        "--folder",
+        str(folder),
+    ]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     line = process.stderr.readline()
     found = re.search(r":(\d+) in a browser", line)

@@ -63,3 +63,20 @@ def test_files_are_listed_newest_first_and_numbered_where_the_name_is_taken(tmp_
     folder.write("b-2.plan", b"1")
     with pytest.raises(InputError, match="exists"):
         folder.write("b-2.plan", b"2")
+
+
+def test_a_wheel_holds_every_file_of_the_page():
+    import tomllib
+    from fnmatch import fnmatch
+    from pathlib import Path
+
+    root = Path(__file__).parents[2]
+    patterns = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["skyway.web"]
+    files = [
+        one.relative_to(root / "skyway/web").as_posix()
+        for one in (root / "skyway/web/static").rglob("*")
+        if one.is_file()
+    ]
+    depth = {pattern: pattern.count("/") for pattern in patterns}
+    assert files
+    assert [one for one in files if not any(fnmatch(one, p) and one.count("/") == depth[p] for p in patterns)] == []

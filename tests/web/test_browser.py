@@ -1,0 +1,197 @@
+"""The page in a real browser: what an operator does with it, by clicks and keys. Debian's Chromium, headless; elsewhere these tests skip."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.web.conftest import ended, served
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+PATIENT_MS = 120_000
+QUESTION = "/?start=siuh-north&to=white-plains&depart=2013-07-10T14%3A00-04%3A00"
+AXE = os.environ.get("SKYWAY_AXE", "node_modules/axe-core/axe.min.js")
+"""axe-core of the npm registry: `npm install axe-core`; without it accessibility is not judged."""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    api = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+    chromium = next(
+        (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+    )
+    if chromium is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    with api.sync_playwright() as play:
+        found = play.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(browser, page):
+    """Open a page of the site; at the end: nothing was asked of another host, and nothing went wrong in the console."""
+    contexts = []
+
+    def open_(path, width=1280, height=900, scheme="light"):
+        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+        context.set_default_timeout(PATIENT_MS)
+        tab = context.new_page()
+        wrong: list[str] = []
+        tab.on("console", lambda message: wrong.append(message.text) if message.type in {"error", "warning"} else None)
+        tab.on("pageerror", lambda error: wrong.append(str(error)))
+        tab.on(
+            "request",
+            lambda asked: (
+                wrong.append(asked.url) if not asked.url.startswith((page.address, "blob:", "data:")) else None
+            ),
+        )
+        contexts.append((context, wrong))
+        tab.goto(page.address + path)
+        tab.wait_for_selector("#main *")
+        return tab
+
+    yield open_
+    for context, wrong in contexts:
+        context.close()
+        assert wrong == []
+
+
+def _place(tab, station):
+    """Where a station is on the screen."""
+    script = """(id) => { const m = window.skywayMap; const s = m.state.region.stations.find((one) => one.id === id);
+        const box = m.canvas.getBoundingClientRect(); const [x, y] = m.view.toScreen(s.lat, s.lon); return [x + box.x, y + box.y]; }"""
+    tab.wait_for_function("window.skywayMap?.state.region")
+    tab.wait_for_timeout(300)
+    return tab.evaluate(script, station)
+
+
+def test_a_delivery_is_planned_by_clicks_alone_and_changed_by_dragging_a_stop(opened):
+    tab = opened("/")
+    for station, words in (("siuh-north", "Start here"), ("white-plains", "Deliver here")):
+        tab.mouse.click(*_place(tab, station))
+        tab.get_by_role("menuitem", name=words).click()
+    tab.get_by_label("Departure").fill("2013-07-10T14:00")
+    tab.get_by_label("Departure").press("Enter")
+    tab.wait_for_selector("dl.figures")
+    tab.wait_for_selector(".reasons p")
+    assert "start=siuh-north" in tab.url
+    assert "14%3A00-04%3A00" in tab.url
+    assert tab.locator("svg.chart").count() >= 3
+    before = tab.inner_text("#plan-command")
+    stop = tab.evaluate("window.skywayMap.stops()[0]")
+    tab.mouse.move(*_place(tab, stop))
+    tab.mouse.down()
+    x, y = _place(tab, "columbia")
+    tab.mouse.move(x - 15, y, steps=4)
+    tab.mouse.move(x, y)
+    tab.mouse.up()
+    tab.wait_for_function("document.querySelector('#plan-command').textContent.includes('--stop-at columbia')")
+    tab.wait_for_function("window.skywayMap.stops().includes('columbia')")
+    tab.locator("h2").first.click()
+    tab.keyboard.press("Control+z")
+    tab.wait_for_function("(was) => document.querySelector('#plan-command').textContent === was", arg=before)
+
+
+def test_the_map_is_used_by_keys_alone(opened):
+    tab = opened("/")
+    tab.wait_for_function("window.skywayMap?.state.region")
+    tab.locator(".map canvas").focus()
+    for key in ("n", "n", "+", "ArrowLeft", "0"):
+        tab.keyboard.press(key)
+    said = tab.inner_text(".map .only-heard")
+    tab.keyboard.press("Enter")
+    tab.keyboard.press("Enter")
+    tab.wait_for_function("location.search.includes('start=')")
+    assert f"start={said.split(':')[0]}" in tab.url
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "scheme"), [(1024, 768, "light"), (1920, 1080, "dark"), (820, 1180, "light")]
+)
+@pytest.mark.parametrize("path", [QUESTION, "/missions", "/fly", "/replay", "/history"])
+def test_nothing_is_cut_off_at_any_width_dark_or_light(opened, path, width, height, scheme, tmp_path):
+    tab = opened(path, width, height, scheme)
+    if path == QUESTION:
+        tab.wait_for_selector("dl.figures")
+    tab.wait_for_timeout(1000)
+    assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth + 1")
+    tab.screenshot(path=str(tmp_path / "page.png"))
+    unnamed = "[...document.querySelectorAll('input, select, button, canvas')].filter((e) => !(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim())).length"
+    assert tab.evaluate(unnamed) == 0
+
+
+def test_a_mission_is_dropped_mended_and_converted(opened, page, tmp_path):
+    path = tmp_path / "<b>drop.plan"
+    path.write_text(json.dumps(_PLAN))
+    tab = opened("/missions")
+    tab.locator("input[type=file]").set_input_files(str(path))
+    tab.get_by_text("there is no LAND").first.wait_for()
+    tab.get_by_role("button", name="Convert to .waypoints").click()
+    tab.get_by_text("saved").first.wait_for()
+    assert (page.folder / "_b_drop.waypoints").read_text().startswith("QGC WPL 110")
+
+
+_PLAN = {
+    "fileType": "Plan", "version": 1, "groundStation": "QGroundControl", "geoFence": {"circles": [], "polygons": [], "version": 2},
+    "rallyPoints": {"points": [], "version": 2},
+    "mission": {
+        "version": 2, "firmwareType": 12, "vehicleType": 2, "cruiseSpeed": 15, "hoverSpeed": 5, "plannedHomePosition": [40.7, -74.0, 10],
+        "items": [
+            {"type": "SimpleItem", "autoContinue": True, "command": command, "doJumpId": number, "frame": 3, "params": [0, 0, 0, None, 40.7 + 0.01 * number, -74.0, 50]}
+            for number, command in ((1, 22), (2, 16))
+        ],
+    },
+}  # fmt: skip
+
+
+def test_accessibility_as_axe_judges_it(opened):
+    if not Path(AXE).is_file():
+        pytest.skip("axe-core is not here: npm install axe-core")
+    for path in (QUESTION, "/missions", "/fly", "/replay", "/history"):
+        tab = opened(path)
+        if path == QUESTION:
+            tab.wait_for_selector("dl.figures")
+        tab.wait_for_timeout(1500)
+        tab.evaluate(Path(AXE).read_text())
+        found = tab.evaluate(
+            "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'best-practice']}).then((r) => r.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).slice(0, 3)}`))"
+        )
+        assert found == [], path
+
+
+def test_a_browser_whose_server_is_killed_finds_its_question_when_it_is_back(browser, tmp_path):
+    first = served(tmp_path)
+    context = browser.new_context()
+    context.set_default_timeout(PATIENT_MS)
+    tab = context.new_page()
+    tab.goto(first.address + QUESTION)
+    tab.wait_for_selector("dl.figures")
+    first.process.kill()
+    first.process.wait()
+    second = served(tmp_path, "--port", str(first.port))
+    try:
+        tab.wait_for_selector("dl.figures", state="detached")
+        tab.wait_for_selector("dl.figures")
+        assert tab.locator("input").first.input_value() == "siuh-north"
+    finally:
+        context.close()
+        ended(second)
