@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import re
 import subprocess
@@ -34,17 +35,12 @@ class Served:
         self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
     ) -> tuple[int, dict[str, str], str]:
         """Ask as no browser would: with any headers."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
         named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection.request(method, path, body=body, headers=named)
-        answer = connection.getresponse()
-        found = (
-            answer.status,
-            {name.lower(): value for name, value in answer.getheaders()},
-            answer.read().decode("utf-8", "replace"),
-        )
-        connection.close()
-        return found
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)) as connection:
+            connection.request(method, path, body=body, headers=named)
+            with connection.getresponse() as answer:
+                told = {name.lower(): value for name, value in answer.getheaders()}
+                return answer.status, told, answer.read().decode("utf-8", "replace")
 
 
 def served(folder: Path, *options: str) -> Served:
