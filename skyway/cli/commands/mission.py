@@ -108,7 +108,7 @@ def _leg_index(number: int, legs: int) -> int:
 
 def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
     """Write every mission of an export and its parameters, or nothing."""
-    from skyway.mission_export import planned_files, targets_of, write_export
+    from skyway.missions.builder.export_files import planned_files, targets_of, write_export
 
     options.refuse_overwriting(*planned_files(export, output), force=force)
     for warning in export.warnings:

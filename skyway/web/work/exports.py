@@ -51,8 +51,8 @@ def export(
         ]
     if kind in {"plan", "waypoints"}:
         from skyway.flying import terrain_of
-        from skyway.mission_export import write_export
         from skyway.missions import family_named
+        from skyway.missions.builder.export_files import write_export
         from skyway.missions.builder.from_composition import whole_mission
         from skyway.missions.builder.mission_options import MissionOptions
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.missions import write
-from skyway.missions.files.mission_file import files_of
+from skyway.missions.files.mission_file import files_of, write
 from skyway.models.base.files import write_atomically
 
 if TYPE_CHECKING:
