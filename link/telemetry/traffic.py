@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import distance_text, height_text
 from skyway.models.base.geodesy import inverse
 
 if TYPE_CHECKING:
@@ -44,9 +45,9 @@ class Aircraft:
         height = (
             "at unknown height"
             if math.isnan(self.above_m)
-            else f"{abs(self.above_m):.0f} m {'above' if self.above_m >= 0.0 else 'below'}"
+            else f"{height_text(abs(self.above_m))} {'above' if self.above_m >= 0.0 else 'below'}"
         )
-        return f"aircraft {self.name}: {self.away_m / 1e3:.1f} km away, {height}"
+        return f"aircraft {self.name}: {distance_text(self.away_m)} away, {height}"
 
 
 @dataclass(slots=True)

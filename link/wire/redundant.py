@@ -16,6 +16,7 @@ from skyway.link.wire.frames import FrameReader
 from skyway.link.wire.layout import MAGIC_1, SENDER_AT_1, SENDER_AT_2
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import LinkLostError
+from skyway.models.base.formatting import percent, spent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -87,9 +88,9 @@ class Radio:
         return total >= _JUDGED and self.copies > _COPY_SHARE * total
 
     def __str__(self) -> str:
-        parts = [f"{100 * self.loss:.0f} % lost"]
+        parts = [f"{percent(self.loss)} lost"]
         if math.isfinite(self.delay_s) and self.delay_s > 0.001:
-            parts.append(f"{1e3 * self.delay_s:.0f} ms later")
+            parts.append(f"{spent(self.delay_s)} later")
         if self.signal is not None:
             parts.append(f"RSSI {self.signal}, noise {self.noise}")
         return f"{self.name}: {', '.join(parts)}"

@@ -221,7 +221,7 @@ def weekday_clock(instant: datetime, zone: tzinfo) -> str:
     return f"{instant.astimezone(zone):%a %H:%M}"
 
 
-def clock(instant: datetime, zone: ZoneInfo, since: datetime, *, seconds: bool = False) -> str:
+def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = False) -> str:
     """Local time of day, with the days since another instant where it is not the same day."""
     local = instant.astimezone(zone)
     days = (local.date() - since.astimezone(zone).date()).days

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.formatting import duration
+from skyway.models.base.formatting import clock, distance_text, duration, percent
 from skyway.report.svg import safe, time_ticks
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def arrivals(plan: dict[str, Any], zone: tzinfo) -> str:
     parts.append(f'<text class="name" x="{LEFT - 8:g}" y="{bottom:g}" text-anchor="end">arrival</text>')
     if found["beyond"] > 0.0:
         parts.append(
-            f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom - 4:g}" text-anchor="end">{100.0 * found["beyond"]:.1f} % later</text>'
+            f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom - 4:g}" text-anchor="end">{percent(found["beyond"], 1)} later</text>'
         )
     said = ", ".join(f"{words} by {_clock(at_s, zone)}" for at_s, words, _ in sorted(marks))
     return _svg("".join(parts), bottom + 20.0, f"Distribution of the arrival: {said}")
@@ -136,15 +136,15 @@ def charge(plan: dict[str, Any]) -> str:
     for soc in (0.0, 0.25, 0.5, 0.75, 1.0):
         parts.append(f'<path class="grid" d="M{LEFT:g} {y(soc):.1f}H{WIDTH - RIGHT:g}"/>')
         parts.append(
-            f'<text class="tick" x="{LEFT - 8:g}" y="{y(soc) + 4:.1f}" text-anchor="end">{100 * soc:.0f} %</text>'
+            f'<text class="tick" x="{LEFT - 8:g}" y="{y(soc) + 4:.1f}" text-anchor="end">{percent(soc)}</text>'
         )
     for number, leg in enumerate(legs):
         left = LEFT + wide * number + 0.08 * wide
         right = left + 0.84 * wide
-        words = f"leg {number + 1}, {leg['from']} to {leg['to']}: {100 * leg['typical'][0]:.0f} % to {100 * leg['typical'][1]:.0f} %"
+        words = f"leg {number + 1}, {leg['from']} to {leg['to']}: {percent(leg['typical'][0])} to {percent(leg['typical'][1])}"
         if leg["fan"] is not None:
             leaves, lands = leg["fan"]
-            words += f"; 9 of 10 deliveries land with {100 * lands[0]:.0f} to {100 * lands[-1]:.0f} %"
+            words += f"; 9 of 10 deliveries land with {percent(lands[0])} to {percent(lands[-1])}"
             for low, high, style in ((0, -1, "outer"), (1, -2, "inner")):
                 corners = (left, leaves[low]), (right, lands[low]), (right, lands[high]), (left, leaves[high])
                 parts.append(f'<path class="fan {style}" d="M{"L".join(f"{x:.1f} {y(s):.1f}" for x, s in corners)}Z"/>')
@@ -163,9 +163,7 @@ def charge(plan: dict[str, Any]) -> str:
         f'<text class="mark-name" x="{LEFT + 4:g}" y="{y(reserve) + 14:.1f}">reserve {safe(plan["reserve"])}</text>'
     )
     lowest = min(leg["typical"][1] for leg in legs)
-    said = (
-        f"Charge over {len(legs)} legs: lowest {100 * lowest:.0f} % in the typical schedule, reserve {plan['reserve']}"
-    )
+    said = f"Charge over {len(legs)} legs: lowest {percent(lowest)} in the typical schedule, reserve {plan['reserve']}"
     return _svg("".join(parts), bottom + 20.0, said)
 
 
@@ -200,9 +198,13 @@ def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
         for leg in legs
         if leg["profile"]
     ]
-    parts.append(f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 13:g}" text-anchor="end">{far:.1f} km</text>')
+    parts.append(
+        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 13:g}" text-anchor="end">{distance_text(1000.0 * far)}</text>'
+    )
     return _svg(
-        "".join(parts), bottom + 18.0, f"Heights above home along {far:.1f} km, up to {high * factor:.0f} {unit}"
+        "".join(parts),
+        bottom + 18.0,
+        f"Heights above home along {distance_text(1000.0 * far)}, up to {high * factor:.0f} {unit}",
     )
 
 
@@ -211,4 +213,5 @@ def _svg(inner: str, height: float, words: str) -> str:
 
 
 def _clock(at_s: float, zone: tzinfo) -> str:
-    return datetime.fromtimestamp(at_s, zone).strftime("%H:%M")
+    instant = datetime.fromtimestamp(at_s, zone)
+    return clock(instant, zone, instant)

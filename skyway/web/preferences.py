@@ -7,6 +7,7 @@ from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
+from skyway.models.base.formatting import date_clock
 from skyway.models.base.units import parse_instant
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Preferences:
 
     def clock(self, instant: datetime, timezone: str) -> str:
         """Return date and time, with the name of their zone."""
-        return instant.astimezone(self.zone(timezone)).strftime("%Y-%m-%d %H:%M %Z")
+        return date_clock(instant, self.zone(timezone), named=True)
 
 
 def to_instant(typed: str, zone: tzinfo) -> str:
@@ -88,6 +89,6 @@ def from_instant(text: str, zone: tzinfo) -> str:
     if not text:
         return ""
     try:
-        return parse_instant(text).astimezone(zone).strftime("%Y-%m-%dT%H:%M")
+        return parse_instant(text).astimezone(zone).replace(tzinfo=None).isoformat(timespec="minutes")
     except InputError:
         return ""

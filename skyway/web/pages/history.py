@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
@@ -85,9 +85,7 @@ class HistoryPage:
             when = (
                 "unknown"
                 if row["depart_s"] is None
-                else datetime.fromtimestamp(row["depart_s"], self.wanted.zone(self.timezone)).strftime(
-                    "%Y-%m-%d %H:%M %Z"
-                )
+                else self.wanted.clock(datetime.fromtimestamp(row["depart_s"], UTC), self.timezone)
             )
             kept = {True: "kept", False: "<span class='warn'>missed</span>", None: ""}[row["promise_kept"]]
             low = row["lowest_soc"]

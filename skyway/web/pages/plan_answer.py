@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.formatting import distance_text
+from skyway.models.base.formatting import distance_text, with_unit
 from skyway.report.svg import safe
 from skyway.web import drawn
 
@@ -27,7 +27,7 @@ def figures(plan: dict[str, Any]) -> str:
         cells.append(("on time", safe(plan["on_time"]), "of the deliveries, by the deadline"))
     if plan["kept"]:
         cells.append(("reserve kept", safe(plan["kept"]), f"every landing with {safe(plan['reserve'])} or more"))
-    cells.append(("energy", f"{plan['energy_wh']:.0f} Wh", safe(distance_text(plan["distance_m"]))))
+    cells.append(("energy", with_unit(plan["energy_wh"], "Wh", 0), safe(distance_text(plan["distance_m"]))))
     parts = [
         f"<div><dt>{name}</dt><dd>{value}<span class='small'>{small}</span></dd></div>" for name, value, small in cells
     ]

@@ -52,11 +52,12 @@ def export(
     if kind in {"plan", "waypoints"}:
         from skyway.flying import terrain_of
         from skyway.missions import family_named
+        from skyway.missions.autopilots import NAMES
         from skyway.missions.builder.export_files import write_export
         from skyway.missions.builder.from_composition import whole_mission
         from skyway.missions.builder.mission_options import MissionOptions
 
-        flown_by = family_named(more.get("autopilot") or "px4")
+        flown_by = family_named(more.get("autopilot") or NAMES[0])
         made = whole_mission(composition, flown_by, MissionOptions(over=terrain_of(composition)))
         with tempfile.TemporaryDirectory() as folder:
             written = write_export(
