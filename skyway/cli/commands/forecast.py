@@ -135,7 +135,9 @@ def _update(
     base: list[Path] | None,
     slot_s: float,
 ) -> Update:
+    from skyway.models.wind.estimation.field import ResidualModel
     from skyway.models.wind.estimation.forecast_update import update_forecast
+    from skyway.planner.parameters.planner import USUAL
 
     if not seen and instant is None:
         raise InputError("no time is known for the forecast", remedy="give logs with measured wind, or --depart")
@@ -159,7 +161,10 @@ def _update(
         before = _at_sites(world, world.forecast(begin, span_h, truth=day))
     exponent = world.rules.wind_profile_exponent
     level = tuple(one.at_height(before.height_m, exponent) for one in fresh)
-    return Update(world, depart_s, before, update_forecast(before, level, slot_s=slot_s), level)
+    online = USUAL.online  # as flights do
+    residual = ResidualModel(tau_s=online.residual_tau_s)
+    after = update_forecast(before, level, residual, slot_s=slot_s, least_members=online.least_members)
+    return Update(world, depart_s, before, after, level)
 
 
 def _at_sites(world: Scenario, ensemble: WindEnsemble) -> WindEnsemble:
