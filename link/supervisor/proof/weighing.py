@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from statistics import fmean, pstdev
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import GRAVITY_MPS2
@@ -35,7 +36,11 @@ GAIN_SIGMA, MODEL_SIGMA = 0.012, 0.012
 """Standard deviations of power, relative: between two take-offs of one drone, and of the model over them."""
 STEP_S = 8
 """Seconds before and after a moment that are compared for a package that is lost on the way."""
-_STEP_SHARE, _STEP_WAIT_S = 0.6, 4.0
+_STEP_SHARE, _STEADY_SHARE, _STEP_WAIT_S = 0.6, 0.3, 4.0
+_SAME_LEAN_RAD = 0.01
+"""A drone that has lost its package leans as before or more; one that leans less has less drag: a gust from behind takes power away, too."""
+_SAME_AIRSPEED_MPS = 1.5
+"""Airspeeds further apart are not compared: braking and hastening change the power by more than a package, and the model knows it too roughly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +70,7 @@ class Scale:
     _sums: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
     _was: TelemetrySample | None = None
     _newest_s: float = -math.inf
-    _steady: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
+    _steady: deque[tuple[float, float, float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
 
     def take_off(self, time_s: float) -> None:
         """Begin to weigh: it has left the ground."""
@@ -93,7 +98,7 @@ class Scale:
             self._sums.setdefault(int(after_s), []).append((s.power_w, self._units(lift, airspeed, climb)))
         if s.time_s >= self._newest_s + 1.0 and abs(climb) < 0.5:
             self._newest_s = s.time_s
-            self._steady.append((s.time_s, s.power_w / self._units(lift, airspeed, climb)))
+            self._steady.append((s.time_s, s.power_w / self._units(lift, airspeed, climb), airspeed, math.acos(lean)))
 
     _last_power: float = math.nan
 
@@ -155,9 +160,14 @@ class Scale:
         before, after = points[: STEP_S - 1], points[STEP_S + 1 :]
         if points[-1][0] - points[0][0] > 2 * STEP_S + _STEP_WAIT_S:
             return None  # not one stretch of level flight
-        old = sum(one for _, one in before) / len(before)
-        new = sum(one for _, one in after) / len(after)
-        spread = max(abs(one - old) for _, one in before), max(abs(one - new) for _, one in after)
+        airspeeds = [airspeed for _, _, airspeed, _ in points]
+        if max(airspeeds) - min(airspeeds) > _SAME_AIRSPEED_MPS:
+            return None
+        leans = [fmean(lean for *_, lean in some) for some in (before, after)]
+        if leans[1] < leans[0] - _SAME_LEAN_RAD:
+            return None
+        old, new = (fmean(one for _, one, _, _ in some) for some in (before, after))
+        spread = max(pstdev(one for _, one, _, _ in some) for some in (before, after))
         wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
         fell = 1.0 - new / old
-        return points[STEP_S][0] if fell > _STEP_SHARE * wanted and max(spread) < 0.5 * fell * old else None
+        return points[STEP_S][0] if fell > _STEP_SHARE * wanted and spread < _STEADY_SHARE * fell * old else None
