@@ -29,7 +29,7 @@ from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.study import PAYLOADS_KG, RESERVE
 from benchmarks.independent.worlds import worlds
-from benchmarks.tables.weather_of_now import published
+from benchmarks.tables.weather_of_now import mean_known, published, share_kept
 from skyway.models.weather.lead_error import lead_error_text
 from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.verification import learn, pairs_of
@@ -224,14 +224,14 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
     ]
     width = {arm: np.array([(one[arm]["due_s"][-1] - one[arm]["due_s"][0]) / 60.0 for one in whole]) for arm in ARMS}
     for name in named:
-        means = {arm: np.array([_mean(one[arm][name]["s"]) for one in whole]) / 60.0 for arm in ARMS}
+        means = {arm: np.array([mean_known(one[arm][name]["s"]) for one in whole]) / 60.0 for arm in ARMS}
         known = np.all([np.isfinite(values) for values in means.values()], axis=0)
         for arm in ARMS:
             mine = [one[arm] for one in whole]
             mean = np.where(known, means[arm], np.nan)
             shares = days.ratio(width[arm], width[RECORD]), days.ratio(mean, np.where(known, means[RECORD], np.nan))
             kept = [
-                days.mean(np.array([_kept(one[name]["s"], one["due_s"][k]) for one in mine]))
+                days.mean(np.array([share_kept(one[name]["s"], one["due_s"][k]) for one in mine]))
                 for k in range(len(LEVELS))
             ]
             promised = [float(np.mean([one["promised"][k] for one in mine])) for k in range(len(LEVELS))]
@@ -246,15 +246,6 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
                 f"{days.mean(mean).text()} | {ratios[1]} | {calibration} | {below:,} of {runs:,} | {lost:,} |"
             )
     return lines
-
-
-def _mean(times: Sequence[float | None]) -> float:
-    known = [one for one in times if one is not None]
-    return float(np.mean(known)) if known else np.nan
-
-
-def _kept(times: Sequence[float | None], due_s: float) -> float:
-    return float(np.mean([one is not None and one <= due_s + 1e-6 for one in times]))
 
 
 def main() -> int:

@@ -112,13 +112,13 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
     ]
     for name in named:
         arms = {arm: [one[arm] for one in both] for arm in ARMS}
-        means = {arm: np.array([_mean(one[name]["s"]) for one in mine]) for arm, mine in arms.items()}
+        means = {arm: np.array([mean_known(one[name]["s"]) for one in mine]) for arm, mine in arms.items()}
         known = np.isfinite(means[ARMS[0]]) & np.isfinite(means[ARMS[1]])
         means = {arm: np.where(known, values, np.nan) for arm, values in means.items()}
         days = DayBootstrap(np.array([one[ARMS[0]]["day"] for one in both]))
         for arm in ARMS:
             missed = np.abs(means[arm] - [one["promised_mean_s"] for one in arms[arm]]) / 60.0
-            kept = np.array([_kept(one[name]["s"], one["due_s"][-1]) for one in arms[arm]])
+            kept = np.array([share_kept(one[name]["s"], one["due_s"][-1]) for one in arms[arm]])
             promised = float(np.mean([one["promised"][-1] for one in arms[arm]]))
             ratio = days.ratio(means[arm], means[ARMS[0]])
             gain = Estimate(ratio.value - 1.0, ratio.low - 1.0, ratio.high - 1.0).scaled(100.0).text("+.1f") + " %"
@@ -131,12 +131,14 @@ def table(documents: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[
     return lines
 
 
-def _mean(times: Sequence[float | None]) -> float:
+def mean_known(times: Sequence[float | None]) -> float:
+    """Mean of the deliveries that arrived, s; NaN where none did."""
     known = [one for one in times if one is not None]
     return float(np.mean(known)) if known else np.nan
 
 
-def _kept(times: Sequence[float | None], due_s: float) -> float:
+def share_kept(times: Sequence[float | None], due_s: float) -> float:
+    """Share of the deliveries that arrived by a time."""
     return float(np.mean([one is not None and one <= due_s + 1e-6 for one in times]))
 
 

@@ -251,7 +251,7 @@ class Forwarder:
         target = message.fields.get("target_system", 0)
         to = {"target_system": sender[0], "target_component": sender[1]}
         writer = FrameWriter(target, message.fields.get("target_component", 0) or 1)
-        if not target or self._signs:  # nobody is asked by name, or an answer would have to be signed by the vehicle
+        if not target or self._signs:  # asks no vehicle by its id, or an answer would have to be signed by the vehicle
             return
         if message.name.startswith("COMMAND_"):
             fields = {"command": message["command"], "result": _DENIED, **to}

@@ -101,8 +101,8 @@ class DepartureGate:
         return self._p_below_reserve(reach, way, at_s, soc) > self._policy.parameters.p_hopeless
 
     def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
-        cost, doubt = self._cost(reach, way, at_s)
-        return float(reach.p_below(soc, cost, self._policy.request.reserve_soc, doubt)[0])
+        flown = reach.to_the_end(way, at_s, climbs=True)
+        return float(reach.p_below(soc, flown.soc[:, None], self._policy.request.reserve_soc, flown.doubt[:, None])[0])
 
     def later(self, step: Step, p: Problem) -> float | None:
         """How much later a leg can be begun by the forecast, s; None where never."""
@@ -112,11 +112,6 @@ class DepartureGate:
                 return wait_s
         return None
 
-    def _cost(self, reach: Reach, way: list[Place], at_s: float) -> tuple[Any, Any]:
-        """Charge that it takes, and its standard deviation because of the wind ahead, shape (members, 1) each."""
-        flown = reach.to_the_end(way, at_s, climbs=True)
-        return flown.soc[:, None], flown.doubt[:, None]
-
     def _keeps_reserve(self, reach: Reach, way: list[Place], at_s: float) -> float | None:
         """Least charge that is enough; None: no charge is.
 
@@ -125,9 +120,10 @@ class DepartureGate:
         """
         parameters, reserve = self._policy.parameters, self._policy.request.reserve_soc
         share = parameters.p_begin if self._info.watched else parameters.epsilon
-        cost, doubt = self._cost(reach, way, at_s)
+        flown = reach.to_the_end(way, at_s, climbs=True)
+        cost, doubt = flown.soc[:, None], flown.doubt[:, None]
         if self._info.watched:
-            flown_s = 0.5 * float(reach.expected(reach.to_the_end(way, at_s, climbs=True).time_s))
+            flown_s = 0.5 * float(reach.expected(flown.time_s))
             rest = reach.to_the_end(second_half(way), at_s + flown_s).doubt[:, None]
             cost = cost + NormalDist().inv_cdf(1.0 - parameters.epsilon) * rest
             doubt = np.sqrt(np.maximum(doubt**2 - rest**2, 0.0))

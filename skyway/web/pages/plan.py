@@ -72,7 +72,7 @@ class PlanPage:
                 with ui.element("div").classes("line"):
                     self.undo_button = Button("Undo", self.undo, data_keys="ctrl+z", title="Ctrl+Z")
                     self.redo_button = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
-                    Button("Clear", lambda: self.ask(Question()), title="Begin anew")
+                    Button("Clear", lambda: self.ask(Question()), title="Begin again")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
                     "Map of the network. Arrow keys move it, plus and minus zoom, 0 shows everything, n and p go from station to station, Enter opens the menu of a station.",

@@ -117,7 +117,7 @@ class PlanFiles:
         except SkywayError as error:
             self._tell(str(error), wrong=True)
             return
-        self._tell(f"opened {self.wanted}: planned anew with what it was asked for")
+        self._tell(f"opened {self.wanted}: planned again with what it was asked for")
         self._ask(msgspec.convert(found["question"], Question))
 
     def _tell(self, words: str, *, wrong: bool = False) -> None:
