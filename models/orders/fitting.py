@@ -1,0 +1,115 @@
+"""Orders and drones found in a scenario: their places as nodes of its network, their types as its drones."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.orders.rows import fault_at
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.orders.order import Order, Vehicle
+    from skyway.models.scenario.scenario import Scenario
+
+MAX_TARGETS = 5000
+"""Places that are no stations: each becomes a node of the network."""
+_POSITION = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*,\s*([+-]?\d+(?:\.\d+)?)\s*")
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be done, in a scenario: the places of orders and drones are ids of its nodes."""
+
+    scenario: Scenario
+    orders: tuple[Order, ...]
+    vehicles: tuple[Vehicle, ...]
+
+
+def fit(scenario: Scenario, orders: Sequence[Order], vehicles: Sequence[Vehicle]) -> Work:
+    """Find the places and types of orders and drones; targets given as ``lat,lon`` join the network.
+
+    An `InputError` lists every order and drone that does not fit: places and types that are unknown, packages that no drone
+    of the fleet carries, homes without a pad.
+    """
+    places = _Places(scenario)
+    fitted = [_vehicle(one, places) for one in vehicles]
+    if not vehicles:
+        places.faults.append(Fault("the fleet is empty", field="fleet", remedy="one drone or more"))
+    types = {drone.id: drone for drone in scenario.drones}
+    carriers = [types[one.type] for one in vehicles if one.type in types]
+    most = max((drone.max_payload_kg for drone in carriers), default=None)
+    wanted = [_order(one, places, most) for one in orders]
+    refuse(places.faults)
+    return Work(places.scenario, tuple(wanted), tuple(fitted))
+
+
+class _Places:
+    """Finds places, each once; faults are collected."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.faults: list[Fault] = []
+        self._found: dict[str, str | Fault] = {}
+        self._targets = 0
+
+    def find(self, text: str, source: Fault, field: str, *, targets: bool = True) -> str:
+        """Return the id of the node that a text names; the text itself, with a fault, where there is none."""
+        if text not in self._found:
+            try:
+                self._found[text] = self._look_up(text, targets=targets)
+            except InputError as error:
+                self._found[text] = error.faults[0]
+        found = self._found[text]
+        if isinstance(found, Fault):
+            self.faults.append(fault_at(source, field, found.problem, text, found.remedy))
+            return text
+        return found
+
+    def _look_up(self, text: str, *, targets: bool) -> str:
+        match, network = _POSITION.fullmatch(text), self.scenario.network
+        if match is None:
+            return network.stations[network.find(text)].id
+        if not targets:
+            raise InputError("is no station", remedy="drones stand at stations: name one by its id")
+        if self._targets >= MAX_TARGETS:
+            raise InputError(f"more than {MAX_TARGETS:,} places that are no stations", remedy="dispatch them in parts")
+        wider = self.scenario.with_target(float(match[1]), float(match[2]))
+        if len(wider.network.tail) == len(network.tail):
+            raise InputError("no segment leads there", remedy="a place nearer to a station; lat comes before lon")
+        self.scenario = wider
+        self._targets += 1
+        bends = len(wider.network) - len(network)
+        return next(one.id for one in wider.network.stations[-bends:] if not one.flyover)
+
+
+def _order(order: Order, places: _Places, most_kg: float | None) -> Order:
+    if most_kg is not None and order.mass_kg > most_kg:
+        remedy = f"up to {most_kg:g} kg" + (
+            f"; did you mean {order.mass_kg / 1000:g}?" if order.mass_kg / 1000 <= most_kg else ""
+        )
+        places.faults.append(
+            fault_at(order.source, "mass_kg", "is heavier than any drone of the fleet carries", order.mass_kg, remedy)
+        )
+    origin = places.find(order.origin, order.source, "from")
+    destination = places.find(order.destination, order.source, "to")
+    if origin == destination and order.origin != order.destination:
+        places.faults.append(fault_at(order.source, "to", "is where the order comes from", order.destination))
+    return replace(order, origin=origin, destination=destination)
+
+
+def _vehicle(vehicle: Vehicle, places: _Places) -> Vehicle:
+    known = [drone.id for drone in places.scenario.drones]
+    if vehicle.type not in known:
+        remedy = "one of " + ", ".join(known)
+        places.faults.append(fault_at(vehicle.source, "type", "is not a drone of the scenario", vehicle.type, remedy))
+    home = places.find(vehicle.home, vehicle.source, "home", targets=False)
+    place = places.find(vehicle.place, vehicle.source, "at", targets=False)
+    network = places.scenario.network
+    for field, node in {"home": home, "at": place}.items():
+        if node in network.index and not network.stations[network.index[node]].pads:
+            places.faults.append(fault_at(vehicle.source, field, "has no pads", node, "a station with pads"))
+    return replace(vehicle, home=home, place=place)
