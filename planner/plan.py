@@ -14,12 +14,13 @@ from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputE
 from skyway.models.base.formatting import later_text, percent
 from skyway.models.base.units import S_PER_H, from_posix, iso
 from skyway.models.flight.weather_closures import closures_told
+from skyway.models.scenario.air import air_notes, fleet_in_air
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.drone_choice import candidates
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
-from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.error_model import gust_notes
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
@@ -120,6 +121,7 @@ def plan(
             )
         )
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
+    scenario = fleet_in_air(scenario, forecast, request.state.time.timestamp())
     wind = forecast
     if planner in CLAIRVOYANT_PLANNERS:
         wind = _truth(forecast, truth, planner)
@@ -255,7 +257,8 @@ def _doubts(
     until_s = (landed_s if math.isfinite(landed_s) else problem.depart_s) + TOLD_S
     zone = ZoneInfo(problem.scenario.timezone)
     closed = closures_told(wind, problem.drone, problem.rules, zone, problem.depart_s, until_s)
-    return (*doubts, *closed, *wind.notes)
+    air = air_notes(problem.drone, wind, problem.depart_s)
+    return (*doubts, *closed, *air, *gust_notes(problem.usual_errors), *wind.notes)
 
 
 def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:
@@ -283,7 +286,7 @@ def _solve(
         same = problem.thinned(
             problem.parameters.robust.members
         )  # the members in which the figures of `robust` are counted
-        runs = simulate_fixed(same, itinerary, USUAL_ERRORS, problem.parameters.robust.final_runs)
+        runs = simulate_fixed(same, itinerary, problem.usual_errors, problem.parameters.robust.final_runs)
         if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
         typical = typical_fixed(same, itinerary, runs)

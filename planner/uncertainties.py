@@ -61,10 +61,11 @@ def uncertainties(result: PlanResult) -> list[Uncertainty]:
     if answer is None:
         return []
     problem = answer.policy.problem
-    belief = USUAL_ERRORS.energy_of(problem.drone)
+    errors = problem.usual_errors
+    belief = errors.energy_of(problem.drone)
     found = [
         Uncertainty(WIND, wind_sd_mps(answer), _wind_source(problem.ensemble), *_halved_wind(answer)),
-        Uncertainty(GUSTS, USUAL_ERRORS.gust_sd, "assumed: the record has no gusts", *_halved_gusts(answer)),
+        Uncertainty(GUSTS, errors.gust_sd, _gust_source(errors), *_halved_gusts(answer)),
         Uncertainty(ENERGY, belief.leg_sd, _energy_source(belief), *_halved_energy(answer, belief)),
         Uncertainty(PADS, waiting_s(answer), _pads_source(problem), *_halved_pads(answer)),
     ]
@@ -121,7 +122,7 @@ def waiting_s(answer: RobustAnswer) -> float:
     return float(np.average(waits.sum(axis=1), weights=weight[arrived]))
 
 
-def _planned_again(answer: RobustAnswer, problem: Problem, errors: Errors = USUAL_ERRORS) -> Figure | None:
+def _planned_again(answer: RobustAnswer, problem: Problem, errors: Errors | None = None) -> Figure | None:
     """By how much the best plan in another problem is earlier than this one."""
     try:
         other = RobustSearch(problem, errors=errors).solve()
@@ -141,12 +142,15 @@ def _halved_wind(answer: RobustAnswer) -> tuple[str, Figure | None]:
 
 
 def _halved_gusts(answer: RobustAnswer) -> tuple[str, Figure | None]:
-    return "", _planned_again(answer, answer.policy.problem, replace(USUAL_ERRORS, gust_sd=0.5 * USUAL_ERRORS.gust_sd))
+    problem = answer.policy.problem
+    usual = problem.usual_errors
+    return "", _planned_again(answer, problem, replace(usual, gust_sd=0.5 * usual.gust_sd))
 
 
 def _halved_energy(answer: RobustAnswer, belief: EnergyBelief) -> tuple[str, Figure | None]:
     halved = replace(belief, sd_between=0.5 * belief.sd_between, sd_within=0.5 * belief.sd_within)
-    gain = _planned_again(answer, answer.policy.problem, replace(USUAL_ERRORS, energy=halved))
+    problem = answer.policy.problem
+    gain = _planned_again(answer, problem, replace(problem.usual_errors, energy=halved))
     return "its own flights narrow it (skyway calibrate energy)", gain
 
 
@@ -171,6 +175,12 @@ def _record_days(wind: WindEnsemble) -> int:
         return len([date.fromisoformat(label) for label in wind.labels])
     except ValueError:
         return 0
+
+
+def _gust_source(errors: Errors) -> str:
+    return (
+        "assumed: the record has no gusts" if errors.gust_sd == USUAL_ERRORS.gust_sd else "the gusts that are forecast"
+    )
 
 
 def _energy_source(belief: EnergyBelief) -> str:

@@ -12,6 +12,7 @@ from skyway.models.drones.fleet import read_fleet
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.sources import network_of
 from skyway.models.queues.load import PadLoad
+from skyway.models.scenario.air import fleet_in_air
 from skyway.models.scenario.checks import fit_warnings
 from skyway.models.scenario.scenario import Scenario
 
@@ -88,7 +89,7 @@ def build_scenario(
     if len(load.arrivals_per_s) != len(network):
         shape = f"{len(load.arrivals_per_s)} stations"
         raise InputError("does not fit the network", field="load", value=shape, remedy=f"{len(network)} stations")
-    return Scenario(
+    built = Scenario(
         name=name,
         network=network,
         drones=fleet,
@@ -100,3 +101,4 @@ def build_scenario(
         timezone=timezone,
         warnings=tuple(fit_warnings(network, sites)),
     )
+    return fleet_in_air(built)

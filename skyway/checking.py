@@ -76,8 +76,11 @@ def conditions_of(
     reserve_percent: float,
 ) -> FlightConditions:
     """Return the vehicle, its package and charge, and the wind that it flies in."""
-    from skyway.missions import FlightConditions, SteadyWind
+    from skyway.missions import FlightConditions, ForecastWind, SteadyWind
+    from skyway.models.scenario.air import fleet_in_air
 
+    if region is not None and isinstance(weather, ForecastWind):
+        region = fleet_in_air(region, weather.ensemble, weather.depart_s)
     if not 0.0 <= payload_kg <= 1000.0:
         raise InputError("is not between 0 and 1000", field="--payload", value=payload_kg)
     vehicle, assumed = _vehicle(region, drone)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+
+import numpy as np
 
 from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.charging import ChargingCurve
@@ -46,6 +48,10 @@ class Drone:
         Greatest height above the ground that it may be flown at.
     limits : WeatherLimits
         Of the weather besides the wind.
+    cold : tuple of (float, float)
+        What share of its nameplate energy the battery holds at temperatures of the air, °C ascending; nothing where that is not known.
+    battery_held : float
+        What share of it the battery holds now; `battery_j` is what is left.
     """
 
     id: str
@@ -65,6 +71,8 @@ class Drone:
     energy_belief: EnergyBelief = field(default=EnergyBelief())
     max_height_m: float = math.inf
     limits: WeatherLimits = NO_LIMITS
+    cold: tuple[tuple[float, float], ...] = ()
+    battery_held: float = 1.0
 
     @cached_property
     def energy_model(self) -> EnergyModel:
@@ -76,6 +84,19 @@ class Drone:
             self.endurance_empty_s,
             self.endurance_full_s,
         )
+
+    def in_air(self, density_kg_m3: float) -> Drone:
+        """Return the same drone in air of another density."""
+        return replace(self, energy=self.energy_model.in_air(density_kg_m3))
+
+    def in_cold(self, temperature_c: float) -> Drone:
+        """Return the same drone with the energy that its battery holds at a temperature of the air."""
+        if not self.cold:
+            return self
+        degrees, share = zip(*self.cold, strict=True)
+        held = float(np.interp(temperature_c, degrees, share))
+        nameplate_j = self.battery_j / self.battery_held
+        return replace(self, energy=self.energy_model, battery_j=held * nameplate_j, battery_held=held)
 
     @property
     def flight_range_m(self) -> float:

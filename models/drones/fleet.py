@@ -82,9 +82,21 @@ def _drone(table: Table) -> Drone:
         energy_belief=belief,
         max_height_m=height,
         limits=read_limits(table.table("limits")) if "limits" in table else NO_LIMITS if base is None else base.limits,
+        cold=_cold(table),
     )
     table.finish()
     return drone
+
+
+def _cold(table: Table) -> tuple[tuple[float, float], ...]:
+    """Read what the battery holds by temperature."""
+    found = []
+    for row in table.tables("cold_battery"):
+        found.append((row.number("temperature_c", low=-60, high=60), row.number("held", above=0, high=1)))
+        row.finish()
+    if len({degrees for degrees, _ in found}) < len(found):
+        table.fault("cold_battery", "has two rows of one temperature")
+    return tuple(sorted(found))
 
 
 def _energy_belief(table: Table) -> EnergyBelief:

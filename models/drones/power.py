@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from skyway.models.base.units import AIR_DENSITY_KG_M3
@@ -22,6 +22,13 @@ class EnergyModel(Protocol):
     def name(self) -> str:
         """The model's name in files."""
 
+    @property
+    def air_density_kg_m3(self) -> float:
+        """Density of the air that is flown in."""
+
+    def in_air(self, density_kg_m3: float) -> EnergyModel:
+        """Return the same aircraft in air of another density."""
+
     def power_w(self, mass_kg: float, phase: Phase = "cruise") -> float:
         """Electrical power in watts at a take-off mass (drone, batteries and package)."""
 
@@ -31,7 +38,8 @@ class EnduranceEnergy:
     """Power law in mass through two published endurances: P(m) = P_empty (m / m_empty)^kappa.
 
     The same in every phase of flight. For the M200 V2, kappa is 1.71 and P_empty 552 W. The battery's energy is the
-    nameplate's; masses and endurances are those without and with the greatest payload.
+    nameplate's; masses and endurances are those without and with the greatest payload, in the standard atmosphere at sea level. In other air the
+    power grows by 1 / sqrt(density), as the power that holds a rotor craft up does by momentum theory.
     """
 
     battery_j: float
@@ -39,8 +47,13 @@ class EnduranceEnergy:
     full_mass_kg: float
     endurance_empty_s: float
     endurance_full_s: float
+    air_density_kg_m3: float = AIR_DENSITY_KG_M3
 
     name: str = field(default="endurance", init=False)
+
+    def in_air(self, density_kg_m3: float) -> EnduranceEnergy:
+        """Return the same aircraft in air of another density."""
+        return replace(self, air_density_kg_m3=density_kg_m3)
 
     @property
     def empty_power_w(self) -> float:
@@ -58,7 +71,8 @@ class EnduranceEnergy:
 
     def power_w(self, mass_kg: float, phase: Phase = "cruise") -> float:  # noqa: ARG002  one power for all phases
         """Electrical power in watts."""
-        return float(self.empty_power_w * (mass_kg / self.empty_mass_kg) ** self.kappa)
+        thinner = math.sqrt(AIR_DENSITY_KG_M3 / self.air_density_kg_m3)
+        return float(self.empty_power_w * (mass_kg / self.empty_mass_kg) ** self.kappa * thinner)
 
 
 M100_COEFFICIENTS: Mapping[Phase, tuple[float, float]] = {
@@ -83,6 +97,10 @@ class MomentumEnergy:
     air_density_kg_m3: float = AIR_DENSITY_KG_M3
 
     name: str = field(default="momentum", init=False)
+
+    def in_air(self, density_kg_m3: float) -> MomentumEnergy:
+        """Return the same aircraft in air of another density."""
+        return replace(self, air_density_kg_m3=density_kg_m3)
 
     def power_w(self, mass_kg: float, phase: Phase = "cruise") -> float:
         """Electrical power in watts."""

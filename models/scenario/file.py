@@ -29,6 +29,7 @@ from skyway.models.network.files import STATION_FIELDS, read_segments, read_stat
 from skyway.models.network.network import ConnectionRule, Network
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
+from skyway.models.scenario.air import fleet_in_air
 from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults, zone_warnings
 from skyway.models.scenario.ground import grounded, over_terrain
 from skyway.models.scenario.scenario import MAX_NOTES, Scenario
@@ -126,7 +127,7 @@ class _Reader:
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),
         )
-        return scenario if terrain is None else over_terrain(scenario, terrain)
+        return fleet_in_air(scenario) if terrain is None else over_terrain(scenario, terrain)
 
     def _terrain(self) -> Terrain | None:
         """Read the terrain and obstacle files that are named."""

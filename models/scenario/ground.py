@@ -11,6 +11,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import height_text, place_text
 from skyway.models.flight.way_heights import Over, segment_heights
 from skyway.models.network.builders import with_zones
+from skyway.models.scenario.air import fleet_in_air
 from skyway.models.terrain.obstacles import FOOT_M
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
     notes = (*terrain.notes, *_unknown(network, flown, ground_m))
     flown = replace(flown, over=Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m, notes))
     warnings = (*scenario.warnings, *notes, *_differences(network, ground_m))
-    return replace(scenario, network=flown, warnings=warnings)
+    return fleet_in_air(replace(scenario, network=flown, warnings=warnings))
 
 
 def grounded(stations: Sequence[Station], terrain: Terrain) -> tuple[Station, ...]:

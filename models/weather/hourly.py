@@ -8,8 +8,10 @@ import numpy as np
 
 from skyway.models.base.errors import InputError
 from skyway.models.weather.placing import Placing
-from skyway.models.weather.weather import GUST, Box
+from skyway.models.weather.profile import wind_at_height
+from skyway.models.weather.weather import EAST, GUST, NORTH, Box, FieldKey
 from skyway.models.wind.ensemble import HourlyWeather
+from skyway.models.wind.gusts import LEAST_GUST_SD, MOST_GUST_SD, PEAK_FACTOR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +30,8 @@ KINDS = {
 """What is told, of which quantity, and whether more is worse."""
 ICING_K = 273.15 - 15.0, 273.15 + 2.0
 ICING_RAIN_MM_H, ICING_HUMIDITY = 0.1, 95.0
+GUST_M = 10.0
+"""Gusts are told for this height where no other is said."""
 GAP_S = 6.5 * 3600.0
 
 
@@ -52,6 +56,10 @@ def hourly_weather(
         for key, values in one.fields.items():
             if key.quantity in (GUST, "rain", "visibility", "temperature", "humidity"):
                 at[key.quantity] = _at_edges(one, placing(values), edges)
+        if GUST in at:
+            gusty = _gust_sd(one, placing, at[GUST], region, edges)
+            if gusty is not None:
+                _worse(found, "gust_sd", gusty, more=True)
         for name, (quantity, more) in KINDS.items():
             if quantity in at:
                 _worse(
@@ -103,6 +111,38 @@ def _at_edges(one: Weather, values: NDArray[np.float64], edges: NDArray[np.float
         )
     between = (1.0 - share)[None, :, None] * values[:, after - 1] + share[None, :, None] * values[:, after]
     return np.where(known[None, :, None], between, np.nan)
+
+
+def _gust_sd(
+    one: Weather, placing: Placing, gust: NDArray[np.float64], region: Region, edges: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Standard deviation of gusts as a share of the wind at the height of flight, shape (slots,), the mean of places and members; None without a wind.
+
+    Near the ground it hardly changes with height (Stull 1988, section 9.5), so that of the height that gusts are told for is that of the flight.
+    """
+    heights = one.wind_heights_m
+    if not heights:
+        return None
+    parts = [
+        np.stack([_at_edges(one, placing(one.fields[FieldKey(part, height)]), edges) for height in heights])
+        for part in (NORTH, EAST)
+    ]
+    whole = np.flatnonzero(np.isfinite(parts[0] + parts[1]).any(axis=(1, 2, 3)))
+    if not len(whole):
+        return None
+    told_m = min((key.height_m for key in one.fields if key.quantity == GUST), default=GUST_M)
+    below, flown = (
+        np.hypot(
+            *wind_at_height([heights[k] for k in whole], parts[0][whole], parts[1][whole], height, region.exponent)
+        )
+        for height in (told_m if told_m > 0.0 else GUST_M, region.height_m)
+    )
+    over = np.where(np.isfinite(below + flown), np.maximum(gust - below, 0.0), np.nan)
+    known = np.isfinite(over)
+    sums = [np.where(known, values, 0.0).sum(axis=(0, 2)) for values in (over, flown)]
+    around = [values[:-1] + values[1:] for values in sums]
+    share = np.where(around[1] > 0.0, around[0] / np.where(around[1] > 0.0, PEAK_FACTOR * around[1], 1.0), np.nan)
+    return np.clip(share, LEAST_GUST_SD, MOST_GUST_SD)
 
 
 def _icing(at: dict[str, NDArray[np.float64]]) -> NDArray[np.float64] | None:

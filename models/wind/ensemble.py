@@ -37,7 +37,14 @@ class HourlyWeather:
     """POSIX seconds at which the first slot begins, and the length of a slot."""
     values: dict[str, NDArray[np.float64]]
     """Shape (slots,) each, NaN where it is not known: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
-    the members)."""
+    the members); ``gust_sd``: standard deviation of gusts as a share of the wind at the height of flight, the mean of places and members."""
+
+    def between(self, name: str, begin_s: float, end_s: float) -> NDArray[np.float64]:
+        """Known values in the slots that an interval touches, shape (n,)."""
+        values = self.values.get(name, np.empty(0))
+        first = max(math.floor((begin_s - self.start_s) / self.slot_s), 0)
+        found = values[first : max(math.ceil((end_s - self.start_s) / self.slot_s), first)]
+        return np.asarray(found[np.isfinite(found)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -69,7 +69,6 @@ class OnlinePolicy:
         self.all_parameters, self.parameters = parameters, parameters.online
         self.drone = scenario.drone(request.drone or "")
         self.load = None if drag is None else AirspeedLoad(drag)
-        self._ahead = WindAhead.of(scenario, errors)
 
     # What both need
 
@@ -84,10 +83,11 @@ class OnlinePolicy:
     ) -> Reach:
         """Return what can be flown under a forecast; `watched` and `cleared_m` as in `Reach`, `roughness` as in `Information`."""
         request = self.request
+        ahead = WindAhead.of(self.scenario, self.errors.in_forecast(forecast, forecast.start_s))
         return Reach(
             self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
             load=self.load, parameters=self.parameters,
-            watched=watched, cleared_m=cleared_m, ahead=replace(self._ahead, roughness=roughness) if watched else None,
+            watched=watched, cleared_m=cleared_m, ahead=replace(ahead, roughness=roughness) if watched else None,
         )  # fmt: skip
 
     def problem(self, info: Information) -> Problem:
@@ -122,7 +122,7 @@ class OnlinePolicy:
             load = reach.mean_load(reach.way(start or info.station, (), self.request.destination), info.time_s)
             belief = belief.times(load)
         return Hindsight(
-            now, self.errors, belief, behind=info.behind, futures=futures, kept=kept,
+            now, self.errors.in_forecast(info.forecast, info.time_s), belief, behind=info.behind, futures=futures, kept=kept,
             margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left,
         )  # fmt: skip
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import percent
 from skyway.models.base.ranges import range_faults
 from skyway.models.drones.energy_belief import EXACT, EnergyBelief
 from skyway.models.wind.gusts import GUST_SD, GUST_TIME_S
 
 if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
+    from skyway.models.wind.ensemble import WindEnsemble
+
+GUSTS_AHEAD_S = 3 * 3600.0
+"""What a forecast tells of gusts counts so far ahead: as long as deliveries usually take."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +43,23 @@ class Errors:
         """How far the energy of a drone's flights may be from the model's."""
         return drone.energy_belief if self.energy is None else self.energy
 
+    def in_forecast(self, forecast: WindEnsemble, begin_s: float) -> Errors:
+        """Return the same with the gusts that a forecast tells for the hours from an instant on, where it tells some."""
+        weather = forecast.weather
+        told = np.empty(0) if weather is None else weather.between("gust_sd", begin_s, begin_s + GUSTS_AHEAD_S)
+        return replace(self, gust_sd=float(told.mean())) if len(told) and self.gust_sd > 0.0 else self
+
 
 USUAL_ERRORS = Errors()
 """What planners expect where nothing else is said."""
 NO_ERRORS = Errors(gust_sd=0.0, energy=EXACT)
 """The truth is the hourly wind, and the energy model is right."""
+
+
+def gust_notes(errors: Errors) -> list[str]:
+    """Tell how strong the gusts of a forecast are."""
+    if errors.gust_sd == GUST_SD:
+        return []
+    return [
+        f"gusts as forecast: a standard deviation of {percent(errors.gust_sd)} of the wind ({percent(GUST_SD)} without a forecast)"
+    ]

@@ -20,6 +20,7 @@ from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, sampled_waits
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.error_model import USUAL_ERRORS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
 
 HORIZON_H = 48
@@ -121,6 +123,11 @@ class Problem:
             self.soc += FlightPower.of(drone, request.payload_kg).soc_climb(self.rules.climb_s)
         if waits is not None:
             self.__dict__["waits"] = waits  # they do not depend on the drone
+
+    @cached_property
+    def usual_errors(self) -> Errors:
+        """What is expected beyond the forecast: its gusts, where it tells some."""
+        return USUAL_ERRORS.in_forecast(self.forecast, self.request.state.time.timestamp())
 
     def _node(self, identity: str, field: str) -> int:
         if identity not in self.network.index:

@@ -23,7 +23,6 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.wind.ensemble import evenly
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.lookahead.lookahead import Lookahead
-from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
 from skyway.planner.problem.mean_value import ExpectedQueues
 from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.sampling import QueuePath
+    from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
@@ -69,8 +69,8 @@ class RobustSearch:
     ----------
     problem : Problem
         With the forecast.
-    errors : Errors
-        What the truth has beyond the forecast.
+    errors : Errors, optional
+        What the truth has beyond the forecast; by default what the problem says of it.
     end_at : float
         From this time of `time.perf_counter` on, routes are looked for only until there is one; `complete` is False then.
     """
@@ -79,12 +79,12 @@ class RobustSearch:
         self,
         problem: Problem,
         *,
-        errors: Errors = USUAL_ERRORS,
+        errors: Errors | None = None,
         end_at: float = math.inf,
     ) -> None:
         self.parameters = problem.parameters.robust
         self.problem = problem.thinned(self.parameters.members)
-        self.errors = errors
+        self.errors = self.problem.usual_errors if errors is None else errors
         self.labels_expanded = 0
         """Stays looked at by the exact searches and simulated deliveries."""
         self.complete = True

@@ -16,6 +16,7 @@ import numpy as np
 from skyway.link.logs.common.trust import estimate_ok, receiver_ok
 from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.missions.autopilots.registry import FAMILIES
+from skyway.models.drones.atmosphere import density_ratio
 from skyway.models.drones.telemetry import NEITHER
 from skyway.models.wind.triangle import vector
 
@@ -104,11 +105,6 @@ def _hud(fields: Any) -> Columns:
         "airspeed_mps": _real(airspeed, unknown) / np.sqrt(density_ratio(height)),
         "throttle": np.asarray(fields["throttle"], dtype=np.float64) / 100.0,
     }
-
-
-def density_ratio(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Density of the standard atmosphere over that at sea level (ISO 2533, troposphere)."""
-    return np.asarray((1.0 - 2.25577e-5 * height_m) ** 4.25588)
 
 
 def wind(north: Any, east: Any) -> Columns:

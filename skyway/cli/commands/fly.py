@@ -106,6 +106,7 @@ def fly(
     from skyway.models.base.units import from_posix
     from skyway.models.composition.file import load
     from skyway.models.drones.drag_file import read_drag
+    from skyway.models.scenario.air import fleet_in_air
 
     _refuse_together(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
@@ -127,13 +128,14 @@ def fly(
         seen = _observed(region, observed, now, wind)
         times = (one.time_s for one in seen(now.timestamp()))
         begin = min([(begun or now).timestamp(), *times]) if not forecast else None
+        known = typed_values.wind_forecast(
+            region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
+        )
         return DeliveryJob(
             composition=composition,
-            scenario=region,
+            scenario=fleet_in_air(region, known, (begun or now).timestamp()),
             request=request,
-            forecast=typed_values.wind_forecast(
-                region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
-            ),
+            forecast=known,
             observed=seen,
             options=how,
             drag=drag_model,

@@ -206,3 +206,14 @@ def test_a_drone_may_follow_momentum_theory(tmp_path):
 def test_a_wrong_energy_model_is_one_line(tmp_path, text, said):
     (line,) = said_of(tmp_path, drone(text))
     assert line.startswith(f"drones.toml: drone[0].{said}")
+
+
+def test_what_the_cold_takes_is_read_in_order_and_bounded(tmp_path):
+    rows = (
+        "[[drone.cold_battery]]\ntemperature_c = 20\nheld = 1\n[[drone.cold_battery]]\ntemperature_c = -10\nheld = 0.7"
+    )
+    assert fleet_of(tmp_path, drone(rows))[0].cold == ((-10.0, 0.7), (20.0, 1.0))
+    (said,) = said_of(tmp_path, drone("[[drone.cold_battery]]\ntemperature_c = 0\nheld = 70"))
+    assert "drone[0].cold_battery[0].held" in said
+    (said,) = said_of(tmp_path, drone("[[drone.cold_battery]]\ntemperature_c = 0\nheld = 0.7\n" * 2))
+    assert "two rows of one temperature" in said

@@ -17,6 +17,7 @@ from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.region import Region
 from skyway.models.wind.forecast import constant_wind
 from skyway.models.wind.interpolation import site_weights
+from skyway.planner.problem.error_model import NO_ERRORS, USUAL_ERRORS
 
 NONE = LeadError(source="none", height_m=10.0, lead_h=(0.0,), sigma_mps=(0.0,))
 LAT, LON = np.array([40.55, 40.9, 40.7]), np.array([-74.2, -73.7, -73.95])
@@ -262,3 +263,18 @@ def test_a_scenario_names_its_forecasts(tmp_path):
     assert "record" in found.then
     with pytest.raises(InputError, match="no such file"):
         world.forecast_from([grib.with_name("b.grib2")], depart, 48)
+
+
+@pytest.mark.parametrize(("gust_mps", "share"), [(11.0, 2.0 / 7.5), (5.5, 0.5 / 3.0 / 7.5), (40.0, 0.5), (2.0, 0.05)])
+def test_the_spread_of_gusts_is_a_third_of_what_they_are_above_the_wind(tmp_path, gust_mps, share):
+    names = ("wind_speed_10m", "wind_direction_10m", "wind_speed_80m", "wind_direction_80m", "wind_gusts_10m")
+    columns = {name: [value] * 8 for name, value in zip(names, (5.0, 250.0, 7.5, 260.0, gust_mps), strict=True)}
+    units = {name: "m/s" if "direction" not in name else "°" for name in names}
+    path = wf.write_json(tmp_path / "om.json", wf.open_meteo(columns, units, hours=8))
+    found = forecast_ensemble(read_weather([path]), region(), NONE)
+    assert found.weather is not None
+    np.testing.assert_allclose(
+        found.weather.between("gust_sd", found.start_s, found.start_s + 1.0), np.clip(share, 0.05, 0.5), rtol=1e-6
+    )
+    assert USUAL_ERRORS.in_forecast(found, found.start_s).gust_sd == pytest.approx(np.clip(share, 0.05, 0.5))
+    assert NO_ERRORS.in_forecast(found, found.start_s) is NO_ERRORS
