@@ -185,7 +185,7 @@ def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSumma
     )  # fmt: skip
 
 
-SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits", "upload"})
+SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits", "upload", "order"})
 """Events that a person sees as a line; what else a person must know is told by the supervisor itself."""
 
 

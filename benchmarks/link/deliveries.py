@@ -13,6 +13,7 @@ from skyway.calibration_flight import drag_of
 from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
 from skyway.link.supervisor.job import nobody_observes
+from skyway.link.supervisor.operators import Said
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
@@ -127,10 +128,10 @@ class Scripted:
         if answer is not None:
             self._due.append((self.now_s() + answer[0], answer[1]))
 
-    def heard(self) -> str | None:
+    def heard(self) -> Said | None:
         """Say what is due."""
         if self._due and self._due[0][0] <= self.now_s():
-            return self._due.popleft()[1]
+            return Said(self._due.popleft()[1])
         return None
 
 

@@ -1,31 +1,47 @@
-"""What is said between the supervisor and the operator: questions, answers, Ctrl-C."""
+"""What is said between the supervisor and the operator: questions, answers, orders, Ctrl-C."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import deque
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.command.commander import WORDS, Commander, Person
+from skyway.link.supervisor.command.orders import DEFERRED, matching, offered
 from skyway.link.supervisor.departure.failsafes import left_words
-from skyway.link.supervisor.journal.entries import OperatorNote
-from skyway.link.supervisor.states import ON_GROUND, State, Turn
+from skyway.link.supervisor.journal.entries import OperatorNote, Ordered
+from skyway.link.supervisor.states import IN_AIR, ON_GROUND, State, Turn
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
-    from skyway.link.supervisor.operators import Operator
+    from skyway.link.supervisor.operators import Operator, Said
+
+STALE_S = 30.0
+"""A request that was made so long ago is not taken: the person has seen other things since."""
 
 
 @dataclass(slots=True)
 class Conversation:
-    """The conversation with one operator."""
+    """The conversation with one operator, or with several of whom one has command."""
 
     operator: Operator
     question: str | None = None
     """What was asked and is not answered."""
+    answers: tuple[str, ...] = ()
+    """What it may be answered with."""
+    asked_n: int = 0
+    """Number of the record that asks it."""
     stays: bool = False
     """The operator wants the vehicle to stay at the next landing."""
     asked_once: bool = False
     """A take-off of this delivery was allowed."""
+    paused: bool = False
+    """It was told to stop on its way, and has not been told to go on."""
+    commander: Commander = field(default_factory=Commander)
     _words: list[str] = field(default_factory=list)
+    _orders: deque[Said] = field(default_factory=deque)
+    _known: set[str] = field(default_factory=set)
     _interrupts: int = 0
 
     @property
@@ -37,48 +53,136 @@ class Conversation:
         """Take the next thing said, in small letters; None where there is none."""
         return self._words.pop(0) if self._words else None
 
+    def next_order(self) -> Said | None:
+        """Take the next order to a vehicle in the air; None where there is none."""
+        return self._orders.popleft() if self._orders else None
+
     def forget(self) -> None:
         """Forget what was said so far: it was no answer to what is asked now."""
         self._words.clear()
+        self._orders.clear()
+
+    def end_flight(self) -> None:
+        """Forget what was ordered of a flight that is over."""
+        self._orders.clear()
+        self.paused = False
+
+    def pause(self, *, on: bool) -> None:
+        """Note that it stands still in the air, or flies on."""
+        self.paused = on
 
     def allow(self, *, once: bool = True) -> None:
         """Note that a take-off was allowed."""
         self.asked_once = once
 
+    def ask_again(self, *, stays: bool) -> None:
+        """Note that a person has ended the flight: the next take-off is asked for, or there is none before somebody says `go`."""
+        self.asked_once = False
+        self.stays = self.stays or stays
+
+    def restore(self, told: Ordered) -> None:
+        """Follow an ``order`` record of a journal: what was taken once is never taken again."""
+        self._known.add(told.id or "")
+        if told.holder is not None:
+            self.commander.restore(Person(told.holder, told.holder_name or "somebody"))
+
     def listen(self, ctx: Context) -> None:
         """Take what the operator says at any time; Ctrl-C on the ground, or twice in the air, is raised as a `Turn`."""
-        word = self.operator.heard()
-        if word:
-            self._words.append(word.strip().lower())
+        if (said := self.operator.heard()) is not None:
+            self._take(ctx, replace(said, word=" ".join(said.word.split()).lower()))
+        if over := self.commander.overdue(ctx.vehicle.connection.clock.now_s()):
+            self._note_command(ctx, "take", "taken", over)
         if self.operator.interrupts > self._interrupts:
             self._interrupts = self.operator.interrupts
-            self._interrupted(ctx)
-        if self.stays and self._words and self._words[-1] == "go":
-            self._words.pop()
+            self._stay(ctx, "Ctrl-C")
+
+    def _take(self, ctx: Context, said: Said) -> None:
+        if said.id:
+            if said.id in self._known:
+                return
+            self._known.add(said.id)
+            if said.word in WORDS:
+                taken, why = self.commander.hear(said, ctx.vehicle.connection.clock.now_s())
+                self._note_command(ctx, said.word, "taken" if taken else "refused", why, said)
+                return
+        meant = matching(said.word, offered(ctx))
+        if said.id:
+            refused = self._refused(ctx, said, meant)
+            note = Ordered(
+                word=said.word, done="refused" if refused else "taken", id=said.id, who=said.who, name=said.name
+            )
+            reason = f"refused: {refused}" if refused else "taken"
+            ctx.note(note, f"{said.name or 'somebody'} ordered {said.word}: {reason}")
+            if refused:
+                return
+        if meant is None:
+            self._words.append(said.word)  # typed ahead: the next question may be answered by it
+        else:
+            self._do(ctx, replace(said, word=meant))
+
+    def _note_command(self, ctx: Context, word: str, done: str, why: str, said: Said | None = None) -> None:
+        """Write down what became of command."""
+        holder = self.commander.holder
+        told = Ordered(
+            word=word, done=done, id=None if said is None else said.id, who=None if said is None else said.who,
+            name=None if said is None else said.name, holder=None if holder is None else holder.id,
+            holder_name=None if holder is None else holder.name,
+        )  # fmt: skip
+        ctx.say(told, why)
+
+    def _refused(self, ctx: Context, said: Said, meant: str | None) -> str:
+        """Why a request is not taken; nothing where it is."""
+        if why := self.commander.refuse(said):
+            return why
+        if said.age_s > STALE_S:
+            return f"it was asked {duration(said.age_s)} ago"
+        if meant is None:
+            now = ", ".join(offered(ctx)) or "nothing"
+            return f"in the state {ctx.state} there is: {now}"
+        if self.question is not None and said.about != self.asked_n:
+            return "it answers another question than the one that is open"
+        return ""
+
+    def _do(self, ctx: Context, said: Said) -> None:
+        """Do what was said at once, or keep it for the one who asked."""
+        word = said.word.partition(" ")[0]
+        if self.question is not None or ctx.state is State.HOLDING or word == "charged":
+            self._words.append(said.word)
+        elif word == "go" and self.stays and not self.paused:
             self.stays = False
             ctx.note(OperatorNote(), "go: the delivery continues")
+        elif word == "stay":
+            self._stay(ctx, said.name or "the operator")
+        elif word == "leave":
+            raise Turn(State.LEFT, f"the program ends, as ordered, and leaves the drone to itself; {left_words(ctx)}")
+        elif word in DEFERRED and ctx.state in IN_AIR:
+            if not said.id:
+                ctx.note(Ordered(word=said.word, done="taken"), f"the operator ordered {said.word}")
+            self._orders.append(said)
 
-    def _interrupted(self, ctx: Context) -> None:
-        if self.stays:
+    def _stay(self, ctx: Context, by: str) -> None:
+        """Have it stay where it stands or lands next; Ctrl-C after that ends the program."""
+        typed = by == "Ctrl-C"
+        if self.stays and typed:
             raise Turn(State.LEFT, f"Ctrl-C twice: the program ends and leaves the drone to itself; {left_words(ctx)}")
         if ctx.on_ground and ctx.state in (State.CONNECTING, *ON_GROUND):
-            ctx.note(OperatorNote(), "Ctrl-C on the ground")
+            ctx.note(OperatorNote(), f"{by} on the ground" if typed else f"{by}: the drone stays")
             raise Turn(
                 State.STOPPED,
-                f"Ctrl-C: the drone stays at {_heading_for(ctx)}, disarmed; --resume continues the delivery",
+                f"{by}: the drone stays at {_heading_for(ctx)}, disarmed; --resume continues the delivery",
             )
         self.stays = True
-        ctx.note(OperatorNote(), "Ctrl-C: the drone stays at the next landing")
+        ctx.note(OperatorNote(), f"{by}: the drone stays at the next landing")
+        again = f"Ctrl-C again ends the program now; then {left_words(ctx)}"
         self.operator.ask(
-            f"Ctrl-C: the drone lands at {_heading_for(ctx)} and stays there. Type go to continue the delivery after all. "
-            f"Ctrl-C again ends the program now; then {left_words(ctx)}"
+            f"{by}: the drone lands at {_heading_for(ctx)} and stays there. Type go to continue the delivery after all. {again}"
         )
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
         """Let time pass until the operator says one of some words; it stops (a `Turn`) where nobody is there any more."""
-        ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
+        asked = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
-        self.question = question
+        self.question, self.answers, self.asked_n = question, words, asked.n
         try:
             while True:
                 while (word := self.next_word()) is not None:
@@ -89,7 +193,7 @@ class Conversation:
                     raise Turn(State.STOPPED, f"nobody is there any more to answer the question: {question}")
                 ctx.tick()
         finally:
-            self.question = None
+            self.question, self.answers = None, ()
 
 
 def _heading_for(ctx: Context) -> str:

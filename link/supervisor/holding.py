@@ -119,4 +119,5 @@ def _go_on(ctx: Context) -> After | None:
         ctx.operator.ask(f"control could not be taken: {error}. Type {WORDS}")
         return None
     ctx.vehicle.changes()
+    ctx.conversation.pause(on=False)
     return (State.DIVERTING if ctx.divert.station is not None else State.FLYING), "the operator gave control back"

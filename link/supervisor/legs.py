@@ -60,8 +60,9 @@ class Leg:
     told_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
-    """`start_s`, `soc_start`, `told_start`, `planned_s`, `planned_soc`: take-off, charge then, and as the vehicle said
-    it; planned flight time and charge at the landing."""
+    planned_soc_sd: float = math.nan
+    """`start_s`, `soc_start`, `told_start`, `planned_s`, `planned_soc`, `planned_soc_sd`: take-off, charge then, and as the
+    vehicle said it; planned flight time and charge at the landing, and the standard deviation of that."""
     modelled: ModelledUse | None = None
     """Charge that it should have taken so far."""
     last: bool = False

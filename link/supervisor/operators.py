@@ -9,17 +9,31 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Something that a person said."""
+
+    word: str
+    id: str = ""
+    """Of a request, which is answered in the journal and counts once; empty for what is typed at a console."""
+    who: str = ""
+    name: str = ""
+    """Browser session, and what the person is called."""
+    about: int | None = None
+    """Number of the record with the question that it answers."""
+    age_s: float = 0.0
+    """How long ago it was said."""
+
+
 class Operator(Protocol):
     """Whoever decides what a program must not."""
+
+    interrupts: int
+    """How often Ctrl-C was pressed."""
 
     @property
     def present(self) -> bool:
         """Whether anybody can answer."""
-        ...
-
-    @property
-    def interrupts(self) -> int:
-        """How often Ctrl-C was pressed."""
         ...
 
     def tell(self, line: str) -> None:
@@ -30,7 +44,7 @@ class Operator(Protocol):
         """Put a question; the answer is heard later."""
         ...
 
-    def heard(self) -> str | None:
+    def heard(self) -> Said | None:
         """Return what was said, a word at a time; None for nothing as yet. Never waits."""
         ...
 
@@ -52,6 +66,6 @@ class NobodyThere:
         """Show it too."""
         self.show(question)
 
-    def heard(self) -> str | None:
+    def heard(self) -> Said | None:
         """Nothing."""
         return None

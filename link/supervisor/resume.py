@@ -7,7 +7,17 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.departure import make_leg
-from skyway.link.supervisor.journal.entries import Landed, LegBegun, Met, PlanTaken, Resumed, StartNote, Tracked, Turned
+from skyway.link.supervisor.journal.entries import (
+    Landed,
+    LegBegun,
+    Met,
+    Ordered,
+    PlanTaken,
+    Resumed,
+    StartNote,
+    Tracked,
+    Turned,
+)
 from skyway.link.supervisor.journal.standing import restore_standing
 from skyway.link.supervisor.legs import Leg
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
@@ -39,6 +49,8 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
     for record in records:
         if met := record.entry(Met):
             ctx.observed.identify(met.uid or 0)
+        elif ordered := record.entry(Ordered):
+            ctx.conversation.restore(ordered)
         elif taken := record.entry(PlanTaken):
             if taken.plan:
                 delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))
@@ -155,6 +167,8 @@ def _in_the_air(ctx: Context) -> After:
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"
     mode = ctx.vehicle.mode
+    if mode == "hold" and ctx.conversation.paused:
+        return (State.DIVERTING if divert.station else State.FLYING), "still paused on its way, as ordered"
     strange = f"the drone is in mode {mode}, which this program did not command"
     if divert.station is not None and not divert.turned:
         if mode in ("mission", "hold", "guided"):

@@ -104,7 +104,10 @@ TABLE: Mapping[State, Rule] = {
         "fly the leg; progress, charge and wind are watched",
     ),
     _S.DIVERTING: Rule(
-        (_S.LANDED, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "fly to a station within safe reach, or land where it is"
+        (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE),
+        4 * 3600.0,
+        _S.HOLDING,
+        "fly to a station within safe reach, or land where it is",
     ),
     _S.LANDED: Rule(
         (_S.REPLANNING, _S.DELIVERED, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),

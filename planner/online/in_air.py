@@ -175,6 +175,11 @@ class FlightDecision:
 
     # Weighing
 
+    def refuges(self) -> list[Option]:
+        """Return where else it could land now: stations inside its fence, none of them behind a closed zone."""
+        info = self._info
+        return [] if info.here is None else self._others(info.here, self._reach(), info.time_s, info.soc)
+
     def _others(self, here: Place, reach: Reach, time_s: float, soc: float) -> list[Option]:
         """Stations inside the fence, those ahead and those behind."""
         airborne = self._info

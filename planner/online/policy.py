@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.online.information import Action, Information
+    from skyway.planner.online.options import Option
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
@@ -135,6 +136,10 @@ class OnlinePolicy:
     def in_air(self, info: Information) -> Decision:
         """Return what to do in flight; asked about every ten seconds, and over stations on the way."""
         return FlightDecision(self, info).decide()
+
+    def refuges(self, info: Information) -> list[Option]:
+        """Return where else it could land now, and with what: for those who watch."""
+        return FlightDecision(self, info).refuges()
 
     def on_ground(self, info: Information, *, tell: bool = False) -> Decision:
         """Return what to do at a station: leave for where, with how much charge; wait; or stop.

@@ -256,6 +256,13 @@ class Reach:
         """Mean over the members of something of shape (members, …)."""
         return np.asarray(np.einsum("m,m...->...", self.wind.probability, values))
 
+    def soc_sd(self, flown: Flown) -> float:
+        """Standard deviation of the charge that a flight takes: the members', the energy's and that of the wind ahead together."""
+        mean, ratio = float(self.expected(flown.soc)), self.belief.mean_ratio
+        members = max(float(self.expected(flown.soc**2)) - mean**2, 0.0)
+        ahead = float(self.expected(flown.doubt**2))
+        return math.sqrt((members + ahead) * ratio**2 + (mean * self.belief.sd_between) ** 2 + self._soc_sd**2)
+
     def pads_near(self, places: Sequence[Place], soc: float) -> NDArray[np.int64]:
         """Return stations with pads that can at best be flown to from any of some places with so much charge: the nearest ones of each."""
         most_m = soc / (MIN_LOAD * self.soc_per_s) * self.drone.max_ground_speed_mps

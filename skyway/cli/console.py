@@ -13,8 +13,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from skyway.link.supervisor.operators import Said
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from skyway.link.supervisor import Operator
 
 _MAX_TYPED = 200
 
@@ -107,22 +111,23 @@ class Console:
         """Put a question."""
         self._show(f"? {question}")
 
-    def heard(self) -> str | None:
+    def heard(self) -> Said | None:
         """Return the next line typed, or None."""
         with contextlib.suppress(queue.Empty):
-            return self._words.get_nowait()
+            return Said(self._words.get_nowait())
         return None
 
-    @contextlib.contextmanager
-    def counting_interrupts(self) -> Iterator[None]:
-        """Count Ctrl-C instead of stopping the program; the supervisor decides what it means."""
 
-        def count(*_: object) -> None:
-            self.interrupts += 1
+@contextlib.contextmanager
+def counting_interrupts(operator: Operator) -> Iterator[None]:
+    """Count Ctrl-C for an operator instead of stopping the program; the supervisor decides what it means."""
 
-        before = {number: signal.signal(number, count) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    def count(*_: object) -> None:
+        operator.interrupts += 1
+
+    before = {number: signal.signal(number, count) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

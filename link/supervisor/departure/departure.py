@@ -175,6 +175,7 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         commanded_mps=service.ground_speed_mps,
         planned_s=float(reach.expected(flown.time_s)),
         planned_soc=ctx.battery.soc - float(reach.expected(flown.soc)) * ctx.energy.belief.mean_ratio,
+        planned_soc_sd=reach.soc_sd(flown),
         modelled=ModelledUse.by(reach),
         last=service.destination == ctx.job.request.destination,
     )
@@ -237,6 +238,7 @@ def arming(ctx: Context) -> After:
             way=leg.mission.way,
             planned_s=leg.planned_s,
             planned_soc=leg.planned_soc,
+            planned_soc_sd=leg.planned_soc_sd,
             wind=winds(ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)),
             wind_origin=ctx.wind.origin,
             soc=ctx.battery.soc,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from skyway.link.supervisor.command.orders import obey
 from skyway.link.supervisor.flight.pads_ahead import PadsAhead
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
@@ -50,9 +51,12 @@ def _until_landed(ctx: Context, decide: Callable[[], After | None]) -> After | N
     """Watch a flight, and decide every ten seconds of its cruise; None once it has landed."""
     decided_s = ctx.now_s
     while True:
-        refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
+        refuse_foreign(ctx, ctx.tick(), (*_WAY_MODES, "hold") if ctx.conversation.paused else _WAY_MODES)
         if landed(ctx):
             return None
+        ordered = obey(ctx)
+        if ordered is not None:
+            return ordered
         if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
@@ -90,7 +94,7 @@ def _landing(ctx: Context, s: TelemetrySample) -> bool:
 # Deciding
 
 
-def information(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> Information | None:
+def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> Information | None:
     """What is known in the air; None while the position or the charge is not."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None or not math.isfinite(ctx.battery.soc):
@@ -158,10 +162,22 @@ def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None
         return None
     decision = ctx.policy().in_air(known)
     look_ahead(ctx, decision.figures)
-    if decision.action == "continue":
+    if decision.action == "continue" or _waits(ctx, decision):
         return None
     _tell(ctx, decision)
     return _act(ctx, decision)
+
+
+def _waits(ctx: Context, decision: Decision) -> bool:
+    """Whether a decision has time until a drone that was paused flies on: all have but those to divert or to land."""
+    leg = ctx.delivery.leg
+    if leg is None or not ctx.conversation.paused:
+        return False
+    if decision.action in ("divert", "land"):
+        ctx.conversation.pause(on=False)
+        return False
+    leg.command(leg.commanded_mps, ctx.now_s)  # it stands because it was told to
+    return True
 
 
 def look_ahead(ctx: Context, figures: Mapping[str, Any]) -> None:
@@ -250,7 +266,7 @@ def _watch(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
         return None
     decision = ctx.policy().in_air(known)
     look_ahead(ctx, decision.figures)
-    if decision.action == "continue" or not ctx.job.replanning:
+    if decision.action == "continue" or not ctx.job.replanning or _waits(ctx, decision):
         return None
     _tell(ctx, decision)
     if decision.action == "speed":

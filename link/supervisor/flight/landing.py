@@ -25,6 +25,7 @@ def after_landing(ctx: Context) -> After:
     """Find out where it stands, learn what the flight took, and go on from there."""
     leg = ctx.delivery.leg
     ctx.vehicle.watch_lists(watched=False)
+    ctx.conversation.end_flight()
     ctx.wait(3.0)
     if ctx.in_air:
         return State.HOLDING, "the drone is in the air again"

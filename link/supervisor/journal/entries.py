@@ -173,6 +173,7 @@ class LegBegun(Entry, frozen=True, kw_only=True, tag="leg"):
     ground_speed_mps: float | None
     last: bool | None
     standing: Standing
+    planned_soc_sd: float | None = None
 
 
 class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
@@ -362,3 +363,15 @@ class OperatorNote(Entry, frozen=True, kw_only=True, tag="operator"):
 
     question: str | None = None
     answers: tuple[str, ...] = ()
+
+
+class Ordered(Entry, frozen=True, kw_only=True, tag="order"):
+    """A person ordered something: it was `taken` or `refused`, and then `done` or `failed`; or command changed hands (`holder`)."""
+
+    word: str | None
+    done: str | None
+    id: str | None = None
+    who: str | None = None
+    name: str | None = None
+    holder: str | None = None
+    holder_name: str | None = None

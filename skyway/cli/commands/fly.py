@@ -22,10 +22,11 @@ from skyway.models.base.json_text import json_text
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from skyway.cli.console import Console
     from skyway.cli.views.flight import FlightView
+    from skyway.flights.live import LiveFile
     from skyway.link.pads import TcpPads
-    from skyway.link.supervisor import DeliveryJob, Outcome
+    from skyway.link.supervisor import DeliveryJob, Operator, Outcome
+    from skyway.link.supervisor.context import Context
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
     from skyway.models.composition.composition import Composition
@@ -81,6 +82,12 @@ def fly(
     no_restore: Annotated[
         bool, typer.Option("--no-restore", help="Leave changed parameters as they are at the end.")
     ] = False,
+    orders: Annotated[
+        Path | None,
+        typer.Option(
+            help="Take the operator's words from this file, FILE.orders, instead of the terminal: skyway serve does."
+        ),
+    ] = None,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -89,7 +96,8 @@ def fly(
     Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
     station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
     are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
-    delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle.
+    delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle. In the air it
+    takes these words: pause, go, stay, divert STATION, return, land, leave.
 
     Examples
     --------
@@ -100,8 +108,10 @@ def fly(
     from skyway import flying
     from skyway.cli.console import Console
     from skyway.cli.views.flight import view_for
+    from skyway.flights.live import live_file, requests_at
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
+    from skyway.link.supervisor.command.request_file import RequestFile
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.base.units import from_posix
     from skyway.models.composition.file import load
@@ -147,10 +157,13 @@ def fly(
         )
 
     view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))
-    console = Console(listens=not yes, show=view.say, keys=view.lives)
+    console = Console(listens=not yes and orders is None, show=view.say, keys=view.lives)
     view.typed = lambda: console.typed
-    with console.reading_keys(), view.shown():
-        outcome, path = _flown(link, job, service, console, view, resume or journal, report, resumes=resume is not None)
+    operator = console if orders is None else RequestFile(requests_at(orders), view.say)
+    with console.reading_keys(), view.shown(), live_file(orders) as live:
+        outcome, path = _flown(
+            link, job, service, operator, view, live, resume or journal, report, resumes=resume is not None
+        )
     _end(outcome, path, report, as_json=as_json)
 
 
@@ -171,40 +184,55 @@ def _flown(
     link: Link,
     job_at: Callable[[datetime], DeliveryJob],
     pads: TcpPads | None,
-    console: Console,
+    operator: Operator,
     view: FlightView,
+    live: LiveFile | None,
     path: Path | None,
     report: Path | None,
     *,
     resumes: bool,
 ) -> tuple[Outcome, Path]:
     """Connect and fly; returns how it ended, and where its journal is."""
+    from skyway.cli.console import counting_interrupts
     from skyway.flying import journal_name
     from skyway.link.supervisor import Journal, Supervisor
     from skyway.models.base.units import from_posix
     from skyway.report.report import write_report
 
-    view.doing(f"connecting: {', '.join(link.addresses)}")
+    def doing(what: str) -> None:
+        view.doing(what)
+        if live is not None:
+            live.doing(what)
+
+    def tick(context: Context) -> None:
+        view.tick(context)
+        if live is not None:
+            live.tick(context)
+
+    doing(f"connecting: {', '.join(link.addresses)}")
     with link.aboard() as vehicle:
         if vehicle.connection.forwarder is not None:
             vehicle.connection.forwarder.tell = None  # told and journaled by the supervisor
-        view.doing("waiting for telemetry and the time of the vehicle")
-        clock = _clock(vehicle, console)
+        doing("waiting for telemetry and the time of the vehicle")
+        clock = _clock(vehicle, operator)
         now = from_posix(clock.posix_s())
         job = job_at(now)
-        if not (resumes or job.asking == "never" or console.present):
+        if not (resumes or job.asking == "never" or operator.present):
             remedy = "run it at a terminal, or give --yes in a simulation"
             raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
         if job.drag is None:
-            console.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
+            operator.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
         path = path or _journal_path(link.record, journal_name(job.composition, now))
         book = Journal(path, clock.posix_s, resume=resumes)
-        book.listeners.append(view.take)
-        console.tell(f"journal: {path}")
+        book.listeners += [view.take] if live is None else [view.take, live.take]
+        operator.tell(f"journal: {path}")
         try:
-            with console.counting_interrupts(), _served(pads, job, console, clock) as service:
-                supervisor = Supervisor(job, vehicle, clock, service, console, book, resume=resumes, on_tick=view.tick)
-                return supervisor.run(), path
+            with counting_interrupts(operator), _served(pads, job, operator, clock) as service:
+                supervisor = Supervisor(job, vehicle, clock, service, operator, book, resume=resumes, on_tick=tick)
+                outcome = supervisor.run()
+                if live is not None:
+                    live.outcome(outcome)
+                return outcome, path
         finally:
             book.close()
             if report is not None and book.count:  # also of a flight that broke off
@@ -256,7 +284,7 @@ def _check_words(planner: str, wind: str | None, forecast: list[Path] | None) ->
             raise InputError("no such file", str(one), field="--forecast")
 
 
-def _clock(vehicle: Vehicle, console: Console) -> Clock:
+def _clock(vehicle: Vehicle, operator: Operator) -> Clock:
     """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
     from skyway.flying import FAR_S
     from skyway.link.telemetry.vehicle_time import VehicleTime
@@ -268,7 +296,7 @@ def _clock(vehicle: Vehicle, console: Console) -> Clock:
     base, sample = vehicle.live.clock, vehicle.live.sample
     far = sample is not None and base.base.absolute and abs(sample.time_s - wall.posix_s()) >= FAR_S
     if far or base.simulated:
-        console.tell(
+        operator.tell(
             "the clock of the vehicle differs from that of this computer (a simulation): the vehicle's time is used"
         )
     return VehicleTime(vehicle, wall)
@@ -290,7 +318,7 @@ def _journal_path(folder: Path, name: str) -> Path:
 
 
 @contextmanager
-def _served(pads: TcpPads | None, job: DeliveryJob, console: Console, clock: Clock) -> Iterator[PadService]:
+def _served(pads: TcpPads | None, job: DeliveryJob, operator: Operator, clock: Clock) -> Iterator[PadService]:
     """Serve the pads that were asked for, and hang up at the end."""
     from skyway.link.pads import ManualPads
 
@@ -299,7 +327,7 @@ def _served(pads: TcpPads | None, job: DeliveryJob, console: Console, clock: Clo
             yield pads
         return
     known = {station.id: station.pads for station in job.scenario.network.stations}
-    yield ManualPads(console.ask, known, clock.posix_s)
+    yield ManualPads(operator.ask, known, clock.posix_s)
 
 
 def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:

@@ -1,0 +1,110 @@
+"""Orders in the air: which can be given now, and what is done by each. On a console and on the page they are the same words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.flight.turn import intend
+from skyway.link.supervisor.journal.entries import Ordered
+from skyway.link.supervisor.states import IN_AIR, ON_GROUND, State
+from skyway.models.base.errors import LinkError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.operators import Said
+
+DEFERRED = ("pause", "go", "divert", "return", "land")
+"""Orders that are carried out between two looks at a flight; `stay` and `leave` count at once."""
+
+
+def offered(ctx: Context) -> tuple[str, ...]:
+    """Return the words that can be said now; each station that it can be sent to with a word of its own."""
+    from skyway.link.pads import ManualPads
+
+    talk = ctx.conversation
+    if talk.question is not None:
+        return talk.answers
+    if ctx.state is State.HOLDING:
+        return ("go", "land", "leave") if ctx.in_air else ("go", "leave")
+    if ctx.state in IN_AIR:
+        return _in_the_air(ctx)
+    words = ("go",) if talk.stays else ("stay",)
+    if ctx.state is State.LOST_LINK:
+        return ("leave",)
+    if ctx.state is State.CHARGING and isinstance(ctx.pads, ManualPads):
+        return ("charged", *words)
+    return words if ctx.state in (State.CONNECTING, State.ARMING, State.LANDED, *ON_GROUND) else ()
+
+
+def _in_the_air(ctx: Context) -> tuple[str, ...]:
+    leg, talk = ctx.delivery.leg, ctx.conversation
+    if leg is None or leg.destination == "here" or ctx.delivery.plan is None:
+        return ("leave",)
+    words = ["go" if talk.paused or talk.stays else "stay", *(() if talk.paused else ("pause",))]
+    if talk.paused and not talk.stays:
+        words.append("stay")
+    if leg.origin and leg.origin != leg.destination:
+        words.append("return")
+    return (*words, *(f"divert {name}" for name in refuges(ctx)), "land", "leave")
+
+
+def refuges(ctx: Context) -> tuple[str, ...]:
+    """Return stations that it can be sent to now: inside its fence, the one that was planned among them."""
+    leg, plan = ctx.delivery.leg, ctx.delivery.plan
+    if leg is None or plan is None:
+        return ()
+    planned = (plan.services[0].destination,) if plan.services else ()
+    known = ctx.job.scenario.network.index
+    names = dict.fromkeys((*planned, *leg.diverts, *leg.via, leg.origin))
+    return tuple(name for name in names if name in known and name != leg.destination)
+
+
+def matching(word: str, words: tuple[str, ...]) -> str | None:
+    """Return the one of some words that was meant; ``charged 83`` is ``charged`` with a figure."""
+    plain = " ".join(word.split()).casefold()
+    if "charged" in words and plain.split(" ")[0] == "charged":
+        return plain
+    return next((one for one in words if one.casefold() == plain), None)
+
+
+def obey(ctx: Context) -> After | None:
+    """Carry out what was ordered since the last look; None flies on."""
+    said = ctx.conversation.next_order()
+    leg = ctx.delivery.leg
+    if said is None or leg is None:
+        return None
+    word, _, station = said.word.partition(" ")
+    if word in ("pause", "go"):
+        _hold(ctx, said, pauses=word == "pause")
+        return None
+    by = f"{said.name or 'the operator'} ordered it"
+    ctx.conversation.pause(on=False)
+    ctx.conversation.ask_again(stays=word != "divert")
+    leg.learn_nothing()
+    if word == "land":
+        ctx.divert.call_off()
+        intend(ctx, None)
+        return State.DIVERTING, f"landing where it is: {by}"
+    station = leg.origin if word == "return" else station
+    ctx.divert.to(station)
+    return State.DIVERTING, f"diverting to {station}: {by}"
+
+
+def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
+    """Have it stop on its way, or go on."""
+    leg = ctx.delivery.leg
+    if leg is None or pauses is ctx.conversation.paused:
+        return
+    try:
+        if pauses:
+            ctx.vehicle.pause()
+        else:
+            ctx.vehicle.resume()
+    except LinkError as error:
+        ctx.say(Ordered(word=said.word, id=said.id or None, done="failed"), f"{said.word} was not carried out: {error}")
+        return
+    ctx.conversation.pause(on=pauses)
+    leg.learn_nothing()  # it hovers, which tells nothing of its flights
+    leg.command(leg.commanded_mps, ctx.now_s)
+    word = "the drone has stopped on its way, and is still watched" if pauses else "the drone flies on"
+    ctx.say(Ordered(word=said.word, id=said.id or None, done="done"), word)

@@ -1,0 +1,116 @@
+"""Orders by a file: whoever may write into it, the operator's page, appends a line for each; the supervisor reads them.
+
+A line stays when the page is killed, and the supervisor takes each once: by its id, which it journals before it does anything.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from skyway.link.supervisor.operators import Said
+from skyway.models.base.files import file_error
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+ENDING = ".orders"
+MAX_LINE = 2048
+"""Bytes of a request."""
+_PIECE = 64 * 1024
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One line: something that a person orders, or answers."""
+
+    id: str
+    """Of its own: a request that is written twice counts once."""
+    word: str
+    """Such as ``pause``, ``divert columbia`` or ``yes``."""
+    who: str
+    """The browser session."""
+    name: str
+    """What the person is called."""
+    time_s: float
+    """When it was asked for, POSIX seconds of this computer."""
+    about: int | None = None
+    """Number of the record with the question that it answers."""
+
+
+_DECODER = msgspec.json.Decoder(Request)
+
+
+def request(path: Path, wanted: Request) -> None:
+    """Append a request; it is on the disk when this returns. An `InputError` says that it cannot be written."""
+    line = msgspec.json.encode(wanted) + b"\n"
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        try:
+            os.write(handle, line)
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise file_error("written", path, error) from error
+
+
+@dataclass(slots=True)
+class RequestFile:
+    """An operator who orders by a file; see `link.supervisor.operators.Operator`."""
+
+    path: Path
+    show: Callable[[str], None]
+    """Takes a line for people."""
+    interrupts: int = 0
+    present: bool = True
+    """Somebody may always come back."""
+    _at: int = 0
+    _rest: bytes = b""
+    _said: deque[Said] = field(default_factory=deque)
+
+    def __post_init__(self) -> None:
+        try:
+            os.close(os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600))
+        except OSError as error:
+            raise file_error("written", self.path, error) from error
+
+    def tell(self, line: str) -> None:
+        """Show a line."""
+        self.show(line)
+
+    def ask(self, question: str) -> None:
+        """Show a question."""
+        self.show(f"? {question}")
+
+    def heard(self) -> Said | None:
+        """Return the next request that was written, with its age; a line that is none is passed over."""
+        self._read()
+        return self._said.popleft() if self._said else None
+
+    def _read(self) -> None:
+        try:
+            with self.path.open("rb") as file:
+                file.seek(self._at)
+                found = file.read(_PIECE)
+        except OSError:
+            return  # it is looked at again a second later
+        self._at += len(found)
+        *lines, rest = (self._rest + found).split(b"\n")
+        self._rest = rest if len(rest) <= MAX_LINE else b""
+        for line in lines:
+            with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+                if 0 < len(line) <= MAX_LINE:
+                    self._said.append(_said(_DECODER.decode(line)))
+
+
+def _said(asked: Request) -> Said:
+    name = "".join(one for one in asked.name[:40] if one.isprintable()).strip()
+    age_s = max(time.time() - asked.time_s, 0.0)
+    return Said(asked.word[:120], id=asked.id[:64], who=asked.who[:64], name=name, about=asked.about, age_s=age_s)
