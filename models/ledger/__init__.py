@@ -1,0 +1,1 @@
+"""The ledger: who holds which pad when, kept in SQLite or PostgreSQL."""

@@ -1,0 +1,85 @@
+"""Audit of a ledger: its history is gone through from the beginning, by code that booked none of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.ledger.window import FOLLOWING, Window, p_both
+
+if TYPE_CHECKING:
+    from skyway.models.ledger.ledger import Event, Hold, Ledger
+
+PAGE = 50_000
+SLACK = 1e-9
+
+
+def audit(ledger: Ledger) -> list[str]:
+    """Return what the history of a ledger has that it must not have; nothing where every promise was kept.
+
+    Looked for are windows that were held against the rule, steps between states that make no sense, versions that were not whole or
+    went back, tokens that came after newer ones, and bookings that are not what the history says.
+    """
+    found: list[str] = []
+    state: dict[tuple[str, int, int], Hold] = {}
+    by_pad: dict[tuple[str, int], dict[tuple[str, int, int], Window]] = {}
+    seen = 0
+    while True:
+        events = ledger.history(after=seen, limit=PAGE)
+        for event in events:
+            found += _event(event, state, by_pad)
+        if len(events) < PAGE:
+            break
+        seen = events[-1].seq
+    now = {_key(hold): hold for hold in ledger.holds()}
+    told = {key: hold for key, hold in state.items() if hold.state != "released"}
+    for key in sorted(now.keys() ^ told.keys()):
+        found.append(f"{key[0]} version {key[1]} window {key[2]}: {'not in the history' if key in now else 'lost'}")
+    found += [f"{key[0]}: {told[key].state} in the history, {now[key].state} now" for key in sorted(now.keys() & told.keys()) if now[key].state != told[key].state]  # fmt: skip
+    numbers: dict[tuple[str, int], set[int]] = {}
+    for itinerary, version, number in state:
+        numbers.setdefault((itinerary, version), set()).add(number)
+    found += [f"{key[0]} version {key[1]} is not whole" for key, has in numbers.items() if has != set(range(1, len(has) + 1))]  # fmt: skip
+    return found
+
+
+def _key(hold: Hold) -> tuple[str, int, int]:
+    return hold.itinerary, hold.version, hold.number
+
+
+def _event(
+    event: Event,
+    state: dict[tuple[str, int, int], Hold],
+    by_pad: dict[tuple[str, int], dict[tuple[str, int, int], Window]],
+) -> list[str]:
+    """Take one event into account; returns what is wrong with it."""
+    hold, key = event.hold, _key(event.hold)
+    live = by_pad.setdefault((hold.window.station, hold.window.pad), {})
+    before = state.get(key)
+    state[key] = hold
+    where = f"event {event.seq}: {hold.itinerary} version {hold.version} window {hold.number}"
+    if before is not None:
+        found = [] if hold.state in FOLLOWING[before.state] else [f"{where}: from {before.state} to {hold.state}"]
+        if before.holder == hold.holder and hold.token < before.token:
+            found.append(f"{where}: token {hold.token} after {before.token}")
+        if hold.state == "released":
+            live.pop(key, None)
+        return found
+    found = _met(where, hold.window, live)
+    live[key] = hold.window
+    return found
+
+
+def _met(where: str, window: Window, live: dict[tuple[str, int, int], Window]) -> list[str]:
+    """What is wrong with a window among those that were held when it was booked."""
+    touching = [other for other in live.values() if window.touches(other)]
+    if any(window.epsilon == 0.0 or other.epsilon == 0.0 for other in touching):
+        return [f"{where}: overlaps another"]
+    if sum(p_both(window, other) for other in touching) > window.epsilon + SLACK:
+        return [f"{where}: the pad is taken more often than it allows"]
+    broken = [
+        other
+        for other in touching
+        if p_both(other, window) + sum(p_both(other, third) for third in live.values() if third is not other)
+        > other.epsilon + SLACK
+    ]
+    return [f"{where}: takes the pad of another more often than that one allows"] if broken else []

@@ -1,0 +1,421 @@
+"""The ledger: itineraries booked whole or not at all, by those who hold a lease.
+
+The same statements serve both stores; a store adds a connection, a transaction and a few words of its dialect. What may not
+happen is refused three times: by the rule of `models.ledger.window` under a lock of the pads, by the database's own constraints, and
+by the audit of the history.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+from skyway.models.base.errors import InputError, SkywayError, one_line
+from skyway.models.base.units import iso
+from skyway.models.ledger.window import (
+    FOLLOWING,
+    MAX_TEXT,
+    State,
+    Window,
+    check_windows,
+    in_the_way,
+    p_both,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from contextlib import AbstractContextManager
+    from datetime import datetime
+    from types import TracebackType
+
+WINDOW = "station, pad, starts, ends, start_sd_s, end_sd_s, epsilon"
+HELD = f"itinerary, version, number, {WINDOW}, state, holder, token"
+MAX_LEASE_S = 86_400.0
+
+
+class LedgerError(SkywayError):
+    """The ledger's database refuses, or is gone; nothing is half booked."""
+
+    exit_code = 3
+
+
+class TakenError(SkywayError):
+    """A pad is taken; nothing was booked.
+
+    `holds` has the bookings in the way, as far as they are known: of a race that the database decided it is empty.
+    """
+
+    exit_code = 1
+
+    def __init__(self, holds: Sequence[Hold] = ()) -> None:
+        self.holds = tuple(holds)
+        told = "; ".join(
+            f"pad {one.window.pad} of {one.window.station} is held by {one.itinerary} from {iso(one.window.start)} to {iso(one.window.end)}"
+            for one in self.holds[:3]
+        )
+        more = f"; and {len(self.holds) - 3} more" if len(self.holds) > 3 else ""
+        super().__init__(one_line(f"nothing was booked: {told or 'another booking came first'}{more}"))
+
+
+class FencedError(SkywayError):
+    """The lease is no longer the holder's: it ran out, or another process has taken over."""
+
+    exit_code = 1
+
+
+class VersionError(SkywayError):
+    """The itinerary has changed since it was read, or cannot become what was asked for."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """The right to book and change in the name of a holder, until it runs out."""
+
+    holder: str
+    """Of bookings: a dispatcher, or one of its workers, whoever runs it."""
+    owner: str
+    """The process that has it now."""
+    token: int
+    """Fencing token: each taking of a lease gets a higher one, and only the highest counts."""
+    expires: datetime
+    """By the clock of the database."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """A window as it is booked."""
+
+    itinerary: str
+    version: int
+    number: int
+    """Of the window in its itinerary, from 1."""
+    window: Window
+    state: State
+    holder: str
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One line of the history: what a window was from a time on."""
+
+    seq: int
+    at: datetime
+    hold: Hold
+
+
+class Ledger(ABC):
+    """A ledger; for one thread at a time. It is a context manager that closes its connection."""
+
+    NOW: str
+    """Time of the database, in its SQL."""
+    LOCK: str
+    SHARE: str
+    """Words that lock the rows of a query until the transaction ends, for oneself and against changes by others."""
+
+    def __init__(self) -> None:
+        self._pads: dict[tuple[str, int], int] = {}
+
+    @abstractmethod
+    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Run one statement, with ``?`` for each value, and return its rows."""
+
+    @abstractmethod
+    def _transaction(self) -> AbstractContextManager[None]:
+        """Do all of a block, or nothing; what the database refuses as taken becomes a `TakenError`."""
+
+    @abstractmethod
+    def _to_db(self, instant: datetime) -> Any:
+        """Instant as the database keeps it."""
+
+    @abstractmethod
+    def _from_db(self, value: Any) -> datetime:
+        """Instant that the database keeps."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the connection."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def now(self) -> datetime:
+        """Time by the clock of the database."""
+        with self._transaction():
+            return self._from_db(self._rows(f"SELECT {self.NOW}")[0][0])
+
+    def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
+        """Take the lease of a holder for a time; a `FencedError` says that another process has it.
+
+        One that has run out is taken over with all its bookings: what its former owner still tries is refused.
+        """
+        _check_text("holder", holder)
+        _check_text("owner", owner)
+        _check_ttl(ttl_s)
+        sql = (
+            f"INSERT INTO lease (holder, token, owner, expires) VALUES (?, 1, ?, {self._later()}) ON CONFLICT (holder) "
+            "DO UPDATE SET token = lease.token + 1, owner = excluded.owner, expires = excluded.expires "
+            f"WHERE lease.owner = excluded.owner OR lease.expires <= {self.NOW} RETURNING token, expires"
+        )
+        with self._transaction():
+            taken = self._rows(sql, (holder, owner, ttl_s))
+            if not taken:
+                _, other, expires, _ = self._lease(holder)
+                when = iso(self._from_db(expires))
+                raise FencedError(one_line(f"the lease of {holder} is with {other} until {when}"))
+        return Lease(holder, owner, int(taken[0][0]), self._from_db(taken[0][1]))
+
+    def renew(self, lease: Lease, ttl_s: float = 60.0) -> Lease:
+        """Keep a lease for so long from now; a `FencedError` says that it is lost."""
+        _check_ttl(ttl_s)
+        sql = (
+            f"UPDATE lease SET expires = {self._later()} WHERE holder = ? AND token = ? AND expires > {self.NOW} "
+            "RETURNING expires"
+        )
+        with self._transaction():
+            kept = self._rows(sql, (ttl_s, lease.holder, lease.token))
+            if not kept:
+                self._check(lease)
+        return replace(lease, expires=self._from_db(kept[0][0]))
+
+    @abstractmethod
+    def _later(self) -> str:
+        """Time of the database after ``?`` seconds, in its SQL."""
+
+    def _lease(self, holder: str) -> tuple[Any, ...]:
+        """Token, owner, expiry of a lease, and whether it holds on."""
+        sql = f"SELECT token, owner, expires, expires > {self.NOW} FROM lease WHERE holder = ? {self.SHARE}"
+        found = self._rows(sql, (holder,))
+        if not found:
+            raise FencedError(one_line(f"nobody has taken the lease of {holder}"))
+        return found[0]
+
+    def _check(self, lease: Lease) -> None:
+        """Refuse what is done under a lease that is no longer the newest, or has run out."""
+        token, owner, expires, alive = self._lease(lease.holder)
+        if token != lease.token:
+            raise FencedError(one_line(f"the lease of {lease.holder} (token {lease.token}) went to {owner}"))
+        if not alive:
+            when = iso(self._from_db(expires))
+            raise FencedError(one_line(f"the lease of {lease.holder} ran out at {when}; take it again"))
+
+    def book(
+        self,
+        lease: Lease,
+        itinerary: str,
+        windows: Sequence[Window],
+        *,
+        state: State = "firm",
+        version: int | None = None,
+    ) -> int:
+        """Book the windows of an itinerary, all or none, in place of those it has; returns its new version.
+
+        Parameters
+        ----------
+        lease : Lease
+            Of the holder.
+        itinerary : str
+            Id; no other holder may have booked it.
+        windows : sequence of Window
+            In their order.
+        state : State
+            ``tentative`` (given up when the lease runs out) or ``firm``.
+        version : int, optional
+            The version that it replaces, 0 for none; where it has another one, a `VersionError` says so.
+
+        Raises
+        ------
+        TakenError
+            A pad is taken; what was booked before still holds.
+        FencedError
+            The lease is lost.
+        """
+        _check_text("itinerary", itinerary)
+        check_windows(windows)
+        if state not in ("tentative", "firm"):
+            raise InputError("out of range", field="state", value=state, remedy="tentative or firm")
+        with self._transaction():
+            self._check(lease)
+            current = self._own_version(lease, itinerary)
+            if version is not None and version != current:
+                raise VersionError(one_line(f"{itinerary} has version {current}, not {version}"))
+            keys = self._locked(windows)
+            if current:
+                self._set_state("released", lease, "itinerary = ? AND state <> 'released'", (itinerary,))
+            self._refuse_taken(windows, keys, lease)
+            rows = []
+            for number, one in enumerate(windows, 1):
+                begin, end = one.core
+                times = (self._to_db(time) for time in (one.start, one.end, one.opens, one.closes, begin, end))
+                key = keys[one.station, one.pad]
+                how = (one.start_sd_s, one.end_sd_s, one.epsilon)
+                rows.append(
+                    (itinerary, current + 1, number, one.station, one.pad, key, *times, *how, state, lease.holder, lease.token)
+                )  # fmt: skip
+            self._insert(rows)
+            sql = (
+                "INSERT INTO itinerary (id, version, holder) VALUES (?, ?, ?) "
+                "ON CONFLICT (id) DO UPDATE SET version = excluded.version"
+            )
+            self._rows(sql, (itinerary, current + 1, lease.holder))
+        return current + 1
+
+    def _insert(self, rows: Sequence[tuple[Any, ...]]) -> None:
+        marks = "(" + ", ".join("?" * len(rows[0])) + ")"
+        columns = (
+            "itinerary, version, number, station, pad, pad_key, starts, ends, opens, closes, core_from, core_until, "
+            "start_sd_s, end_sd_s, epsilon, state, holder, token"
+        )
+        values = [value for row in rows for value in row]
+        self._rows(f"INSERT INTO booking ({columns}) VALUES {', '.join([marks] * len(rows))}", values)
+
+    def _own_version(self, lease: Lease, itinerary: str) -> int:
+        """Version of an itinerary, 0 where it is new; refuse that of another holder."""
+        found = self._rows(f"SELECT version, holder FROM itinerary WHERE id = ? {self.LOCK}", (itinerary,))
+        if found and found[0][1] != lease.holder:
+            raise FencedError(one_line(f"{itinerary} is booked by {found[0][1]}, not by {lease.holder}"))
+        return int(found[0][0]) if found else 0
+
+    def _locked(self, windows: Sequence[Window]) -> dict[tuple[str, int], int]:
+        """Lock the pads of some windows, in one order for all, and return their keys."""
+        pads = sorted({(one.station, one.pad) for one in windows})
+        for pad in pads:
+            if pad not in self._pads:
+                self._rows("INSERT INTO pad (station, number) VALUES (?, ?) ON CONFLICT DO NOTHING", pad)
+                self._pads[pad] = self._rows("SELECT key FROM pad WHERE station = ? AND number = ?", pad)[0][0]
+        keys = {pad: self._pads[pad] for pad in pads}
+        if self.LOCK:
+            marks = ", ".join("?" * len(keys))
+            self._rows(f"SELECT key FROM pad WHERE key IN ({marks}) ORDER BY key {self.LOCK}", list(keys.values()))
+        return keys
+
+    def _refuse_taken(self, windows: Sequence[Window], keys: dict[tuple[str, int], int], lease: Lease) -> None:
+        """Raise what is in the way; tentative bookings whose lease has run out are given up instead."""
+        held, left = self._near(windows, keys)
+        if left:
+            marks = ", ".join("?" * len(left))
+            self._set_state("released", lease, f"id IN ({marks})", left)
+        others = [one.window for one in held]
+        met = [0.0] * len(others)
+        if any(one.epsilon for one in windows):
+            met = [sum(p_both(one, other) for other in others if other is not one) for one in others]
+        hits: set[int] = set()
+        for one in windows:
+            hits.update(in_the_way(one, others, met))
+            met = [spent + p_both(one, other) for spent, other in zip(met, others, strict=True)]
+        if hits:
+            raise TakenError([held[number] for number in sorted(hits)])
+
+    def _near(self, windows: Sequence[Window], keys: dict[tuple[str, int], int]) -> tuple[list[Hold], list[int]]:
+        """Bookings of the pads of some windows about their time, and the ids of those that nobody keeps any more."""
+        marks = ", ".join("?" * len(keys))
+        begin, end = min(one.opens for one in windows), max(one.closes for one in windows)
+        if any(one.epsilon for one in windows):  # what others have promised to third ones counts, too
+            sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' AND closes > ? AND opens < ?"
+            (first, last), = self._rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))  # fmt: skip
+            begin = begin if first is None else min(begin, self._from_db(first))
+            end = end if last is None else max(end, self._from_db(last))
+        sql = (
+            f"SELECT {HELD}, id, state = 'tentative' AND NOT EXISTS (SELECT 1 FROM lease WHERE lease.holder = booking.holder "
+            f"AND lease.expires > {self.NOW}) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' "
+            "AND closes > ? AND opens < ?"
+        )
+        rows = self._rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))
+        return [self._hold(row) for row in rows if not row[-1]], [int(row[-2]) for row in rows if row[-1]]
+
+    def mark(self, lease: Lease, itinerary: str, state: State, *, number: int | None = None) -> int:
+        """Move the windows of an itinerary that are not released, or one of them, to another state; returns how many.
+
+        ``in use`` settles chance windows: who arrives first has the pad, and a `TakenError` tells it to the other one. A
+        `VersionError` refuses a step that makes no sense, such as back from ``in use`` to ``firm``.
+        """
+        if state not in FOLLOWING:
+            raise InputError("is no state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
+        with self._transaction():
+            self._check(lease)
+            version = self._own_version(lease, itinerary)
+            condition = "itinerary = ? AND version = ? AND state <> 'released'"
+            values: list[Any] = [itinerary, version]
+            if number is not None:
+                condition, values = f"{condition} AND number = ?", [*values, number]
+            before = self._rows(f"SELECT state FROM booking WHERE {condition}", values)
+            for (one,) in before:
+                if state not in FOLLOWING[one]:
+                    raise VersionError(one_line(f"{itinerary} is {one}: it cannot become {state}"))
+            if not before:
+                raise VersionError(one_line(f"{itinerary} has no such window that is not released"))
+            self._set_state(state, lease, condition, values)
+        return len(before)
+
+    def _set_state(self, state: State, lease: Lease, condition: str, values: Sequence[Any]) -> None:
+        sql = f"UPDATE booking SET state = ?, changed_by = ?, token = ? WHERE {condition}"
+        self._rows(sql, (state, lease.holder, lease.token, *values))
+
+    def holds(
+        self, *, station: str | None = None, begin: datetime | None = None, end: datetime | None = None
+    ) -> list[Hold]:
+        """Return the windows that are not released, of a station or all, that touch a time, by their start."""
+        condition = "state <> 'released'"
+        values: list[Any] = []
+        for text, value in (
+            ("station = ?", station),
+            ("closes > ?", None if begin is None else self._to_db(begin)),
+            ("opens < ?", None if end is None else self._to_db(end)),
+        ):
+            if value is not None:
+                condition, values = f"{condition} AND {text}", [*values, value]
+        with self._transaction():
+            rows = self._rows(f"SELECT {HELD} FROM booking WHERE {condition} ORDER BY starts, station, pad", values)
+        return [self._hold(row) for row in rows]
+
+    def itinerary(self, itinerary: str) -> list[Hold]:
+        """Return the windows of the newest version of an itinerary, released ones as well; empty where there is none."""
+        sql = (
+            f"SELECT {HELD} FROM booking WHERE itinerary = ? AND version = "
+            "(SELECT version FROM itinerary WHERE id = ?) ORDER BY number"
+        )
+        with self._transaction():
+            return [self._hold(row) for row in self._rows(sql, (itinerary, itinerary))]
+
+    def history(self, itinerary: str | None = None, *, after: int = 0, limit: int = 100_000) -> list[Event]:
+        """Return what happened, of one itinerary or all, in order, after a number that was seen before."""
+        condition = "seq > ?"
+        values: list[Any] = [after]
+        if itinerary is not None:
+            condition, values = f"{condition} AND itinerary = ?", [after, itinerary]
+        sql = f"SELECT seq, at, {HELD} FROM history WHERE {condition} ORDER BY seq LIMIT ?"
+        with self._transaction():
+            rows = self._rows(sql, (*values, limit))
+        return [Event(int(row[0]), self._from_db(row[1]), self._hold(row[2:])) for row in rows]
+
+    def _hold(self, row: Sequence[Any]) -> Hold:
+        itinerary, version, number, station, pad, start, end, start_sd, end_sd, epsilon, state, holder, token = row[:13]
+        window = Window(
+            station=station,
+            pad=int(pad),
+            start=self._from_db(start),
+            end=self._from_db(end),
+            start_sd_s=float(start_sd),
+            end_sd_s=float(end_sd),
+            epsilon=float(epsilon),
+        )
+        return Hold(itinerary, int(version), int(number), window, state, holder, int(token))
+
+
+def _check_ttl(ttl_s: float) -> None:
+    if not 0.0 < ttl_s <= MAX_LEASE_S:
+        raise InputError("out of range", field="ttl_s", value=ttl_s, remedy=f"up to {MAX_LEASE_S:g} s")
+
+
+def _check_text(field: str, value: str) -> None:
+    if not value or one_line(value) != value or len(value) > MAX_TEXT:
+        remedy = f"one line of plain text of up to {MAX_TEXT} characters"
+        raise InputError("must be a name", field=field, value=value, remedy=remedy)

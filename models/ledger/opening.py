@@ -1,0 +1,31 @@
+"""Opening a ledger by its name: a file, or ``postgresql://…``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from skyway.models.ledger.ledger import Ledger
+
+SCHEMES = ("postgresql://", "postgres://")
+
+
+def open_ledger(name: str) -> Ledger:
+    """Open a ledger, made where there is none; an older one is migrated.
+
+    An `InputError` refuses what is no ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` says that
+    the database cannot be reached.
+    """
+    if name.startswith(SCHEMES):
+        from skyway.models.ledger.postgresql import PostgresqlLedger
+
+        return PostgresqlLedger(name)
+    if "://" in name:
+        remedy = "a file, or postgresql://USER@HOST/DATABASE"
+        raise InputError("is no ledger", field="--ledger", value=name, remedy=remedy)
+    from skyway.models.ledger.sqlite import SqliteLedger
+
+    return SqliteLedger(Path(name))

@@ -1,0 +1,128 @@
+"""The ledger in PostgreSQL 15 or newer: for several machines and operators."""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import InputError, one_line
+from skyway.models.ledger.ledger import Ledger, LedgerError, TakenError
+from skyway.models.ledger.migrating import FOLDER, missing, scripts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+LEAST_VERSION = 150_000
+MAX_CLOCK_OFFSET_S = 30.0
+"""Of the database's clock from this computer's: drones fly by the latter, pads are booked by the former."""
+CONNECT_S = 10
+MIGRATING = 0x5C79_1ED6
+"""Advisory lock of those who migrate."""
+
+
+class PostgresqlLedger(Ledger):
+    """A ledger in a database, whose tables are made where there are none."""
+
+    NOW = "clock_timestamp()"
+    LOCK = "FOR UPDATE"
+    SHARE = "FOR SHARE"
+
+    def __init__(self, address: str, *, migrations: Path = FOLDER) -> None:
+        import psycopg
+
+        super().__init__()
+        self._psycopg = psycopg
+        self._name = _without_password(address)
+        try:
+            self._connection = psycopg.connect(address, connect_timeout=CONNECT_S, autocommit=True)
+        except psycopg.Error as error:
+            raise LedgerError(one_line(f"the ledger {self._name} cannot be reached: {error}")) from error
+        try:
+            self._check_server()
+            self._migrate(scripts("postgresql", migrations))
+        except psycopg.Error as error:
+            self.close()
+            raise InputError(f"cannot be used as a ledger: {_said(error)}", self._name) from error
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_server(self) -> None:
+        """Refuse a server that is too old, and one whose clock is off."""
+        if self._connection.info.server_version < LEAST_VERSION:
+            found = self._connection.info.server_version // 10_000
+            raise InputError(f"is PostgreSQL {found}", self._name, remedy="PostgreSQL 15 or newer")
+        off_s = (self.now() - datetime.now(UTC)).total_seconds()
+        if abs(off_s) > MAX_CLOCK_OFFSET_S:
+            how = f"{abs(off_s):.0f} s {'ahead of' if off_s > 0 else 'behind'}"
+            problem = f"the clock of the database is {how} this computer's"
+            raise InputError(problem, self._name, remedy="set the one that is wrong")
+
+    def _migrate(self, known: list[str]) -> None:
+        if self.version == len(known):
+            return
+        with self._connection.transaction():
+            run = self._connection.execute
+            run(f"SELECT pg_advisory_xact_lock({MIGRATING})")
+            run("CREATE TABLE IF NOT EXISTS ledger_version (number integer PRIMARY KEY, at timestamptz DEFAULT now())")
+            for number, sql in missing(self.version, known, self._name):
+                run(sql)
+                run("INSERT INTO ledger_version (number) VALUES (%s)", (number,))
+
+    @property
+    def version(self) -> int:
+        """Version of its tables; 0 where there are none."""
+        run = self._connection.execute
+        if run("SELECT to_regclass('ledger_version')").fetchone() == (None,):
+            return 0
+        found = run("SELECT COALESCE(MAX(number), 0) FROM ledger_version").fetchone()
+        return 0 if found is None else int(found[0])
+
+    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        done = self._connection.execute(sql.replace("?", "%s"), tuple(values))
+        return done.fetchall() if done.description else []
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        errors = self._psycopg.errors
+        pads = dict(self._pads)
+        try:
+            with self._connection.transaction():
+                yield
+        except (errors.ExclusionViolation, errors.DeadlockDetected, errors.UniqueViolation):
+            self._pads = pads
+            raise TakenError from None
+        except self._psycopg.OperationalError as error:
+            self._pads = pads
+            raise LedgerError(f"the ledger {self._name} went away: {_said(error)}") from error
+        except self._psycopg.Error as error:
+            self._pads = pads
+            raise LedgerError(f"the ledger {self._name} refuses: {_said(error)}") from error
+        except BaseException:
+            self._pads = pads
+            raise
+
+    def _to_db(self, instant: datetime) -> datetime:
+        return instant
+
+    def _from_db(self, value: Any) -> datetime:
+        found: datetime = value
+        return found.astimezone(UTC)
+
+    def _later(self) -> str:
+        return f"{self.NOW} + ? * interval '1 second'"
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+
+def _without_password(address: str) -> str:
+    return re.sub(r"(://[^:/@]*):[^@]*@", r"\1@", address)
+
+
+def _said(error: Exception) -> str:
+    return one_line((str(error).strip().splitlines() or [type(error).__name__])[0])

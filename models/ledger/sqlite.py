@@ -1,0 +1,137 @@
+"""The ledger in a file: SQLite with a write-ahead log, for the processes of one machine."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import time
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import InputError
+from skyway.models.ledger.ledger import Ledger, LedgerError, TakenError
+from skyway.models.ledger.migrating import FOLDER, missing, scripts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+APPLICATION = 0x5C79_1ED6
+"""Mark of our files, as SQLite's ``application_id``."""
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+MICROSECOND = timedelta(microseconds=1)
+BUSY_S = 60.0
+"""How long a transaction waits for those of others."""
+RETRY_S = 0.004
+"""Longest time between two attempts to begin one."""
+
+
+class SqliteLedger(Ledger):
+    """A ledger in a file, made where there is none."""
+
+    NOW = "CAST((julianday('now') - 2440587.5) * 86400000.0 AS INTEGER) * 1000"
+    LOCK = SHARE = ""  # whoever writes is alone
+
+    def __init__(self, path: Path, *, migrations: Path = FOLDER) -> None:
+        super().__init__()
+        self._name = str(path)
+        if not path.parent.is_dir():
+            raise InputError("no such folder", str(path.parent), remedy="create it first")
+        try:
+            self._connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+            self._open(scripts("sqlite", migrations))
+        except sqlite3.Error as error:
+            with suppress(AttributeError):
+                self._connection.close()
+            raise InputError(f"cannot be used as a ledger: {error}", self._name) from error
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _open(self, known: list[str]) -> None:
+        run = self._connection.execute
+        mark, version = run("PRAGMA application_id").fetchone()[0], run("PRAGMA user_version").fetchone()[0]
+        if mark not in (0, APPLICATION) or (
+            mark == 0 and run("SELECT COUNT(*) FROM sqlite_master").fetchone()[0] and not version
+        ):
+            raise InputError("is a database, but no ledger", self._name, remedy="name another file")
+        run("PRAGMA journal_mode = WAL")
+        run(
+            "PRAGMA synchronous = NORMAL"
+        )  # no killed process loses anything; a power failure may lose the last moments
+        run("PRAGMA foreign_keys = ON")
+        run("PRAGMA busy_timeout = 0")  # `_begin` waits
+        if version < len(known) or version > len(known):
+            with self._transaction():
+                version = run("PRAGMA user_version").fetchone()[0]
+                for number, sql in missing(version, known, self._name):
+                    for statement in _statements(sql):
+                        run(statement)
+                    run(f"PRAGMA user_version = {number}")
+                run(f"PRAGMA application_id = {APPLICATION}")
+
+    @property
+    def version(self) -> int:
+        """Version of its tables."""
+        return int(self._connection.execute("PRAGMA user_version").fetchone()[0])
+
+    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        return self._connection.execute(sql, tuple(values)).fetchall()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        pads = dict(self._pads)
+        try:
+            self._begin()
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException as error:
+            self._pads = pads
+            with suppress(sqlite3.Error):
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+            if isinstance(error, sqlite3.IntegrityError) and ("taken" in str(error) or "pad_key" in str(error)):
+                raise TakenError from None
+            if isinstance(error, sqlite3.Error):
+                raise LedgerError(f"the ledger {self._name} refuses: {error}") from error
+            raise
+
+    def _begin(self) -> None:
+        """Begin a transaction as soon as nobody else writes.
+
+        SQLite's own waiting sleeps up to 0.1 s at a time, in which hundreds of others could have booked.
+        """
+        end = time.monotonic() + BUSY_S
+        while True:
+            try:
+                self._connection.execute("BEGIN IMMEDIATE")
+            except sqlite3.OperationalError as error:
+                if "locked" not in str(error) or time.monotonic() >= end:
+                    raise
+                time.sleep(RETRY_S * random.random())  # noqa: S311  no secret
+            else:
+                return
+
+    def _to_db(self, instant: datetime) -> int:
+        return (instant - EPOCH) // MICROSECOND
+
+    def _from_db(self, value: Any) -> datetime:
+        return EPOCH + int(value) * MICROSECOND
+
+    def _later(self) -> str:
+        return f"{self.NOW} + CAST(? * 1000000.0 AS INTEGER)"
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+
+def _statements(sql: str) -> Iterator[str]:
+    """Yield the statements of a script one by one, since running it whole would end the transaction."""
+    text = ""
+    for line in sql.splitlines():
+        text += line + "\n"
+        if sqlite3.complete_statement(text):
+            yield text
+            text = ""

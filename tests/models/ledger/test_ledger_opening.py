@@ -1,0 +1,173 @@
+"""Opening ledgers: migrated, or refused in one clear line; and what guards the history from within."""
+
+import re
+import sqlite3
+from dataclasses import replace
+
+import pytest
+from ledgers import opened, postgresql_name, server_address, window
+
+from skyway.models.base.errors import InputError
+from skyway.models.ledger.audit import audit
+from skyway.models.ledger.ledger import Event, LedgerError
+from skyway.models.ledger.migrating import FOLDER, scripts
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.ledger.postgresql import PostgresqlLedger
+from skyway.models.ledger.sqlite import SqliteLedger
+from skyway.models.ledger.window import p_both
+
+
+@pytest.fixture
+def two_versions(tmp_path):
+    """Migrations with a second version, in a folder of their own."""
+    folder = tmp_path / "migrations"
+    folder.mkdir()
+    for dialect in ("sqlite", "postgresql"):
+        first = (FOLDER / f"{dialect}-0001.sql").read_text(encoding="utf-8")
+        (folder / f"{dialect}-0001.sql").write_text(first, encoding="utf-8")
+        (folder / f"{dialect}-0002.sql").write_text("CREATE TABLE note (text TEXT);\n", encoding="utf-8")
+    return folder
+
+
+def of_version_two(store, tmp_path, folder):
+    """Make a ledger of version 1 with a booking, then open it with two versions; returns how it is opened now."""
+    name = str(tmp_path / "ledger.db") if store == "sqlite" else postgresql_name()
+    with open_ledger(name) as ledger:
+        ledger.book(ledger.acquire("operator", "process"), "one", [window()])
+    if store == "sqlite":
+        return name, SqliteLedger(tmp_path / "ledger.db", migrations=folder)
+    return name, PostgresqlLedger(name, migrations=folder)
+
+
+@pytest.mark.parametrize("store", ["sqlite", "postgresql"])
+def test_an_older_ledger_is_migrated_and_a_newer_one_refused(store, tmp_path, two_versions):
+    name, ledger = of_version_two(store, tmp_path, two_versions)
+    with ledger:
+        assert ledger.version == 2
+        assert [hold.itinerary for hold in ledger.holds()] == ["one"]
+        assert audit(ledger) == []
+    with pytest.raises(InputError, match="the ledger has version 2, this skyway knows 1; update skyway"):
+        open_ledger(name)
+
+
+def test_every_version_of_one_store_is_one_of_the_other():
+    assert len(scripts("sqlite")) == len(scripts("postgresql")) > 0
+
+
+def test_what_is_no_ledger_is_refused(tmp_path):
+    (tmp_path / "text.db").write_text("no database, but long enough to be looked at " * 10)
+    with sqlite3.connect(tmp_path / "other.db") as other:
+        other.execute("CREATE TABLE mine (x)")
+    other.close()
+    for name, said in {
+        str(tmp_path / "text.db"): "cannot be used as a ledger: file is not a database",
+        str(tmp_path / "other.db"): "is a database, but no ledger",
+        str(tmp_path / "no" / "ledger.db"): "no such folder",
+        str(tmp_path): "cannot be used as a ledger",
+        "mysql://host/base": "is no ledger",
+    }.items():
+        with pytest.raises(InputError, match=said) as caught:
+            open_ledger(name)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_database_that_cannot_be_reached_or_used(tmp_path):
+    with pytest.raises(LedgerError, match="cannot be reached") as caught:
+        open_ledger(f"postgresql://me:secret@/ledger?host={tmp_path}")
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_database_without_rights(tmp_path):
+    import psycopg
+
+    name = postgresql_name()
+    schema = re.search(r"(s[0-9a-f]{12})$", name)[1]
+    role = f"r{schema}"
+    with psycopg.connect(server_address(), autocommit=True) as connection:
+        connection.execute(f"CREATE ROLE {role} LOGIN")
+        connection.execute(f"GRANT USAGE ON SCHEMA {schema} TO {role}")
+    with pytest.raises(InputError, match="cannot be used as a ledger: permission denied for schema") as caught:
+        open_ledger(name.replace("postgres:@", f"{role}@"))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_database_that_goes_away_books_nothing_by_halves():
+    import psycopg
+
+    name = postgresql_name()
+    with open_ledger(name) as ledger, psycopg.connect(server_address(), autocommit=True) as other:
+        lease = ledger.acquire("operator", "process")
+        ledger.book(lease, "one", [window()])
+        cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE backend_type = 'client backend' AND pid <> pg_backend_pid()"
+        assert other.execute(cut).rowcount
+        with pytest.raises(LedgerError, match="went away"):
+            ledger.book(lease, "two", [window("b"), window("c")])
+    with open_ledger(name) as ledger:
+        assert {hold.itinerary for hold in ledger.holds()} == {"one"}
+        assert audit(ledger) == []
+
+
+@pytest.mark.parametrize("store", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("sql", ["DELETE FROM history", "UPDATE history SET state = 'firm'", "DELETE FROM booking", "UPDATE booking SET starts = ends"])  # fmt: skip
+def test_the_database_itself_guards_the_history(store, tmp_path, sql):
+    with opened(store, tmp_path) as ledger:
+        ledger.book(ledger.acquire("operator", "process"), "one", [window()])
+        with pytest.raises(LedgerError, match=r"only appended to|are released|changes its state alone"), ledger._transaction():  # fmt: skip
+            ledger._rows(sql)
+        assert audit(ledger) == []
+
+
+@pytest.mark.parametrize("store", ["sqlite", "postgresql"])
+def test_the_database_itself_refuses_an_overlap(store, tmp_path, monkeypatch):
+    """Without our own rule, too: two programs may have different ones."""
+    monkeypatch.setattr("skyway.models.ledger.ledger.in_the_way", lambda *_: [])
+    with opened(store, tmp_path) as ledger:
+        lease = ledger.acquire("operator", "process")
+        ledger.book(lease, "one", [window()])
+        with pytest.raises(Exception, match="nothing was booked: another booking came first"):
+            ledger.book(lease, "two", [window(begin_min=29)])
+
+
+class Forged:
+    """A ledger that tells what it is given."""
+
+    def __init__(self, events, holds):
+        self.events, self.held = events, holds
+
+    def history(self, *, after=0, limit=0):
+        return [one for one in self.events if one.seq > after]
+
+    def holds(self):
+        return self.held
+
+
+def test_the_audit_finds_what_must_not_be(tmp_path):
+    with opened("sqlite", tmp_path) as ledger:
+        lease = ledger.acquire("operator", "process")
+        ledger.book(lease, "one", [window()])
+        ledger.book(lease, "two", [window("b")])
+        ledger.mark(lease, "two", "released")
+        events, holds = ledger.history(), ledger.holds()
+    assert audit(Forged(events, holds)) == []
+    overlapping = replace(events[0].hold, itinerary="three")
+    assert "overlaps another" in audit(Forged([*events, Event(9, events[0].at, overlapping)], holds))[0]
+    assert "window 1: lost" in audit(Forged(events, []))[0]
+    assert "not in the history" in audit(Forged(events[1:], holds))[0]
+    back = Event(9, events[0].at, replace(events[-1].hold, state="firm"))
+    assert "from released to firm" in audit(Forged([*events, back], holds))[0]
+    second = Event(9, events[0].at, replace(events[0].hold, itinerary="half", number=2, window=window("c")))
+    assert any("half version 1 is not whole" in one for one in audit(Forged([*events, second], [*holds, second.hold])))
+
+
+def test_the_chance_that_both_want_a_pad_is_that_of_a_simulation():
+    import numpy as np
+
+    rng = np.random.default_rng(7)
+    one = window("a", 1, 0, 30, start_sd_s=240.0, end_sd_s=420.0, epsilon=0.2)
+    for begin in (10.0, 25.0, 33.0, 45.0):
+        other = window("a", 1, begin, 20, start_sd_s=300.0, end_sd_s=60.0, epsilon=0.2)
+        start = rng.normal(0.0, 240.0, 200_000), rng.normal(60.0 * begin, 300.0, 200_000)
+        end = rng.normal(1800.0, 420.0, 200_000), rng.normal(60.0 * begin + 1200.0, 60.0, 200_000)
+        both = float(np.mean((start[0] < end[1]) & (start[1] < end[0])))
+        assert p_both(one, other) == pytest.approx(both, abs=0.005)
