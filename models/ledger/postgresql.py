@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError, one_line
+from skyway.models.base.formatting import duration
 from skyway.models.ledger.ledger import Ledger, LedgerError, TakenError
 from skyway.models.ledger.migrating import FOLDER, missing, scripts
 
@@ -57,7 +58,7 @@ class PostgresqlLedger(Ledger):
             raise InputError(f"is PostgreSQL {found}", self._name, remedy="PostgreSQL 15 or newer")
         off_s = (self.now() - datetime.now(UTC)).total_seconds()
         if abs(off_s) > MAX_CLOCK_OFFSET_S:
-            how = f"{abs(off_s):.0f} s {'ahead of' if off_s > 0 else 'behind'}"
+            how = f"{duration(abs(off_s))} {'ahead of' if off_s > 0 else 'behind'}"
             problem = f"the clock of the database is {how} this computer's"
             raise InputError(problem, self._name, remedy="set the one that is wrong")
 
