@@ -72,7 +72,7 @@ def plan_within(
     count = min(max(math.floor(window_s / step + 1e-9), 1) + 1, most)
     step = min(window_s / (count - 1), step) if count < most else window_s / (count - 1)
     best: PlanResult | None = None
-    best_loss = (math.inf, math.inf)
+    best_loss: tuple[float, ...] = (math.inf,)
     first_error: InfeasibleError | None = None
     tried = []
     for number in range(count):

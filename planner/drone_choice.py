@@ -8,19 +8,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import PayloadError
+from skyway.models.flight.energy import FlightPower
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.objective import Objective
     from skyway.planner.problem.request import Request
 
 
-def qualities(drone: Drone, *, with_price: bool) -> tuple[float, ...]:
-    """What drones are compared by, more is better: payload, range, airspeed, recharge rate, and minus the price."""
-    values = (drone.max_payload_kg, drone.flight_range_m, drone.max_airspeed_mps, drone.recharge_rate_w)
-    return (*values, -(drone.price_per_km or 0.0)) if with_price else values
+def qualities(drone: Drone, *, with_price: bool, spends: tuple[float, bool] | None = None) -> tuple[float, ...]:
+    """What drones are compared by, more is better: payload, range, airspeed, recharge rate, and minus the price.
+
+    With `spends`, the mass of a package (kg) and whether the cost counts: also minus the power that carries it, and minus the wear.
+    """
+    values: tuple[float, ...] = (
+        drone.max_payload_kg, drone.flight_range_m, drone.max_airspeed_mps, drone.recharge_rate_w,
+    )  # fmt: skip
+    if with_price:
+        values = *values, -(drone.price_per_km or 0.0)
+    if spends is not None:
+        payload_kg, cost = spends
+        power = FlightPower.of(drone, payload_kg)
+        values = *values, -power.climb_w, -power.cruise_w, -power.descent_w
+        if cost:
+            values = *values, -drone.wear_per_flight_h, -drone.wear_per_cycle / drone.battery_j
+    return values
 
 
 def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
@@ -28,10 +43,10 @@ def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a != b and all(x >= y for x, y in zip(a, b, strict=True))
 
 
-def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
+def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | None = None) -> list[Drone]:
     """Drones that lift the package and are dominated by no other that does, in the order of the fleet.
 
-    The price is compared only where every one of them has one. A `PayloadError` says that none lifts it.
+    The price is compared only where every one of them has one, power and wear where the objective counts energy or cost. A `PayloadError` says that none lifts it.
     """
     able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
     if not able:
@@ -39,7 +54,9 @@ def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
         grams = f"; {payload_kg:g} g are {payload_kg / 1000.0:g} kg" if payload_kg / 1000.0 <= most else ""
         raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{grams}")
     with_price = all(drone.price_per_km is not None for drone in able)
-    values = [qualities(drone, with_price=with_price) for drone in able]
+    counts = objective is not None and objective.beside_time
+    spends = (payload_kg, objective.counts_cost) if objective is not None and counts else None
+    values = [qualities(drone, with_price=with_price, spends=spends) for drone in able]
 
     def beaten(number: int, other: int) -> bool:
         """Whether the other drone is as good in everything, and flies in all weather that this one does."""
@@ -67,7 +84,7 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     rejected |= {
         drone.id: f"flies {drone.max_airspeed_mps:g} m/s at most" for drone in scenario.drones if drone not in able
     }
-    chosen = skyline(able, request.payload_kg)
+    chosen = skyline(able, request.payload_kg, request.objective)
     for drone in able:
         if drone.max_payload_kg < request.payload_kg:
             rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"

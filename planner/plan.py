@@ -21,6 +21,7 @@ from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import gust_notes
+from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
-    from skyway.planner.problem.objective import Objective
     from skyway.planner.problem.request import Request
     from skyway.planner.robust.robust import RobustAnswer
     from skyway.planner.schedule.itinerary import Itinerary
@@ -120,6 +120,7 @@ def plan(
                 remedy=remedy,
             )
         )
+    check_objective(scenario, request, planner)
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
     scenario = fleet_in_air(scenario, forecast, request.state.time.timestamp())
     wind = forecast
@@ -168,13 +169,32 @@ def compare(
     for name in planners:
         try:
             result = plan(
-                scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s,
+                scenario, as_planned_by(name, request), planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s,
                 parameters=parameters,
             )  # fmt: skip
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
     return answers
+
+
+def as_planned_by(planner: str, request: Request) -> Request:
+    """Return a request with an objective that a planner knows: of those that plan for the time alone, least mean."""
+    alone = planner != ROBUST and request.objective.beside_time
+    return replace(request, objective=Objective()) if alone else request
+
+
+def check_objective(scenario: Scenario, request: Request, planner: str) -> None:
+    """Refuse an objective that a planner does not know, and costs where nothing is said of them."""
+    objective = request.objective
+    if objective.beside_time and planner != ROBUST:
+        remedy = f"the planner {ROBUST} takes every objective; {planner} plans for the time alone"
+        raise InputError(Fault("is not known to this planner", field="objective", value=objective.kind, remedy=remedy))
+    if objective.counts_cost and scenario.tariff is None:
+        remedy = "give a table [costs] in scenario.toml: currency, energy_price_per_kwh"
+        raise InputError(
+            Fault("needs prices, and the scenario has none", field="objective", value="cost", remedy=remedy)
+        )
 
 
 def _problems(
@@ -207,10 +227,8 @@ def _best(
     rejected |= {drone: str(error) for drone, error in errors.items()}
     if not drones:
         raise _none(errors)
-    best = min(
-        range(len(drones)),
-        key=lambda number: (outcomes[number].p_arrive < least_arrival, *objective.loss(outcomes[number])),
-    )
+    orders = [(one.p_arrive < least_arrival, *objective.loss(one)) for one in outcomes]
+    best = objective.ranked(orders)[0]
     for number, drone in enumerate(drones):
         if number != best:
             rejected[drone] = later_text(later(outcomes[number], outcomes[best]))
@@ -293,7 +311,7 @@ def _solve(
         emptied = emptied_leg(typical.schedule)
         if emptied is not None:
             raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
-        summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue))
+        summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue), itinerary=itinerary)
         notes = _doubts(problem, typical.schedule, summary)
         realization = realization_of(same, itinerary, typical)
         composition = _audited(same, itinerary, typical.schedule, summary, realization, planner, spent, notes)
@@ -309,7 +327,7 @@ def _solve(
     schedule = fly_true(problem, itinerary, queues)
     if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
-    summary = outcome(problem, schedule, np.ones(1))
+    summary = outcome(problem, schedule, np.ones(1), itinerary=itinerary)
     notes = () if clairvoyant.complete else (cut_off_note(clairvoyant, time_limit_s),)
     realization = Realization(0, queues, clairvoyant.best_s)
     composition = _audited(problem, itinerary, schedule[0], summary, realization, planner, spent, notes)

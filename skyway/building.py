@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.network.network import ConnectionRule
+    from skyway.models.scenario.tariff import Tariff
     from skyway.models.wind.history import WindHistory
 
 
@@ -33,6 +34,7 @@ def build_scenario(
     rules: FlightRules | None = None,
     load: PadLoad | None = None,
     history: WindHistory | None = None,
+    tariff: Tariff | None = None,
     zones: Airspace | None = None,
     name: str = "scenario",
     timezone: str = "UTC",
@@ -53,6 +55,8 @@ def build_scenario(
         Other drones at the stations; None: there are none.
     history : WindHistory or None
         Wind record; without it `skyway.plan` needs a forecast (`skyway.constant_wind` makes one).
+    tariff : Tariff or None
+        Prices of energy and pads; None: nothing is said of costs.
     zones : Airspace or None
         Segments that are closed at all times are left out.
     name, timezone : str
@@ -97,6 +101,7 @@ def build_scenario(
         load=load,
         history=history,
         wind_sites=sites,
+        tariff=tariff,
         measured_at_m=10.0 if history is None else history.measured_at_m,
         timezone=timezone,
         warnings=tuple(fit_warnings(network, sites)),

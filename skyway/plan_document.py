@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.models.base.formatting import duration, later_text, percent, speed_text
-from skyway.models.base.units import iso
+from skyway.models.base.formatting import duration, energy_text, later_text, money, percent, speed_text
+from skyway.models.base.units import J_PER_WH, iso
 from skyway.models.composition.file import figure_json, to_json
 from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from skyway.models.composition.composition import Composition
     from skyway.planner.explain import StopReason
     from skyway.planner.report import PlanReport
     from skyway.planner.uncertainties import Uncertainty
@@ -52,6 +53,26 @@ def _reason_json(one: StopReason) -> dict[str, object]:
 
 def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
     return vars(one) | {"gain": None if one.gain is None else figure_json(one.gain)}
+
+
+def spending_words(composition: Composition) -> list[str]:
+    """Return what the delivery spends, a line each; none where it is not worked out."""
+    energy, costs = composition.energy, composition.costs
+    lines = []
+    if energy is not None:
+        lines.append(
+            f"Energy flown: {energy_text(energy.mean.value * J_PER_WH)} on average, 95 % within {energy_text(energy.p95.value * J_PER_WH)}"
+        )
+    if costs is not None:
+        parts = {
+            "energy": costs.energy, "pad fees": costs.pad_fees, "charge bought afterwards": costs.refill, "wear": costs.wear,
+        }  # fmt: skip
+        told = ", ".join(f"{name} {money(value)}" for name, value in parts.items() if value > 0.0)
+        lines.append(
+            f"Cost: {money(costs.mean.value)} {costs.currency} on average ({money(costs.mean.low)} to {money(costs.mean.high)}), "
+            f"95 % within {money(costs.p95.value)}" + (f": {told}" if told else "")
+        )
+    return lines
 
 
 def why_here(one: StopReason) -> str:

@@ -169,6 +169,11 @@ def watt_hours(joule: float) -> str:
     return f"{joule / 3600.0:.{1 if abs(joule) < 359_820.0 else 0}f}"
 
 
+def money(amount: float) -> str:
+    """Return an amount of money, at least to two digits after the point: ``12.40``, ``0.043``."""
+    return f"{amount:,.2f}" if abs(amount) >= 0.1 or amount == 0.0 else f"{amount:.2g}"
+
+
 def kilometres(metres: float) -> str:
     """Return a distance for a column in kilometres."""
     return f"{metres / 1000.0:.1f}"

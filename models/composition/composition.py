@@ -209,6 +209,37 @@ class ArrivalDistribution:
     """Simulated deliveries behind them."""
 
 
+@dataclass(frozen=True, slots=True)
+class DeliveryCosts:
+    """What the delivery costs, over the simulated deliveries, in the scenario's currency; a charge that is lacking at the end is bought afterwards.
+
+    Attributes
+    ----------
+    currency : str
+        What the prices are in.
+    mean, p95 : Figure
+        Of the sum.
+    energy, pad_fees, refill, wear : float
+        Means of its parts: charged on the way, fees of pads, bought afterwards, wear of drone and battery.
+    """
+
+    currency: str
+    mean: Figure
+    p95: Figure
+    energy: float
+    pad_fees: float
+    refill: float
+    wear: float
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyDistribution:
+    """Energy that the delivery flies with, over the simulated deliveries, Wh."""
+
+    mean: Figure
+    p95: Figure
+
+
 def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:
     """Every float of a value and of what it holds, with where it stands."""
     if isinstance(value, float):
@@ -278,6 +309,10 @@ class Composition:
         Zones for which the plan counts on an authorization.
     zones : tuple of str
         Files of zones that were handed over besides those of the scenario.
+    energy : EnergyDistribution or None
+        Where the scenario has prices, or the objective counts energy.
+    costs : DeliveryCosts or None
+        Where the scenario has prices.
     """
 
     id: str
@@ -312,6 +347,8 @@ class Composition:
     terrain: TerrainUse | None = None
     authorized: tuple[str, ...] = ()
     zones: tuple[str, ...] = ()
+    energy: EnergyDistribution | None = None
+    costs: DeliveryCosts | None = None
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""

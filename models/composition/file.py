@@ -23,7 +23,9 @@ from skyway.models.composition import schema
 from skyway.models.composition.composition import (
     ArrivalDistribution,
     Composition,
+    DeliveryCosts,
     DroneService,
+    EnergyDistribution,
     LegSegment,
     Place,
     Stop,
@@ -49,6 +51,8 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
     DroneService: schema.Leg,
     Stop: schema.Stop,
     ArrivalDistribution: schema.Arrival,
+    EnergyDistribution: schema.EnergyDistribution,
+    DeliveryCosts: schema.DeliveryCosts,
     Condition: schema.Condition,
     LegHeights: schema.LegHeights,
     NearObstacle: schema.NearObstacle,
@@ -66,7 +70,7 @@ def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     document: dict[str, Any] = _plain(composition)
-    for name in ("conditions", "terrain", "authorized", "zones"):
+    for name in ("conditions", "terrain", "authorized", "zones", "energy", "costs"):
         if not document[name]:
             del document[name]
     for leg in document["legs"]:

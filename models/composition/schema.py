@@ -176,6 +176,25 @@ class TerrainUse(msgspec.Struct, kw_only=True):
     clearance: Clearance
 
 
+class EnergyDistribution(msgspec.Struct, kw_only=True, rename={"mean": "mean_wh", "p95": "p95_wh"}):
+    """Energy flown with."""
+
+    mean: Figure
+    p95: Figure
+
+
+class DeliveryCosts(msgspec.Struct, kw_only=True):
+    """What the delivery costs."""
+
+    currency: str
+    mean: Figure
+    p95: Figure
+    energy: _NotNegative
+    pad_fees: _NotNegative
+    refill: _NotNegative
+    wear: _NotNegative
+
+
 class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
     """The whole file."""
 
@@ -218,4 +237,6 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     terrain: TerrainUse | None = None
     authorized: list[str] = []
     zones: list[str] = []
-    """All three left out where there are none."""
+    energy: EnergyDistribution | None = None
+    costs: DeliveryCosts | None = None
+    """All left out where there are none."""

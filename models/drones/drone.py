@@ -40,6 +40,8 @@ class Drone:
         0 to 100 % on a pad.
     price_per_km : float or None
         Price, in any one currency; only compared.
+    wear_per_flight_h, wear_per_cycle : float
+        What an hour of flight wears off the drone, and a full charge of flight off its battery, in the scenario's currency.
     energy : EnergyModel or None
         Power in flight; None is the `endurance` model of the figures above.
     energy_belief : EnergyBelief
@@ -67,6 +69,8 @@ class Drone:
     recharge_full_s: float
     max_ground_speed_mps: float = 20.0
     price_per_km: float | None = None
+    wear_per_flight_h: float = 0.0
+    wear_per_cycle: float = 0.0
     energy: EnergyModel | None = field(default=None)
     energy_belief: EnergyBelief = field(default=EnergyBelief())
     max_height_m: float = math.inf

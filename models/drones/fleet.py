@@ -61,6 +61,8 @@ def _drone(table: Table) -> Drone:
     height = table.number("max_height_m", base.max_height_m if base else math.inf, above=0)
     recharge = number("recharge_full_h", "recharge_full_s", 0.01, 100, S_PER_H)
     price = table.number("price_per_km", low=0, high=1e6) if "price_per_km" in table else None
+    wear_h = table.number("wear_per_flight_h", 0.0, low=0, high=1e6)
+    wear_cycle = table.number("wear_per_cycle", 0.0, low=0, high=1e6)
     if full > empty:
         table.fault("endurance_full_min", "is longer than endurance_empty_min", full / S_PER_MIN)
     energy, belief = _energy(table, mass), _energy_belief(table)
@@ -78,6 +80,8 @@ def _drone(table: Table) -> Drone:
         wind_limit_mps=limit,
         recharge_full_s=recharge,
         price_per_km=price,
+        wear_per_flight_h=wear_h,
+        wear_per_cycle=wear_cycle,
         energy=energy,
         energy_belief=belief,
         max_height_m=height,

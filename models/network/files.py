@@ -29,8 +29,23 @@ _KINDS = {"Point": ("Point",), "LineString": ("LineString", "MultiLineString")}
 """Kinds of geometry that count as one: a line across the antimeridian has two parts."""
 BOTH_WAYS = ("", "yes", "true", "1")
 ONE_WAY = ("no", "false", "0")
-STATION_FIELDS = ("id", "name", "lat", "lon", "elevation_m", "pads", "holding_spots", "recharge_power_w")
+STATION_FIELDS = (
+    "id",
+    "name",
+    "lat",
+    "lon",
+    "elevation_m",
+    "pads",
+    "holding_spots",
+    "recharge_power_w",
+    "energy_price_per_kwh",
+    "pad_fee",
+)
 """Columns of a station file; all but id, lat and lon may be absent."""
+RARE_FIELDS = ("energy_price_per_kwh", "pad_fee")
+"""Of these, columns that are written only where they say anything."""
+MAX_PRICE = 1e6
+"""Greatest price and fee, in the region's currency."""
 
 
 def read_stations(
@@ -147,6 +162,8 @@ def _station(row: _Row, pads: int, holding_spots: int) -> Station:
         pads=row.count("pads", pads),
         holding_spots=row.count("holding_spots", holding_spots),
         recharge_power_w=row.number("recharge_power_w", 1, 1e6, "watts a pad delivers, 1 to 1000000"),
+        energy_price_per_kwh=row.number("energy_price_per_kwh", 0, MAX_PRICE, "the price of a kWh, 0 or more"),
+        pad_fee=row.number("pad_fee", 0, MAX_PRICE, "the price of each charge, 0 or more"),
     )
 
 
@@ -233,11 +250,18 @@ def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, in
     return pairs
 
 
+def _used_fields(network: Network) -> tuple[str, ...]:
+    """Columns to write."""
+    empty = [field for field in RARE_FIELDS if all(getattr(one, field) in (None, "") for one in network.stations)]
+    return tuple(field for field in STATION_FIELDS if field not in empty)
+
+
 def to_geojson(network: Network) -> dict[str, Any]:
     """Return stations as points and segments as lines; a segment flown both ways is one line."""
+    used = _used_fields(network)
     items: list[dict[str, Any]] = []
     for s in network.stations:
-        properties = {field: getattr(s, field) for field in STATION_FIELDS if field not in ("lat", "lon")}
+        properties = {field: getattr(s, field) for field in used if field not in ("lat", "lon")}
         point = {"type": "Point", "coordinates": [s.lon, s.lat]}
         items.append({"type": "Feature", "id": s.id, "geometry": point, "properties": properties})
     pairs = set(zip(network.tail.tolist(), network.head.tolist(), strict=True))
@@ -276,14 +300,15 @@ def write_graphml(network: Network, path: Path, *, force: bool = False) -> None:
 
 
 def write_stations_csv(network: Network, path: Path, *, force: bool = False) -> None:
-    """Write stations as CSV with the columns of `STATION_FIELDS`."""
+    """Write stations as CSV with the columns of `STATION_FIELDS`; those of `RARE_FIELDS` where any station has a value."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(STATION_FIELDS)
+    used = _used_fields(network)
+    writer.writerow(used)
     for station in network.stations:
         if station.flyover:  # made again from the zones
             continue
-        values = (getattr(station, field) for field in STATION_FIELDS)
+        values = (getattr(station, field) for field in used)
         writer.writerow("" if value is None else value for value in values)
     write_atomically(path, stream.getvalue(), force=force)
 

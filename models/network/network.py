@@ -54,6 +54,8 @@ class Station:
         Drones that may stand beside the pads while they wait.
     recharge_power_w : float or None
         Most that one pad delivers; None limits nothing.
+    energy_price_per_kwh, pad_fee : float or None
+        What a kWh costs there at all hours, and what each charge costs besides, in the scenario's currency; None: as the scenario says.
     flyover : bool
         No station but a bend of the way around a zone, or where a way over one begins or ends: nobody lands there.
     least_m, least_agl_m : float
@@ -68,6 +70,8 @@ class Station:
     pads: int = 5
     holding_spots: int = 4
     recharge_power_w: float | None = None
+    energy_price_per_kwh: float | None = None
+    pad_fee: float | None = None
     flyover: bool = False
     least_m: float = -math.inf
     least_agl_m: float = -math.inf

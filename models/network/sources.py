@@ -20,7 +20,7 @@ _LATITUDE = ("lat", "latitude", "y")
 _LONGITUDE = ("lon", "lng", "longitude", "x")
 """Names under which a table or graph may have a position; y and x are those of OSMnx."""
 _WHOLE = ("pads", "holding_spots")
-_REAL = ("elevation_m", "recharge_power_w")
+_REAL = ("elevation_m", "recharge_power_w", "energy_price_per_kwh", "pad_fee")
 WGS84 = "EPSG:4326"
 
 
@@ -37,7 +37,7 @@ def network_of(
     source : Network, sequence of Station or of mappings, DataFrame, GeoDataFrame or networkx graph
         Stations. Tables and graphs name them by ``id`` (or their index, or the node), place them by ``lat`` and
         ``lon`` (or ``y`` and ``x``, or the point of the geometry), and may have ``name``, ``pads``,
-        ``holding_spots``, ``elevation_m`` and ``recharge_power_w``.
+        ``holding_spots``, ``elevation_m``, ``recharge_power_w``, ``energy_price_per_kwh`` and ``pad_fee``.
     segments : pairs of station ids, ConnectionRule or None
         Directed segments, or the rule that makes them. None: the edges of a graph (both ways where it is undirected),
         else the default rule.

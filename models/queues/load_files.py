@@ -28,7 +28,7 @@ from skyway.models.queues.load import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
     from zoneinfo import ZoneInfo
 
@@ -96,7 +96,7 @@ def read_occupancy(
         fault = Fault("out of range", field="mean_charging_min", value=mean_charging_min, remedy=remedy)
         raise InputError(fault)
     faults = FaultCollector(str(path))
-    header, total, count, gaps = _sum_by_hour(path, station_ids, place, faults)
+    header, total, count, gaps = sum_by_hour(path, station_ids, place, faults, _parse_busy)
     faults.raise_if_any()
     columns = [i for i, name in enumerate(station_ids) if name in header]
     for i, hours in zip(columns, np.sum(count == 0, axis=0).tolist(), strict=True):
@@ -115,11 +115,11 @@ def read_occupancy(
 
 def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector) -> NDArray[np.float64]:
     """Arrivals per s and mean charging s, shape (2, stations, 168), NaN where there is no row."""
-    parse_station = partial(_parse_station, stations=stations)
+    parse_known = partial(parse_station, stations=stations)
     parts = []
     for chunk in read_table(path, _COLUMNS, faults):
-        station = chunk.decode("station", parse_station, faults, each_text_once=True)
-        hour = chunk.decode("hour_of_week", _parse_hour, faults)
+        station = chunk.decode("station", parse_known, faults, each_text_once=True)
+        hour = chunk.decode("hour_of_week", parse_hour, faults)
         arrivals = chunk.decode("arrivals_per_h", _parse_arrivals, faults)
         charging = chunk.decode("mean_charging_min", _parse_charging, faults)
         for row in faults.first(np.flatnonzero((charging == 0.0) & (arrivals != 0.0))):
@@ -149,7 +149,8 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def _parse_station(name: str, stations: Mapping[str, int]) -> float | Problem:
+def parse_station(name: str, stations: Mapping[str, int]) -> float | Problem:
+    """Read a station's id as its number."""
     if name in stations:
         return stations[name]
     close = difflib.get_close_matches(name, stations, n=3)
@@ -159,7 +160,8 @@ def _parse_station(name: str, stations: Mapping[str, int]) -> float | Problem:
     )
 
 
-def _parse_hour(text: str) -> float | Problem:
+def parse_hour(text: str) -> float | Problem:
+    """Read an hour of the week."""
     hour = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else -1
     return (
         hour
@@ -202,11 +204,18 @@ def _overload_warnings(load: PadLoad, station_ids: Sequence[str], pads: NDArray[
     return [f"more load than the pads can serve, so that queues grow all week (utilisation): {names}"]
 
 
-def _sum_by_hour(
-    path: Path, station_ids: Sequence[str], place: ZoneInfo, faults: FaultCollector
+def sum_by_hour(
+    path: Path,
+    station_ids: Sequence[str],
+    place: ZoneInfo,
+    faults: FaultCollector,
+    parse: Callable[[str], float | Problem],
 ) -> tuple[list[str], NDArray[np.float64], NDArray[np.int64], int]:
-    """Ids in the header, sum and number of values of the stations among them, shape (168, columns), and gaps."""
-    parse_hour = partial(_parse_local_hour, place=place)
+    """Ids in the header, sum and number of values of the stations among them, shape (168, columns), and gaps.
+
+    `parse` reads a value, NaN where it is a gap.
+    """
+    parse_time = partial(_parse_local_hour, place=place)
     total, count, gaps = np.zeros((WEEK_H, 0)), np.zeros((WEEK_H, 0), dtype=np.int64), 0
     header: list[str] = []
     for chunk in read_table(path, None, faults):
@@ -214,8 +223,8 @@ def _sum_by_hour(
         names = [name for name in station_ids if name in chunk.columns and name != time]
         if not total.size:
             total, count = np.zeros((WEEK_H, len(names))), np.zeros((WEEK_H, len(names)), dtype=np.int64)
-        hour = chunk.decode(time, parse_hour, faults)
-        values = [chunk.decode(name, _parse_busy, faults) for name in names]
+        hour = chunk.decode(time, parse_time, faults)
+        values = [chunk.decode(name, parse, faults) for name in names]
         rows = ~np.isnan(hour)
         busy = np.array(values).reshape(len(names), len(rows)).T[rows]
         there = ~np.isnan(busy)

@@ -25,14 +25,16 @@ from skyway.models.drones.weather_limits import read_limits
 from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import RULES, build_network
-from skyway.models.network.files import STATION_FIELDS, read_segments, read_stations
+from skyway.models.network.files import MAX_PRICE, STATION_FIELDS, read_segments, read_stations
 from skyway.models.network.network import ConnectionRule, Network
-from skyway.models.queues.load import PadLoad
+from skyway.models.queues.load import WEEK_H, PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
 from skyway.models.scenario.air import fleet_in_air
 from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults, zone_warnings
 from skyway.models.scenario.ground import grounded, over_terrain
 from skyway.models.scenario.scenario import MAX_NOTES, Scenario
+from skyway.models.scenario.tariff import Tariff
+from skyway.models.scenario.tariff_files import read_price_record, read_prices
 from skyway.models.terrain.files import read_terrain, split_name
 from skyway.models.wind.columns import WindColumns
 from skyway.models.wind.forecast_file import read_forecast_table
@@ -107,6 +109,7 @@ class _Reader:
         if self.stations:
             self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
+        tariff = self._tariff(self.top.table("costs"), timezone)
         observed = self._observed(self.top.table("observed"))
         forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
         self.top.finish()
@@ -119,6 +122,7 @@ class _Reader:
             drones=drones,
             rules=rules,
             load=load if load is not None else PadLoad.none(len(network), timezone),
+            tariff=tariff,
             timezone=timezone,
             **wind,
             **observed,
@@ -340,6 +344,31 @@ class _Reader:
         load, warnings = found
         self.warnings += warnings
         return load.extended(len(network) - len(real)) if len(network) > len(real) else load
+
+    def _tariff(self, table: Table, timezone: str) -> Tariff | None:
+        """Read what energy and pads cost; `_network` has read the stations."""
+        if "costs" not in self.top:
+            return None
+        currency = table.text("currency")
+        usual = table.number("energy_price_per_kwh", low=0, high=MAX_PRICE)
+        fee = table.number("pad_fee", 0.0, low=0, high=MAX_PRICE)
+        prices, record = self._path(table, "prices"), self._path(table, "price_record")
+        table.finish()
+        if prices is not None and record is not None:
+            table.fault("price_record", "prices and price_record are both given", remedy="keep one of them")
+        ids = [station.id for station in self.stations]
+        by_hour = self._try(lambda f: read_prices(f, ids), prices)
+        if record is not None:
+            by_hour, warnings = self._try(lambda f: read_price_record(f, ids, timezone), record) or (None, [])
+            self.warnings += warnings
+        if math.isnan(usual):  # said already
+            return None
+        of_station = np.array([[usual if (one := s.energy_price_per_kwh) is None else one] for s in self.stations])
+        energy = np.broadcast_to(of_station.reshape(-1, 1), (len(ids), WEEK_H))
+        if by_hour is not None:
+            energy = np.where(np.isnan(by_hour), energy, by_hour)
+        fees = np.array([fee if station.pad_fee is None else station.pad_fee for station in self.stations])
+        return Tariff(currency, np.ascontiguousarray(energy), fees.astype(np.float64), usual, timezone)
 
     def _path(self, table: Table, key: str, *, required: bool = False) -> Path | None:
         if not required and key not in table:

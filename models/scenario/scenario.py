@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from skyway.models.flight.rules import FlightRules
     from skyway.models.network.network import Network
     from skyway.models.queues.load import PadLoad
+    from skyway.models.scenario.tariff import Tariff
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.models.wind.history import WindHistory, WindSite
 
@@ -62,6 +63,8 @@ class Scenario:
         Weather files, of any form, that are used instead of analogue days.
     forecast_error : str or None
         File with the error of these forecasts by lead time (``skyway weather verify``).
+    tariff : Tariff or None
+        Prices of energy and pads, for the stations as the network begins with them; None: nothing is said of costs.
     timezone : str
         IANA name of local time.
     season_days : int
@@ -87,6 +90,7 @@ class Scenario:
     forecast_file: Path | None = None
     forecast_files: tuple[str, ...] = ()
     forecast_error: str | None = None
+    tariff: Tariff | None = None
     timezone: str = "UTC"
     season_days: int = 30
     observed_wind: tuple[str, ...] = ()

@@ -113,6 +113,14 @@ class RobustParameters(Parameters):
     usual_flight_s: float = parameter(
         900.0, "flight for which stations are judged before a route is known", 1, 86_400, unit="s"
     )
+    sparing_routes: int = parameter(
+        4,
+        "routes with the least energy or cost in the mean-value problem, at each margin, where the objective counts these",
+        1,
+        100,
+    )
+    sparing_labels: int = parameter(4000, "labels in which they are looked for", 1, 10**6)
+    sparing_labels_large: int = parameter(400, "the same on large networks", 1, 10**6)
     reasons_s: float = parameter(
         0.05, "time for each exact search of a bound or a reason on large networks", 0, math.inf, unit="s"
     )

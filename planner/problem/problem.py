@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.network.network import Network
     from skyway.models.scenario.scenario import Scenario
+    from skyway.models.scenario.tariff import Tariff
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.error_model import Errors
@@ -207,6 +208,17 @@ class Problem:
         """Return the charge after so long on a pad."""
         time, level = self.curve(node)
         return float(np.interp(np.interp(soc, level, time) + charging_s, time, level))
+
+    @cached_property
+    def tariff(self) -> Tariff | None:
+        """Prices at the nodes; None where the scenario says nothing of costs."""
+        given = self.scenario.tariff
+        return None if given is None else given.of_length(len(self.network))
+
+    @property
+    def counts_spending(self) -> bool:
+        """Whether energy and cost of deliveries are worked out."""
+        return self.scenario.tariff is not None or self.request.objective.beside_time
 
     def has_pads(self, node: int) -> bool:
         """Return whether a drone can recharge there."""

@@ -21,7 +21,7 @@ class Candidate:
     """Out of sample."""
     unsafe: bool
     """It breaks the reserve more often than allowed, by more than chance may explain."""
-    loss: tuple[float, float]
+    loss: tuple[float, ...]
     """See `planner.problem.objective.Objective.loss`."""
     out_of_sample: OutOfSample
     """The runs behind the outcome; the same realizations for all candidates of a comparison."""

@@ -151,9 +151,9 @@ class OutOfSample(Runs):
         )
         return float(self.weight @ used.sum(axis=1))
 
-    def outcome(self, problem: Problem) -> Outcome:
-        """Sum the runs up."""
-        return outcome(problem, self.schedule, self.weight, (self.member, self.queue))
+    def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
+        """Sum the runs up; what they spend, too, given the itinerary."""
+        return outcome(problem, self.schedule, self.weight, (self.member, self.queue), itinerary=itinerary)
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:

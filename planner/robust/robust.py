@@ -28,6 +28,7 @@ from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
+from skyway.planner.robust.loss_search import LossSearch
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
 from skyway.planner.robust.through import compose_through
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
@@ -126,7 +127,7 @@ class RobustSearch:
             self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None)[0])
             for one in first + bold
         ]
-        return sorted(again, key=Candidate.order) + [one for one in others if one not in bold]
+        return self._ranked(again) + [one for one in others if one not in bold]
 
     def _late(self) -> bool:
         """Whether to be content with what was found."""
@@ -163,7 +164,7 @@ class RobustSearch:
             out_of_sample = policy.simulate(
                 self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING
             )
-        outcome = out_of_sample.outcome(self.problem)
+        outcome = out_of_sample.outcome(self.problem, policy.itinerary)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(out_of_sample)
         typical = policy.typical(out_of_sample)
@@ -207,6 +208,8 @@ class RobustSearch:
                 self._add(found, itinerary)
                 if _flying(found) and (quick or self._late()):
                     break
+            for itinerary in self._sparing(allowed, quick=quick):
+                self._add(found, itinerary)
             if found and not (_flying(found) and (quick or self._late())):
                 self._add_short_flights(found, allowed)
         if not found:
@@ -215,7 +218,26 @@ class RobustSearch:
         if not flying:
             first = next(iter(found.values()))
             raise first.policy.grounded(first.out_of_sample)
-        return sorted(flying, key=Candidate.order)
+        return self._ranked(flying)
+
+    def _ranked(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Order candidates, best first."""
+        ranked = self.problem.request.objective.ranked([one.order() for one in candidates])
+        return [candidates[number] for number in ranked]
+
+    def _sparing(self, allowed: NDArray[np.bool_], *, quick: bool) -> Iterator[Itinerary]:
+        """Routes that spare what the objective counts beside time; none where it counts nothing else."""
+        p = self.problem
+        for weights in p.request.objective.searched:
+            for margin in self._margins[: 1 if quick or self._large else None]:
+                if self._late():
+                    return
+                speeds, _ = self._mean_value
+                labels = self.parameters.sparing_labels_large if self._large else self.parameters.sparing_labels
+                queues = self._expected_queues
+                search = LossSearch(p, queues, speeds, margin, allowed, weights, most_labels=labels)
+                yield from search.routes(1 if quick else self.parameters.sparing_routes)
+                self.labels_expanded += search.labels_expanded
 
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
@@ -309,7 +331,11 @@ class RobustSearch:
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
         """Speeds and queues that stand for the forecast."""
-        return self._speeds(self.problem.probability), ExpectedQueues(self.problem)
+        return self._speeds(self.problem.probability), self._expected_queues
+
+    @cached_property
+    def _expected_queues(self) -> ExpectedQueues:
+        return ExpectedQueues(self.problem)
 
     def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
         count = np.count_nonzero(probability)
@@ -364,6 +390,10 @@ class RobustSearch:
 
         return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
+    def judged(self, itinerary: Itinerary) -> Candidate:
+        """How a route fares in the deliveries in which routes are compared first."""
+        return self._judged(itinerary, self.parameters.screen_runs, self.parameters.screen_members)[0]
+
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
@@ -393,7 +423,7 @@ class RobustSearch:
     def _candidate(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> Candidate:
         p = self.problem
         self.labels_expanded += len(out_of_sample.weight)
-        outcome = out_of_sample.outcome(p)
+        outcome = out_of_sample.outcome(p, policy.itinerary)
         unsafe = 1.0 - outcome.p_success > p.epsilon + self.parameters.chance_runs / len(out_of_sample.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), out_of_sample)
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.parameters import changed
-from skyway.models.base.units import from_posix
+from skyway.models.base.units import J_PER_WH, from_posix
 from skyway.models.composition.composition import (
     ArrivalDistribution,
     Composition,
+    DeliveryCosts,
     DroneService,
+    EnergyDistribution,
     LegSegment,
     Place,
     Stop,
@@ -109,7 +111,24 @@ def compose(
         terrain=None if network.over is None else TerrainUse.of(network.over.terrain, network.over.clearance),
         authorized=() if network.zones is None else tuple(sorted(network.zones.authorized)),
         zones=() if network.zones is None else network.zones.handed,
+        energy=_energy(result),
+        costs=_costs(problem, result),
     )
+
+
+def _energy(result: Outcome) -> EnergyDistribution | None:
+    if result.spending is None or not len(result.weight):
+        return None
+    mean, late = result.spread(result.spending.energy_j / J_PER_WH)
+    return EnergyDistribution(mean, late)
+
+
+def _costs(problem: Problem, result: Outcome) -> DeliveryCosts | None:
+    spent, tariff = result.spending, problem.tariff
+    if spent is None or tariff is None or not len(result.weight):
+        return None
+    parts = (result.average(part) for part in (spent.energy, spent.fees, spent.refill, spent.wear))
+    return DeliveryCosts(tariff.currency, *result.spread(spent.cost), *parts)
 
 
 def _distribution(result: Outcome) -> ArrivalDistribution:

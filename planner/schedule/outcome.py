@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +11,14 @@ import numpy as np
 from skyway.models.base.statistics import Figure, certain, weighted_quantile
 from skyway.planner.schedule.precision import Crossed
 from skyway.planner.schedule.schedule_kernels import READY, ROOM, SOC_LANDING, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.schedule.spending import spending
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.spending import Spending
 
 HELD_S = 0.5
 """A drone that leaves later than it could counts as held from so much on."""
@@ -47,6 +50,8 @@ class Outcome:
     """Shape (runs that arrive,). Whether every landing of a run keeps the reserve."""
     crossed: Crossed | None = None
     """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
+    spending: Spending | None = None
+    """What the runs that arrive spend; None where it is not asked for."""
 
     @property
     def mean_s(self) -> float:
@@ -75,6 +80,17 @@ class Outcome:
             return certain(self.quantile_s(q) - self.start_s)
         return self.crossed.quantile(self.arrival_s - self.start_s, q)
 
+    def average(self, values: NDArray[np.float64]) -> float:
+        """Mean over the runs that arrive, one or more, of a value of each."""
+        return float(np.average(values, weights=self.weight))
+
+    def spread(self, values: NDArray[np.float64]) -> tuple[Figure, Figure]:
+        """Mean and 95th percentile of a value of each run that arrives, one or more, and how sure they are."""
+        if self.crossed is None:
+            return certain(self.average(values)), certain(weighted_quantile(values, self.weight, 0.95))
+        crossed = replace(self.crossed, rare_s=0.0)
+        return crossed.mean(values), crossed.quantile(values, 0.95)
+
     @property
     def success(self) -> Figure:
         """Probability that every landing keeps the reserve, and how sure it is."""
@@ -95,8 +111,13 @@ def outcome(
     runs: NDArray[np.float64],
     weight: NDArray[np.float64],
     groups: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None,
+    *,
+    itinerary: Itinerary | None = None,
 ) -> Outcome:
-    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled."""
+    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
+
+    Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
+    """
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
     kept = runs[:, :, SOC_LANDING] >= problem.reserve - 1e-9
     with np.errstate(invalid="ignore"):
@@ -105,6 +126,9 @@ def outcome(
     mass = np.maximum(weight @ flown, 1e-300)
     arrived = flown[:, -1]
     share = max(float(weight[arrived].sum()), 1e-300)
+    spent = (
+        spending(problem, itinerary, runs).of(arrived) if itinerary is not None and problem.counts_spending else None
+    )
     return Outcome(
         start_s=problem.request.state.time.timestamp(),
         arrival_s=runs[arrived, -1, TOUCH_DOWN],
@@ -115,6 +139,7 @@ def outcome(
         p_success=min(float(weight[arrived & kept.all(axis=1)].sum()) / share, 1.0),
         p_arrive=min(float(weight[arrived].sum()), 1.0),
         kept=np.asarray(kept[arrived].all(axis=1)),
+        spending=spent,
         crossed=None
         if groups is None
         else Crossed(weight[arrived], groups[0][arrived], groups[1][arrived], _full_costs_s(problem)),

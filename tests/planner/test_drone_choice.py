@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from skyway.models.base.errors import PayloadError
 from skyway.models.drones.drone import M200_V2
 from skyway.planner.drone_choice import skyline
+from skyway.planner.problem.objective import Objective
 
 few = st.sampled_from([1.0, 2.0, 3.0])
 
@@ -66,3 +67,16 @@ def test_twins_are_both_kept():
 def test_the_error_names_the_heaviest_payload():
     with pytest.raises(PayloadError, match=r"no drone lifts 9 kg: the fleet's heaviest payload is 1.45 kg"):
         skyline([M200_V2], 9.0)
+
+
+def test_spending_keeps_a_thriftier_drone():
+    """A slow drone of less power counts only where energy counts, one with less wear only where the cost does."""
+    fast = replace(M200_V2, id="fast", wear_per_flight_h=5.0)
+    thrifty = replace(M200_V2, id="thrifty", max_airspeed_mps=15.0, endurance_empty_s=1.5 * M200_V2.endurance_empty_s)
+    thrifty = replace(thrifty, endurance_full_s=1.05 * M200_V2.endurance_full_s, wear_per_flight_h=5.0)
+    sturdy = replace(M200_V2, id="sturdy", max_airspeed_mps=15.0, wear_per_flight_h=1.0)
+    fleet = [fast, thrifty, sturdy]
+    chosen = {aim: [one.id for one in skyline(fleet, 1.0, Objective.parse(aim))] for aim in ("mean", "energy", "cost")}
+    assert chosen["mean"] == ["fast"]
+    assert chosen["energy"] == ["fast", "thrifty"]
+    assert chosen["cost"] == ["fast", "thrifty", "sturdy"]

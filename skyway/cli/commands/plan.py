@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 PLANNER_HELP = (
     f"{', '.join((ROBUST, *FORECAST_PLANNERS))}; with perfect information: {', '.join(CLAIRVOYANT_PLANNERS)}."
 )
+OBJECTIVE_HELP = (
+    "mean, p95, energy, cost, a sum such as 'cost + 12/h*time + 0.3/kWh*energy', several in order such as 'cost within 5%, then mean', "
+    "or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."
+)
 TimeLimit = Annotated[
     float, typer.Option("--time-limit", help="Time limit of `ies` and `exact` for each drone, and of `robust`, s.")
 ]
@@ -40,7 +44,7 @@ def plan(
     planner: Annotated[str, typer.Option(help=PLANNER_HELP, autocompletion=completion.planners)] = "robust",
     objective: Annotated[
         str,
-        typer.Option(help="mean, p95, or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."),
+        typer.Option(help=OBJECTIVE_HELP),
     ] = "mean",
     depart_window: Annotated[
         str | None, typer.Option(help="Choose the best departure within this time after --depart: 90min, 2h.")
@@ -139,6 +143,7 @@ def compare(
     planners: Annotated[
         str, typer.Option(help="Names of planners, separated by commas.")
     ] = "robust,pfs,pfs-charge-aware,shortest,ies",
+    objective: Annotated[str, typer.Option(help="Of robust, see skyway plan; the others plan for the time.")] = "mean",
     time_limit: TimeLimit = 60.0,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
@@ -154,6 +159,7 @@ def compare(
     from skyway.cli.views.comparison import document_of, print_comparison
     from skyway.models.base.errors import InfeasibleError
     from skyway.now import told_conditions
+    from skyway.planner.plan import as_planned_by
     from skyway.planner.report import comparison_report
     from skyway.planner.result import Comparison
 
@@ -161,13 +167,13 @@ def compare(
     typed_values.check_planners(names, "--planners")
     parameters = typed_values.planner_parameters(settings)
     world = conditions.loaded()
-    (world, wanted), busy = with_pads(asked.request(world, conditions.instant), conditions, pads)
+    (world, wanted), busy = with_pads(asked.request(world, conditions.instant, objective), conditions, pads)
     answers: list[Comparison] = []
     for name in names:
         try:
             with _shown(_sequences, quiet=as_json) as progress:
                 result = solve(
-                    world, wanted, conditions, name,
+                    world, as_planned_by(name, wanted), conditions, name,
                     time_limit_s=time_limit, parameters=parameters, busy=busy, progress=progress,
                 )  # fmt: skip
             answers.append(Comparison(name, result, None))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, kilometres, later_text, minutes, share, spent
+from skyway.models.base.formatting import duration, kilometres, later_text, minutes, money, share, spent, watt_hours
+from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
 
 if TYPE_CHECKING:
@@ -57,6 +58,10 @@ def print_comparison(report: ComparisonReport) -> None:
         Column("half within", "min"), Column("95 % within", "min"), Column("reserve", "kept", words="reserve kept {}"), Column("flight"),
         Column("wait"), Column("recharge"), Column("stops", words="{} stops"), Column("", "km"), Column("planned", words="planned in {}"),
     ]  # fmt: skip
+    found = [one.result.composition for one in report.answers if one.result is not None]
+    energy, costs = any(c.energy for c in found), next((c.costs for c in found if c.costs), None)
+    columns += [Column("energy", "Wh", words="energy {} Wh")] if energy else []
+    columns += [Column("cost", costs.currency, words=f"cost {{}} {costs.currency}")] if costs else []
     sheet = Sheet(columns, names=2)
     for answer in report.answers:
         if answer.result is None:
@@ -77,6 +82,8 @@ def print_comparison(report: ComparisonReport) -> None:
             str(len(c.stops)),
             kilometres(c.distance_m),
             spent(answer.result.planning_time_s),
+            *(["" if c.energy is None else watt_hours(c.energy.mean.value * J_PER_WH)] if energy else []),
+            *(["" if c.costs is None else money(c.costs.mean.value)] if costs else []),
         )
     if sheet.rows:
         sheet.show()

@@ -25,6 +25,7 @@ from skyway.models.base.formatting import (
     share,
     spent,
 )
+from skyway.plan_document import spending_words
 from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
         say(f"On time, by {clock(objective.deadline, zone, c.depart)}: {share(c.on_time)}")
     if c.success is not None:
         say(f"Every landing keeps the reserve of {percent(c.reserve_soc, None)}: {share(c.success)} of the deliveries")
+    for line in spending_words(c):
+        say(line)
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
         say(f"In {never} of the deliveries the wind closes a leg until the forecast ends")

@@ -28,6 +28,7 @@ def figures(plan: dict[str, Any]) -> str:
     if plan["kept"]:
         cells.append(("reserve kept", safe(plan["kept"]), f"every landing with {safe(plan['reserve'])} or more"))
     cells.append(("energy", with_unit(plan["energy_wh"], "Wh", 0), safe(distance_text(plan["distance_m"]))))
+    cells += [(safe(one["name"]), safe(one["value"]), safe(one["small"])) for one in plan["spending"]]
     parts = [
         f"<div><dt>{name}</dt><dd>{value}<span class='small'>{small}</span></dd></div>" for name, value, small in cells
     ]

@@ -50,6 +50,13 @@ class PlanForm:
             self.deadline = Field(
                 "Deadline", self._takes_time("deadline"), kind="datetime-local", hint="Empty: as soon as possible"
             )
+            self.aim = Field(
+                "Aim",
+                self._takes("aim"),
+                value=q.aim,
+                hint="energy; cost; cost + 12/h*time; cost within 5%, then mean",
+                placeholder="soonest",
+            )
             with ui.element("div").classes("pair"):
                 self.reserve = Field("Reserve", self._takes("reserve"), value=q.reserve, unit="%", inputmode="decimal")
                 self.soc = Field("Charge at start", self._takes("soc"), value=q.soc, unit="%", inputmode="decimal")
@@ -77,7 +84,7 @@ class PlanForm:
 
     def show(self, question: Question) -> None:
         """Show a question."""
-        for name in ("start", "to", "payload", "drone", "window", "planner", "reserve", "soc", "wind"):
+        for name in ("start", "to", "payload", "drone", "window", "planner", "aim", "reserve", "soc", "wind"):
             getattr(self, name).show(getattr(question, name))
         self.others.show(question.others[0] if question.others else "")
         for name in ("depart", "deadline"):

@@ -9,7 +9,18 @@ import msgspec
 import numpy as np
 
 from skyway.models.base.errors import SkywayError
-from skyway.models.base.formatting import about, between, by, date_clock, duration, headline, minutes, percent, share
+from skyway.models.base.formatting import (
+    about,
+    between,
+    by,
+    date_clock,
+    duration,
+    headline,
+    minutes,
+    money,
+    percent,
+    share,
+)
 from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
 from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
@@ -24,6 +35,7 @@ from skyway.web.work.region import loaded
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.departure import Departure
     from skyway.planner.result import PlanResult
@@ -100,6 +112,16 @@ def _solved(
     return result, [], wide
 
 
+def _spending(c: Composition) -> list[dict[str, str]]:
+    """Cost of a delivery in words; nothing where the scenario has no prices."""
+    if c.costs is None:
+        return []
+    parts = (("energy", c.costs.energy), ("pads", c.costs.pad_fees), ("refill", c.costs.refill), ("wear", c.costs.wear))
+    small = ", ".join(f"{name} {money(value)}" for name, value in parts if value > 0.0)
+    value = f"{money(c.costs.mean.value)} {c.costs.currency}"
+    return [{"name": "cost", "value": value, "small": f"95 % within {money(c.costs.p95.value)}; {small}"}]
+
+
 def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
     """One plan: figures with their words, bars, distribution and charge."""
     c, outcome = result.composition, result.outcome
@@ -132,6 +154,7 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         "reserve": percent(c.reserve_soc, None),
         "reserve_soc": c.reserve_soc,
         "energy_wh": round(energy_j / J_PER_WH, 1),
+        "spending": _spending(c),
         "distance_m": c.distance_m,
         "never": None if outcome.p_arrive > 1.0 - 1e-9 else percent(1.0 - outcome.p_arrive, 1),
         "depart_s": c.depart.timestamp(),

@@ -27,6 +27,8 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Choose the best departure within this time: 90min, 2h."""
     deadline: str = ""
     """With UTC offset: the plan is the one most probably on time; empty is the soonest on average."""
+    aim: str = ""
+    """Objective as it is typed on a command line; a deadline goes before it. Empty is the soonest on average."""
     drone: str = ""
     """Empty lets the planner choose."""
     planner: str = ROBUST
@@ -66,7 +68,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     @property
     def objective(self) -> str:
         """As ``--objective`` takes it."""
-        return f"on-time {self.deadline.strip()}" if self.deadline.strip() else "mean"
+        return f"on-time {self.deadline.strip()}" if self.deadline.strip() else self.aim.strip() or "mean"
 
     def command(self, scenario: str | None, planner: str | None = None) -> str:
         """Return the command that plans the same, for a shell."""
@@ -80,7 +82,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             words += [option, value.strip()] if value.strip() else []
         for option, value, usual in (("--reserve", self.reserve, "20"), ("--soc", self.soc, "100")):
             words += [option, _point(value)] if _point(value) != usual else []
-        words += ["--objective", self.objective] if self.deadline.strip() else []
+        words += ["--objective", self.objective] if self.objective != "mean" else []
         words += [word for one in self.avoid for word in ("--avoid", one)]
         words += [word for one in self.stop_at for word in ("--stop-at", one)]
         chosen = planner or self.planner

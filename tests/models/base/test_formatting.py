@@ -64,6 +64,8 @@ SCALE_NAMES = {"S_PER_MIN", "S_PER_H", "J_PER_WH"}
         (words.wind_text(7.44, 359.7, 0.81), "7.4 ± 0.8 m/s from 000°"),
         (words.energy_text(41.3 * 3600.0), "41.3 Wh"),
         (words.energy_text(99.96 * 3600.0), "100 Wh"),
+        (words.money(1234.5), "1,234.50"),
+        (words.money(0.0432), "0.043"),
         (words.mass_text(2.34567), "2.346 kg"),
         (words.place_text(40.712345678, -74.0), "40.71235,-74.00000"),
         (words.stored_degrees(40.712345678, -74.0), ("40.7123457", "-74.0000000")),

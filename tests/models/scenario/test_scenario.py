@@ -368,7 +368,7 @@ def test_200_megabytes_are_refused(scenario_with, part):
         (instead('stations = "stations.csv"', ""), "network.stations: is missing"),
         (instead('stations = "stations.csv"', "stations = 3"), "network.stations: must be a text that is not empty (got '3')"),
         (instead('stations = "stations.csv"', f'stations = "{"x" * 300}"'), "network.stations: cannot be read: File name too long"),
-        (instead("[drones]", "[fleet]"), "fleet: is not a field here; known: airspace, drones, flight, "),
+        (instead("[drones]", "[fleet]"), "fleet: is not a field here; known: airspace, costs, drones, flight, "),
         (instead("cruise_height_m = 60", "climb_rate_mps = 0"), "flight.climb_rate_mps: out of range (got '0')"),
         (instead("cruise_height_m = 60", "cruise_height_ft = 200"), "flight.cruise_height_ft: is not a field here; did you mean cruise_height_m?"),
         (instead('"m/s"', '"m/h"'), "wind.speed_unit: is not known (got 'm/h'); one of m/s, "),
