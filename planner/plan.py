@@ -35,6 +35,7 @@ from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_le
 from skyway.planner.schedule.outcome import later, outcome
 from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
 from skyway.planner.time_limit import cut_off_note, with_gap
+from skyway.planner.way_back import plan_there_and_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -126,6 +127,23 @@ def plan(
     wind = forecast
     if planner in CLAIRVOYANT_PLANNERS:
         wind = _truth(forecast, truth, planner)
+
+    def compose(scenario: Scenario, request: Request) -> PlanResult:
+        return _compose(scenario, request, planner, wind, time_limit_s, progress, parameters)
+
+    return plan_there_and_back(scenario, request, compose)
+
+
+def _compose(
+    scenario: Scenario,
+    request: Request,
+    planner: str,
+    wind: WindEnsemble,
+    time_limit_s: float,
+    progress: Callable[[int, float], None] | None,
+    parameters: PlannerParameters,
+) -> PlanResult:
+    """Compose a delivery without its way back."""
     rejected: dict[str, str] = {}
     problems = _problems(scenario, request, wind, rejected, parameters)
     if planner == ROBUST:

@@ -23,6 +23,7 @@ from skyway.models.base.formatting import (
     share,
 )
 from skyway.models.base.geodesy import coarse_distance_m
+from skyway.models.composition.way_back_words import delivered_text, end_text, way_back_lines
 from skyway.report.map import WIDTH, framed
 from skyway.report.svg import safe
 
@@ -49,11 +50,11 @@ def briefing(composition: Composition, scenario: Scenario, contacts: Sequence[st
         "names": f"{safe(first.name or c.origin)} &rarr; {safe(last.name or c.destination)}",
         "headline": safe(headline(c, zone)),
         "facts": _facts(c, zone),
-        "map": _map(c, scenario),
+        "map": _map(c.there_and_back, scenario),
         "legs": _legs(c, zone),
-        "diverts": _diverts(c),
-        "weather": _weather(c),
-        "zones": _zones(c, scenario),
+        "diverts": _diverts(c.there_and_back),
+        "weather": _weather(c.there_and_back),
+        "zones": _zones(c.there_and_back, scenario),
         "notes": "".join(f"<li>{safe(note)}</li>" for note in c.notes) or "<li>none</li>",
         "contacts": "".join(f"<li>{safe(line)}</li>" for line in contacts if line.strip())
         or "<li class='write'></li>" * 3,
@@ -77,32 +78,37 @@ def _facts(c: Composition, zone: ZoneInfo) -> str:
         rows.append(("Reserve kept", f"{share(c.success)} of the deliveries"))
     if c.on_time is not None:
         rows.append(("On time", f"{share(c.on_time)} of the deliveries"))
+    rows += [("After the delivery" if not number else "", line) for number, line in enumerate(way_back_lines(c, zone))]
     return "".join(f"<tr><th>{name}</th><td>{safe(value)}</td></tr>" for name, value in rows)
 
 
 def _legs(c: Composition, zone: ZoneInfo) -> str:
-    stops = {stop.station: stop for stop in c.stops}
-    rows = []
-    for number, leg in enumerate(c.services, start=1):
-        stop = stops.pop(leg.origin, None)
-        if stop is not None:
-            doing = (
-                f"wait {duration(stop.wait_s)}, charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}"
-                if stop.recharge_s
-                else "land and leave"
-            )
+    rows: list[str] = []
+    number = 0
+    for part in c.parts:
+        stops = {stop.station: stop for stop in part.stops}
+        for leg in part.services:
+            number += 1
+            stop = stops.pop(leg.origin, None)
+            if stop is not None:
+                doing = (
+                    f"wait {duration(stop.wait_s)}, charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}"
+                    if stop.recharge_s
+                    else "land and leave"
+                )
+                rows.append(_stay(clock(stop.arrive, zone, c.depart), f"{stop.station}: {doing}"))
             rows.append(
-                f"<tr class='stop'><td>{clock(stop.arrive, zone, c.depart)}</td><td></td><td colspan='6'>{safe(stop.station)}: {doing}</td></tr>"
+                f"<tr><td>{clock(leg.depart, zone, c.depart)}</td><td>{number}</td><td>{safe(_way(leg))}</td><td>{kilometres(leg.distance_m)}</td>"
+                f"<td>{direction_text(leg.bearing_deg)}</td><td>{safe(leg.wind.range_text)} {safe(leg.wind.direction_text)}</td>"
+                f"<td>{duration(leg.flight_time_s)}</td><td>{from_to(leg.soc_depart, leg.soc_arrive)} %, {probability(leg.p_reserve)}</td></tr>"
             )
-        rows.append(
-            f"<tr><td>{clock(leg.depart, zone, c.depart)}</td><td>{number}</td><td>{safe(_way(leg))}</td><td>{kilometres(leg.distance_m)}</td>"
-            f"<td>{direction_text(leg.bearing_deg)}</td><td>{safe(leg.wind.range_text)} {safe(leg.wind.direction_text)}</td>"
-            f"<td>{duration(leg.flight_time_s)}</td><td>{from_to(leg.soc_depart, leg.soc_arrive)} %, {probability(leg.p_reserve)}</td></tr>"
-        )
-    rows.append(
-        f"<tr class='stop'><td>{clock(c.arrive, zone, c.depart)}</td><td></td><td colspan='6'>{safe(c.destination)}: delivered</td></tr>"
-    )
+        said = delivered_text(c) if part is c else end_text(part)
+        rows.append(_stay(clock(part.arrive, zone, c.depart), f"{part.destination}: {said}"))
     return "".join(rows)
+
+
+def _stay(time: str, words: str) -> str:
+    return f"<tr class='stop'><td>{time}</td><td></td><td colspan='6'>{safe(words)}</td></tr>"
 
 
 def _way(leg: DroneService) -> str:

@@ -40,11 +40,14 @@ class Delivery:
     recharge: str = "enough"
     seed: int = 0
     stop_at: list[str] | None = None
+    return_to: str = "nearest-pad"
+    dwell: str | None = None
+    if_undelivered: str | None = None
 
     def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
         """Return what is asked, and the scenario: targets given as lat,lon join its network."""
         from skyway.models.composition.composition import State
-        from skyway.planner.problem.request import Request
+        from skyway.planner.problem.request import BACK, HOME, NEAREST_PAD, NO_RETURN, Request
 
         scenario, origin = typed_values.place(scenario, self.start, "--from")
         scenario, destination = typed_values.place(scenario, self.to, "--to")
@@ -61,6 +64,11 @@ class Delivery:
                 seed=self.seed,
                 objective=typed_values.parse_objective(objective),
                 stop_at=tuple(_station(scenario, one, "--stop-at") for one in self.stop_at or ()),
+                return_to=_goal(scenario, self.return_to, (HOME, NEAREST_PAD, NO_RETURN), "--return"),
+                dwell_s=0.0 if self.dwell is None else typed_values.parse_duration(self.dwell, "--dwell"),
+                undelivered_to=None
+                if self.if_undelivered is None
+                else _goal(scenario, self.if_undelivered, (BACK,), "--if-undelivered"),
             )
 
 
@@ -155,6 +163,11 @@ def _station(scenario: Scenario, text: str, option: str) -> str:
     """Return the id of a station by id or part of its name."""
     with typed_values.named(option):
         return scenario.network.stations[scenario.network.find(text)].id
+
+
+def _goal(scenario: Scenario, text: str, words: tuple[str, ...], option: str) -> str:
+    """Return one of some words as typed, or the id of a station."""
+    return text.strip().lower() if text.strip().lower() in words else _station(scenario, text, option)
 
 
 def avoiding(scenario: Scenario, names: Sequence[str]) -> Scenario:

@@ -13,16 +13,19 @@ if TYPE_CHECKING:
 
 def route_geojson(composition: Composition) -> dict[str, Any]:
     """Return a FeatureCollection that any map program shows."""
-    stops = {stop.station: stop for stop in composition.stops}
+    out = len(composition.services)
+    whole = composition.there_and_back
+    stops = {stop.station: stop for stop in (*reversed(whole.stops), *composition.stops)}
     items: list[dict[str, Any]] = []
-    for number, service in enumerate(composition.services, start=1):
-        places = [composition.stations[key] for key in (service.origin, *service.via, service.destination)]
+    for number, service in enumerate(whole.services, start=1):
+        places = [whole.stations[key] for key in (service.origin, *service.via, service.destination)]
         items.append(
             {
                 "type": "Feature",
                 "geometry": line_geometry([(place.lat, place.lon) for place in places]),
                 "properties": {
                     "leg": number,
+                    "part": "delivery" if number <= out else "way back",
                     "from": service.origin,
                     "to": service.destination,
                     "depart": iso(service.depart),
@@ -35,8 +38,8 @@ def route_geojson(composition: Composition) -> dict[str, Any]:
                 },
             }
         )
-    for key in dict.fromkeys(composition.route):
-        place = composition.stations[key]
+    for key in dict.fromkeys(whole.route):
+        place = whole.stations[key]
         properties: dict[str, Any] = {"id": key, "name": place.name, "pads": place.pads}
         if key in stops:
             stop = stops[key]

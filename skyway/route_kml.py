@@ -14,26 +14,28 @@ if TYPE_CHECKING:
 
 def route_kml(composition: Composition) -> str:
     """Return a document with a line for each leg, at the cruise height above ground, and a point for each station that is landed at."""
-    c = composition
+    c, out = composition.there_and_back, len(composition.services)
     parts = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>',
-        f"<name>{_text(f'{c.origin} to {c.destination}')}</name>",
+        f"<name>{_text(f'{c.origin} to {composition.destination}')}</name>",
         '<Style id="leg"><LineStyle><color>ffad5c0b</color><width>4</width></LineStyle></Style>',
+        '<Style id="back"><LineStyle><color>ff8c8c8c</color><width>3</width></LineStyle></Style>',
     ]
     for number, leg in enumerate(c.services, start=1):
         places = (c.stations[name] for name in (leg.origin, *leg.via, leg.destination))
         line = " ".join(f"{place.lon:.7f},{place.lat:.7f},{c.cruise_height_m:g}" for place in places)
+        name, style = ("Leg", "leg") if number <= out else ("Way back, leg", "back")
         says = f"{iso(leg.depart)} to {iso(leg.arrive)}, {percent(leg.soc_depart)} to {percent(leg.soc_arrive)}"
         parts.append(
-            f"<Placemark><name>{_text(f'Leg {number}: {leg.origin} to {leg.destination}')}</name><description>{_text(says)}</description>"
-            f"<styleUrl>#leg</styleUrl><LineString><altitudeMode>relativeToGround</altitudeMode><coordinates>{line}</coordinates>"
+            f"<Placemark><name>{_text(f'{name} {number}: {leg.origin} to {leg.destination}')}</name><description>{_text(says)}</description>"
+            f"<styleUrl>#{style}</styleUrl><LineString><altitudeMode>relativeToGround</altitudeMode><coordinates>{line}</coordinates>"
             "</LineString></Placemark>"
         )
-    stops = {stop.station: stop for stop in c.stops}
-    for name in dict.fromkeys((c.origin, *stops, c.destination)):
+    stops = {stop.station: stop for stop in (*reversed(c.stops), *composition.stops)}
+    for name in dict.fromkeys((c.origin, *stops, composition.destination, c.destination)):
         place = c.stations[name]
         says = place.name or name
-        if name in stops:
+        if name in stops and stops[name].recharge_s:
             says += f"; waits {duration(stops[name].wait_s)}, charges {duration(stops[name].recharge_s)} to {percent(stops[name].soc_to)}"
         point = f"<Point><coordinates>{place.lon:.7f},{place.lat:.7f}</coordinates></Point>"
         parts.append(

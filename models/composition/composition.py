@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
@@ -313,6 +313,9 @@ class Composition:
         Where the scenario has prices, or the objective counts energy.
     costs : DeliveryCosts or None
         Where the scenario has prices.
+    way_back : WayBack or None
+        What becomes of the drone after the delivery; None is unknown. Times, distances and energies of a composition are
+        those of the delivery alone.
     """
 
     id: str
@@ -349,12 +352,47 @@ class Composition:
     zones: tuple[str, ...] = ()
     energy: EnergyDistribution | None = None
     costs: DeliveryCosts | None = None
+    way_back: WayBack | None = None
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""
         for where, value in _figures(self, ""):
             if not math.isfinite(value):
                 raise AuditError(self.planner, None, where, value, "a finite figure")
+
+    @property
+    def parts(self) -> tuple[Composition, ...]:
+        """The delivery, and the way back where there is one."""
+        back = None if self.way_back is None else self.way_back.plan
+        return (self,) if back is None else (self, back)
+
+    @property
+    def there_and_back(self) -> Composition:
+        """All flights as one chain, those of the way back after those of the delivery; itself where there is no way back.
+
+        The time at the target is a stop. Of what is not a flight or a stop it says what the delivery does.
+        """
+        way = self.way_back
+        if way is None or way.plan is None:
+            return self
+        back = way.plan
+        services = tuple(replace(one, id=f"back-{number}") for number, one in enumerate(back.services, start=1))
+        soc = self.services[-1].soc_arrive
+        stay = Stop(back.origin, self.arrive, 0.0, 0.0, 0.0, soc, soc)
+        first, others = (
+            (back.stops[0], back.stops[1:])
+            if back.stops[:1] and back.stops[0].arrive == back.depart
+            else (stay, back.stops)
+        )
+        stay = replace(first, arrive=self.arrive, hold_s=first.hold_s + way.dwell_s)
+        return replace(
+            self,
+            destination=back.destination,
+            stations={**back.stations, **self.stations},
+            services=(*self.services, *services),
+            stops=(*self.stops, stay, *others),
+            way_back=None,
+        )
 
     @property
     def arrive(self) -> datetime:
@@ -421,6 +459,34 @@ class Composition:
 
     def __str__(self) -> str:
         return f"{self.planner}: {' > '.join(self.route)} in {duration(self.delivery_time_s)} from {iso(self.depart)}"
+
+
+@dataclass(frozen=True, slots=True)
+class WayBack:
+    """What becomes of the drone after the delivery, on the typical schedule.
+
+    Attributes
+    ----------
+    asked : str
+        ``home``, ``nearest-pad``, ``none`` or the id of a station.
+    station : str
+        Where the drone is in the end.
+    dwell_s : float
+        Time at the target, from touch-down to take-off.
+    plan : Composition or None
+        The way there, without the package; None: it stays at the target.
+    undelivered_to : str or None
+        Where the package goes if it cannot be handed over; None: nothing is kept for that.
+    undelivered : Composition or None
+        The way there, with the package.
+    """
+
+    asked: str
+    station: str
+    dwell_s: float = 0.0
+    plan: Composition | None = None
+    undelivered_to: str | None = None
+    undelivered: Composition | None = None
 
 
 @dataclass(frozen=True, slots=True)

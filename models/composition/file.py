@@ -29,6 +29,7 @@ from skyway.models.composition.composition import (
     LegSegment,
     Place,
     Stop,
+    WayBack,
 )
 from skyway.models.composition.conditions import Condition
 from skyway.models.composition.heights import LegHeights, NearObstacle, TerrainUse
@@ -58,6 +59,7 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
     NearObstacle: schema.NearObstacle,
     Clearance: schema.Clearance,
     TerrainUse: schema.TerrainUse,
+    WayBack: schema.WayBack,
     Composition: schema.Composition,
 }
 """What each class is in the file."""
@@ -68,9 +70,24 @@ T = TypeVar("T")
 
 def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
+    return _tidy(_plain(composition), composition)
+
+
+def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
+    """Leave out what there is none of, and say where the scenario is; likewise in the plans of a way back."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     document: dict[str, Any] = _plain(composition)
     for name in ("conditions", "terrain", "authorized", "zones", "energy", "costs"):
+    back = composition.way_back
+    if back is None:
+        del document["return"]
+    else:
+        for name, plan in (("plan", back.plan), ("undelivered", back.undelivered)):
+            if plan is not None:
+                document["return"][name] = _tidy(document["return"][name], plan)
+        if back.undelivered_to is None:
+            del document["return"]["undelivered_to"], document["return"]["undelivered"]
+    for name in ("conditions", "terrain", "authorized", "zones"):
         if not document[name]:
             del document[name]
     for leg in document["legs"]:
@@ -127,23 +144,53 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
         raise InputError(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o") from error
     if raw.schema != SCHEMA:
         raise InputError("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}")
-    _check_references(raw, file)
+    return _composition(raw, file, "")
+
+
+def _composition(raw: schema.Composition, file: str, where: str) -> Composition:
+    """Return one plan of a file, with those of its way back."""
+    _check_references(raw, file, where)
     services = tuple(
-        _read(DroneService, leg, file, f"legs[{n}].", id=leg.id or f"leg-{n}", energy_j=leg.energy_wh * J_PER_WH)
+        _read(DroneService, leg, file, f"{where}legs[{n}].", id=leg.id or f"leg-{n}", energy_j=leg.energy_wh * J_PER_WH)
         for n, leg in enumerate(raw.services)
     )
-    _check_order(services, file)
+    _check_order(services, file, where)
     return _read(
         Composition,
         raw,
         file,
-        "",
+        where,
         services=services,
         origin=raw.origin or services[0].origin,
         destination=raw.destination or services[-1].destination,
         scenario_path=raw.scenario.path,
         scenario_sha256=raw.scenario.sha256,
+        way_back=_way_back(raw, services, file, where),
     )
+
+
+def _way_back(raw: schema.Composition, services: tuple[DroneService, ...], file: str, where: str) -> WayBack | None:
+    """Return what becomes of the drone; an `InputError` refuses a way back that does not go on from the delivery."""
+    back = raw.way_back
+    if back is None:
+        return None
+    plans: dict[str, Composition | None] = {}
+    for name, plan in (("plan", back.plan), ("undelivered", back.undelivered)):
+        place = f"{where}return.{name}."
+        found = plans[name] = None if plan is None else _composition(plan, file, place)
+        if found is None:
+            continue
+        if found.way_back is not None:
+            raise InputError("has a way back of its own", file, field=f"{place}return")
+        if found.origin != services[-1].destination:
+            raise InputError("does not start where the delivery ends", file, field=f"{place}from", value=found.origin)
+        if found.services[0].depart < services[-1].arrive:
+            value = iso(found.services[0].depart)
+            raise InputError("departs before the delivery arrives", file, field=f"{place}legs[0].depart", value=value)
+    to = raw.destination or services[-1].destination if back.plan is None else back.plan.destination
+    if back.station != to:
+        raise InputError("is not where the way back ends", file, field=f"{where}return.to", value=back.station)
+    return _read(WayBack, back, file, f"{where}return.", **plans)
 
 
 def _read(kind: Callable[..., T], raw: msgspec.Struct, file: str, where: str, **given: Any) -> T:
@@ -164,40 +211,44 @@ def _value(name: str, value: Any, file: str, where: str) -> Any:
     return parse_instant(value, field=where, file=file) if name in _INSTANTS and value is not None else value
 
 
-def _check_order(services: tuple[DroneService, ...], file: str) -> None:
+def _check_order(services: tuple[DroneService, ...], file: str, begin: str) -> None:
     faults = [
-        Fault("arrives before it departs", file, field=f"legs[{number}].arrive", value=iso(service.arrive))
+        Fault("arrives before it departs", file, field=f"{begin}legs[{number}].arrive", value=iso(service.arrive))
         for number, service in enumerate(services)
         if service.arrive <= service.depart
     ]
     faults += [
-        Fault("departs before the last leg arrived", file, field=f"legs[{number}].depart", value=iso(after.depart))
+        Fault(
+            "departs before the last leg arrived", file, field=f"{begin}legs[{number}].depart", value=iso(after.depart)
+        )
         for number, (before, after) in enumerate(pairwise(services), start=1)
         if after.depart < before.arrive
     ]
     refuse(faults)
 
 
-def _check_references(raw: schema.Composition, file: str) -> None:
+def _check_references(raw: schema.Composition, file: str, begin: str) -> None:
     if not raw.services:
-        raise InputError("has no legs", file, field="legs")
+        raise InputError("has no legs", file, field=f"{begin}legs")
     named = [
-        (f"legs[{i}]", key) for i, leg in enumerate(raw.services) for key in (leg.origin, *leg.via, leg.destination)
+        (f"{begin}legs[{i}]", key)
+        for i, leg in enumerate(raw.services)
+        for key in (leg.origin, *leg.via, leg.destination)
     ]
-    named += [(f"stops[{i}].station", stop.station) for i, stop in enumerate(raw.stops)]
+    named += [(f"{begin}stops[{i}].station", stop.station) for i, stop in enumerate(raw.stops)]
     faults = [
         Fault("names a station that is not in stations", file, field=where, value=key)
         for where, key in named
         if key not in raw.stations
     ]
     faults += [
-        Fault("are not those of its via and to", file, field=f"legs[{i}].segments", value=segment.head)
+        Fault("are not those of its via and to", file, field=f"{begin}legs[{i}].segments", value=segment.head)
         for i, leg in enumerate(raw.services)
         if leg.segments and [one.head for one in leg.segments] != [*leg.via, leg.destination]
         for segment in leg.segments[:1]
     ]
     faults += [
-        Fault("has lists of different lengths", file, field=f"legs[{i}].heights")
+        Fault("has lists of different lengths", file, field=f"{begin}legs[{i}].heights")
         for i, leg in enumerate(raw.services)
         if leg.heights is not None
         and (
@@ -206,12 +257,12 @@ def _check_references(raw: schema.Composition, file: str) -> None:
         )
     ]
     faults += [
-        Fault("must be one line of plain text", file, field="stations", value=key)
+        Fault("must be one line of plain text", file, field=f"{begin}stations", value=key)
         for key in raw.stations
         if not key or one_line(key) != key
     ]
     faults += [
-        Fault("does not start where the last leg ended", file, field=f"legs[{i + 1}].from", value=after.origin)
+        Fault("does not start where the last leg ended", file, field=f"{begin}legs[{i + 1}].from", value=after.origin)
         for i, (before, after) in enumerate(pairwise(raw.services))
         if before.destination != after.origin
     ]

@@ -197,6 +197,24 @@ class DeliveryCosts(msgspec.Struct, kw_only=True):
 
 class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
     """The whole file."""
+class WayBack(msgspec.Struct, kw_only=True, rename={"station": "to"}):
+    """What becomes of the drone after the delivery."""
+
+    asked: str
+    station: str
+    dwell_s: _NotNegative = 0.0
+    plan: Composition | None = None
+    undelivered_to: str | None = None
+    undelivered: Composition | None = None
+    """The last two left out where nothing is kept for that."""
+
+
+class Composition(
+    msgspec.Struct,
+    kw_only=True,
+    rename={"origin": "from", "destination": "to", "services": "legs", "way_back": "return"},
+):
+    """The whole file, and each plan in it."""
 
     schema: str
     id: str = ""
@@ -240,3 +258,6 @@ class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "desti
     energy: EnergyDistribution | None = None
     costs: DeliveryCosts | None = None
     """All left out where there are none."""
+    """All three left out where there are none."""
+    way_back: WayBack | None = None
+    """Left out where it is not known."""

@@ -32,8 +32,8 @@ def needed_at_destination(
 ) -> NDArray[np.float64]:
     """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads.
 
-    The way on leads over one segment to a station with pads; it begins at once or, held by the wind, when it first can.
-    Touch-downs after `until_s` do not matter; for the margin see `planner.exact.stop_labels.StopLabels`.
+    The way on is one flight to a station (`planner.problem.ways_on`); it begins after the time at the target or, held by
+    the wind, when it first can. Touch-downs after `until_s` do not matter; for the margin see `planner.exact.stop_labels.StopLabels`.
 
     Returns time and SoC, shape (points, 2), linear between points and constant after the last; two points at the same
     time are a jump.
@@ -42,10 +42,10 @@ def needed_at_destination(
     if not p.needs_escape:
         return np.array([[p.depart_s, p.reserve]])
     end = max(min(p.air.start_s + speeds.slots * p.air.slot_s, until_s + 60.0), p.depart_s + 1.0)
-    if not len(p.escapes):
+    if not p.ways_on:
         return np.array([[p.depart_s, p.reserve + _TOO_MUCH_SOC]])
-    per_s, fixed = p.empty_cost
-    lines = [_cost(p, speeds, int(segment), (per_s + margin_soc_per_s, fixed), end) for segment in p.escapes]
+    per_s, fixed = p.onward_cost
+    lines = [_cost(p, speeds, way, (per_s + margin_soc_per_s, fixed), end) for way in p.ways_on]
     needed = _least(lines)
     needed[:, 1] = p.reserve + np.minimum(needed[:, 1], _TOO_MUCH_SOC)
     return needed
@@ -74,41 +74,44 @@ def needed_to_land(
 
 
 def _cost(
-    problem: Problem, speeds: Speeds, segment: int, cost: tuple[float, float], end_s: float
+    problem: Problem, speeds: Speeds, way: tuple[int, ...], cost: tuple[float, float], end_s: float
 ) -> NDArray[np.float64]:
-    """Charge that the flight over one segment takes, by the time of being ready: (t0, cost, t1, cost), without gaps."""
-    air, begin_s = problem.air, problem.depart_s
+    """Charge that a flight on takes, by the time of the touch-down before it: (t0, cost, t1, cost), without gaps."""
+    air, dwell_s = problem.air, problem.request.dwell_s
+    begin_s, end_s = problem.depart_s + dwell_s, end_s + dwell_s
     per_s, fixed = cost
-    one = np.array([segment])
+    count, segments = len(way), np.array(way)
     table = FlightTable(
         air.start_s,
         air.slot_s,
         air.climb_s,
         air.descent_s,
-        np.array([0, 1, 1]),
-        np.array([1]),
-        np.ascontiguousarray(air.distance_m[one]),
-        np.ascontiguousarray(speeds.over(0, speeds.slots - 1, one), dtype=np.float64),
+        np.minimum(np.arange(count + 2), count),
+        np.arange(1, count + 1),
+        np.ascontiguousarray(air.distance_m[segments]),
+        np.ascontiguousarray(speeds.over(0, speeds.slots - 1, segments), dtype=np.float64),
     )
-    slots = int(table_slot(table, begin_s)), int(table_slot(table, end_s))
-    offset, pieces = flights_from(table, 0, slots, _TOO_MUCH_SOC / per_s, np.ones(2, dtype=np.bool_), nothing_asked())
+    longest_s, useful = _TOO_MUCH_SOC / per_s, np.ones(count + 1, dtype=np.bool_)
+    first = int(table_slot(table, begin_s))
     out: list[tuple[float, float, float, float]] = []
     done, before = begin_s, 0.0
-    for t0, a0, t1, a1 in pieces[offset[1] : offset[2]].tolist():
-        if t1 <= done or t0 >= end_s:
-            continue
-        c0, c1 = fixed + per_s * (a0 - t0), fixed + per_s * (a1 - t1)
-        begin, first = t0, c0
-        if t0 < done:
-            begin, first = done, c0 + (c1 - c0) * (done - t0) / (t1 - t0)
-        elif t0 > done:  # held by the wind until then, at once or a moment later: the dearer one
-            sure = min(done + _MOMENT_S, t0)
-            out += [(done, max(before, c0), sure, max(before, c0)), (sure, c0, t0, c0)]
-        out.append((begin, first, t1, c1))
-        done, before = t1, c1
+    for last in (int(table_slot(table, end_s)), speeds.slots - 1):  # the wind may hold the drone until after the end
+        offset, pieces = flights_from(table, 0, (first, last), longest_s, useful, nothing_asked())
+        for t0, a0, t1, a1 in pieces[offset[count] : offset[count + 1]].tolist():
+            if t1 <= done or done >= end_s:
+                continue
+            c0, c1 = fixed + per_s * (a0 - t0), fixed + per_s * (a1 - t1)
+            begin, at_first = t0, c0
+            if t0 < done:
+                begin, at_first = done, c0 + (c1 - c0) * (done - t0) / (t1 - t0)
+            elif t0 > done:  # held by the wind until then, at once or a moment later: the dearer one
+                sure = min(done + _MOMENT_S, t0)
+                out += [(done, max(before, c0), sure, max(before, c0)), (sure, c0, t0, c0)]
+            out.append((begin, at_first, t1, c1))
+            done, before = t1, c1
     if done < end_s:
         out.append((done, _TOO_MUCH_SOC, end_s, _TOO_MUCH_SOC))
-    return np.array(out)
+    return np.asarray(np.array(out) - np.array([dwell_s, 0.0, dwell_s, 0.0]))
 
 
 def _least(lines: list[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from skyway.models.flight.kernels import (
     forward_mps,
     land,
     leg,
+    next_flight,
     slot_end,
     slot_of,
 )
@@ -45,15 +46,17 @@ class Need(NamedTuple):
     """A flight of T seconds with the package costs ``soc_fixed + soc_per_s * T``."""
     empty_per_s: float
     empty_fixed: float
-    """The same without it."""
+    """The same on the way on: without it, unless the way on with it is to be sure."""
     epsilon: float
     """Share of the members that may need more."""
     destination: int
     """Node where the package is left."""
     escapes: NDArray[np.int64]
-    """Shape (ways on,). Segments of the flight on from a destination without pads; empty where none is needed."""
+    """Segments of the flights on from a destination without pads, -1 after each flight; empty where none is needed."""
     needs_escape: bool
     """Whether one is needed."""
+    dwell_s: float
+    """Time from touch-down at the destination to the flight on."""
 
 
 class Ways(NamedTuple):
@@ -88,15 +91,18 @@ NOWHERE = -1
 
 @compiled
 def escape_cost(air: SegmentWind, member: int, need: Need, time_s: float) -> float:
-    """Least charge that takes the empty drone from the destination to a station; infinite where none is in reach.
+    """Least charge that takes the drone on from the destination to a station; infinite where none is in reach.
 
-    Takes a member of the air and a finite time; no escapes cost infinitely much.
+    Takes a member of the air and a finite time, that of the touch-down; no escapes cost infinitely much.
     """
     best = NEVER
-    for segment in need.escapes:
-        off, down = leg(air, member, segment, time_s)
-        if down < NEVER:
-            best = min(best, need.empty_fixed + need.empty_per_s * (down - off))
+    begin = 0
+    for end in range(len(need.escapes)):
+        if need.escapes[end] < 0:
+            off, down = next_flight(air, member, need.escapes[begin:end], time_s + need.dwell_s)
+            begin = end + 1
+            if down < NEVER:
+                best = min(best, need.empty_fixed + need.empty_per_s * (down - off))
     return best
 
 

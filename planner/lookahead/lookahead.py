@@ -57,16 +57,17 @@ class Lookahead:
     @cached_property
     def need(self) -> Need:
         """What decides whether a flight can be made."""
-        problem, empty = self.problem, self.problem.empty_cost
+        problem, onward = self.problem, self.problem.onward_cost
         return Need(
             soc_per_s=float(problem.soc_per_s),
             soc_fixed=float(problem.soc_fixed),
-            empty_per_s=float(empty[0]),
-            empty_fixed=float(empty[1]),
+            empty_per_s=float(onward[0]),
+            empty_fixed=float(onward[1]),
             epsilon=float(problem.epsilon),
             destination=int(problem.destination),
             escapes=problem.escapes,
             needs_escape=bool(problem.needs_escape),
+            dwell_s=float(problem.request.dwell_s),
         )
 
     @cached_property
@@ -131,6 +132,11 @@ class Lookahead:
         node = int(self.problem.network.head[segment])
         mean, charge, p_hold = flight_lookahead(self.ways, self.need, segment, node, time_s)
         return float(mean), float(charge), float(p_hold)
+
+    def without_way_on(self, segment: int, time_s: float) -> float:
+        """Charge taken by a flight alone, without the way on from a destination without pads."""
+        need, node = self.need._replace(needs_escape=False), int(self.problem.network.head[segment])
+        return float(flight_lookahead(self.ways, need, segment, node, time_s)[1])
 
     def earliest(self, segment: int, time_s: float, soc: float, pad_s: float | None) -> Flight:
         """Earliest flight over a segment in the wind of that time; its take-off is infinite where there is none.

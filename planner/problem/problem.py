@@ -21,6 +21,7 @@ from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, samp
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.ways_on import return_node, undelivered_node, ways_on
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -106,6 +107,7 @@ class Problem:
             self.origin = self._node(state.station or "", "state.station")
         self.destination = self._node(request.destination, "destination")
         self.must_stop = tuple(self._stop(key) for key in request.stop_at)
+        return_node(self), undelivered_node(self)  # refuses what is none
         slots = ensemble.start_s, ensemble.slot_s, ensemble.slots
         self.ensemble = self.forecast = ensemble = ensemble.in_shorter_slots(parts_of_slots(self.network, *slots))
         power = FlightPower.of(drone, request.payload_kg)
@@ -161,7 +163,7 @@ class Problem:
         """Return the same problem with another destination."""
         bound = copy(self)
         bound.destination = node
-        for name in ("direct_air", "escapes"):
+        for name in ("direct_air", "ways_on", "escapes", "onward_energies"):
             bound.__dict__.pop(name, None)
         return bound
 
@@ -292,18 +294,29 @@ class Problem:
         )
 
     @cached_property
+    def ways_on(self) -> tuple[tuple[int, ...], ...]:
+        """Flights, each the segments of one, by which the drone leaves a destination without pads; see `planner.problem.ways_on`."""
+        return ways_on(self) if self.needs_escape else ()
+
+    @cached_property
     def escapes(self) -> NDArray[np.int64]:
-        """Segments by which the drone leaves a destination without pads, towards stations that have some."""
-        d = self.destination
-        if self.has_pads(d) or not self.request.escape:
-            return np.empty(0, dtype=np.int64)
-        out = np.arange(self.network.first[d], self.network.first[d + 1])
-        return out[self.network.pads[self.network.head[out]] > 0]
+        """`ways_on` as kernels read them: one after the other, -1 after each."""
+        return np.array([segment for way in self.ways_on for segment in (*way, -1)], dtype=np.int64)
+
+    @cached_property
+    def onward_energies(self) -> dict[tuple[int, float], tuple[float, tuple[int, ...]]]:
+        """What is known of the charge that the way on takes; see `planner.robust.way_on.way_on_energy`."""
+        return {}
 
     @property
     def needs_escape(self) -> bool:
         """Whether the drone must be able to fly on from the destination."""
         return self.request.escape and not self.has_pads(self.destination)
+
+    @property
+    def onward_cost(self) -> tuple[float, float]:
+        """`soc_per_s` and `soc_fixed` that are kept for the flight on: without the package, or with it where that may stay aboard."""
+        return self.empty_cost if self.request.undelivered_to is None else (self.soc_per_s, self.soc_fixed)
 
     def thinned(self, members: int) -> Problem:
         """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""

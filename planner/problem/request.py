@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 DEFAULT_RESERVE_SOC = 0.2
 DEFAULT_EPSILON = 1e-3
 RECHARGES = ("full", "enough")
+HOME, NEAREST_PAD, NO_RETURN = "home", "nearest-pad", "none"
+"""What may become of the drone after the delivery, besides the id of a station: back to where it began, to the pad that is
+nearest in time, or nothing: it stays."""
+BACK = "back"
+"""Where an undelivered package may go, besides the id of a station: to where it came from."""
+MAX_DWELL_S = 12 * 3600.0
 YEARS = (1900, 2200)
 """Departures beyond these years are slips of the pen."""
 MAX_BUSY = 1000
@@ -50,6 +56,16 @@ class Request:
         Charge to 100 % at each stop, or what the next flight needs (planners that choose by themselves ignore it).
     escape : bool
         At a target without pads the drone must still reach a station at or above the reserve.
+    return_to : str
+        What becomes of the drone after the delivery: ``home``, ``nearest-pad``, ``none`` or the id of a station. At a
+        destination with pads ``nearest-pad`` is where it stands.
+    dwell_s : float
+        Time at the target, from touch-down to take-off: loading, a signature. It is flown out of, not charged in.
+    undelivered_to : str or None
+        Where the package goes if it cannot be handed over: ``back`` to where it came from, or the id of a station. The
+        charge for it is kept. None: no charge is kept for that.
+    not_back_by : tuple of str
+        Stations that the way back cannot begin with.
     seed : int
         Of everything that is sampled.
     objective : Objective
@@ -71,6 +87,10 @@ class Request:
     seed: int = 0
     objective: Objective = field(default_factory=Objective)
     stop_at: tuple[str, ...] = ()
+    return_to: str = NEAREST_PAD
+    dwell_s: float = 0.0
+    undelivered_to: str | None = None
+    not_back_by: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         objective: object = self.objective
@@ -94,6 +114,7 @@ class Request:
             lower = str(self.recharge).strip().lower()
             remedy = f"did you mean {lower}?" if lower in RECHARGES else "full or enough"
             faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
+        faults += range_faults("dwell_s", self.dwell_s, 0.0, MAX_DWELL_S, "seconds, 0 to 12 hours")
         if not _is_count(self.seed, MAX_SEED):
             faults.append(Fault("out of range", field="seed", value=self.seed, remedy="a whole number, 0 or more"))
         if faults:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +15,10 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.queues.sampling import pack
 from skyway.models.wind.estimation.field import ResidualModel
-from skyway.planner.lookahead.flight_kernels import escape_cost
-from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import present_in, room_at
-from skyway.planner.robust.information_kernels import Known, energy_belief_after
+from skyway.planner.robust.information_kernels import Known
 from skyway.planner.robust.out_of_sample import (
     CHOOSING,
     PROMISING,
@@ -31,10 +28,11 @@ from skyway.planner.robust.out_of_sample import (
     simulated_realizations,
 )
 from skyway.planner.robust.required_soc_kernels import required_soc_tables
+from skyway.planner.robust.way_on import fly_on, kept_for_way_on
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, Queues
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
 from skyway.planner.schedule.typical import typical_schedule
 
 if TYPE_CHECKING:
@@ -48,9 +46,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.typical import Typical
-
-NEARLY_ALL = 0.98
-"""Share of the winds, and of the energy in each, that the way on from a target without pads is kept charge for."""
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
@@ -102,23 +97,13 @@ class ChargePolicy:
     def landing(self) -> NDArray[np.float64]:
         """Least charge at the end of each flight, shape (legs,)."""
         least = np.full(len(self), self.problem.reserve)
-        if self.problem.needs_escape:
-            least[-1] += self._escape
+        least[-1] += (1.0 + self.known.margin) * self.way_on_soc
         return least
 
     @cached_property
-    def _escape(self) -> float:
-        """Charge for the way on from a target without pads that is enough in nearly all members, any hour of the delivery."""
-        p = self.problem
-        need = Lookahead(p).need
-        hours = p.depart_s + 3600.0 * np.arange(12)
-        costs = np.array([[float(escape_cost(p.air, m, need, t)) for t in hours] for m in range(len(p.probability))])
-        finite = np.isfinite(costs).all(axis=1)
-        if not finite.any():
-            return 1.0
-        mean, deviation = energy_belief_after(self.known, 0.0, 0)
-        worst = float(np.quantile(costs[finite].max(axis=1), NEARLY_ALL))
-        return worst * mean * (1.0 + NormalDist().inv_cdf(NEARLY_ALL) * deviation)
+    def way_on_soc(self) -> float:
+        """Charge for the way on from a target without pads, without the margin; see `planner.robust.way_on`."""
+        return kept_for_way_on(self.problem, self.itinerary, self.known) if self.problem.needs_escape else 0.0
 
     def fly(
         self,
@@ -201,7 +186,28 @@ class ChargePolicy:
             p, disturbance, members, paths, share=left_out(p.ensemble, p.parameters.robust.apart_days), tables=tables
         )
         weight = p.probability[members]
-        return OutOfSample(schedule, weight / weight.sum(), members, disturbance.queue, energy_ratio, tables)
+        weight = weight / weight.sum()
+        if not p.needs_escape:
+            return OutOfSample(schedule, weight, members, disturbance.queue, energy_ratio, tables)
+        share = left_out(p.ensemble, p.parameters.robust.apart_days)
+
+        def fly(
+            leaving: Problem,
+            itinerary: Itinerary,
+            sky: Disturbance,
+            members: NDArray[np.int64],
+            paths: Sequence[QueuePath],
+        ) -> NDArray[np.float64]:
+            on = ChargePolicy(leaving, itinerary, self.known, self.most_full)
+            return on.fly(leaving, sky, members, paths, share=share)[0]
+
+        taken = fly_on(p, self.known, schedule[:, -1, TOUCH_DOWN], members, disturbance, sample_set, fly)
+        arrives = np.isfinite(schedule[:, -1, TOUCH_DOWN])
+        onward_soc = np.where(arrives, schedule[:, -1, SOC_LANDING] - taken, np.inf)
+        broken = arrives & (onward_soc < p.reserve - 1e-9)
+        ratio = np.where(broken, taken / self.way_on_soc, 0.0)
+        energy_ratio = np.column_stack((energy_ratio, ratio))
+        return OutOfSample(schedule, weight, members, disturbance.queue, energy_ratio, tables, onward_soc)
 
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.
@@ -224,7 +230,8 @@ class ChargePolicy:
         bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]
         least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
         required = self.landing[leg] + self.known.energy_mean * (1.0 + self.known.margin) * least
-        return never_leaves(self.problem, self.itinerary, leg, required)
+        on = self.landing[leg] - self.problem.reserve
+        return never_leaves(self.problem, self.itinerary, leg, required, float(on))
 
     def with_charges(self, schedule: NDArray[np.float64]) -> ChargePolicy:
         """The same policy whose itinerary names the charges of a schedule, shape (legs, 7)."""

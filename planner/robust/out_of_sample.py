@@ -76,13 +76,18 @@ def simulated_realizations(
     paths = queue_sets(problem, itinerary, sample_set)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
     key = rng.integers(0, 2**64, len(members), dtype=np.uint64)
-    energy = errors.energy_of(problem.drone).sampled(rng, len(members), len(itinerary))
+    flights = len(itinerary) + problem.needs_escape  # the way on is one more
+    energy = errors.energy_of(problem.drone).sampled(rng, len(members), flights)
     return members, Disturbance(sample, energy, key, errors.gust_sd, errors.gust_time_s), paths
 
 
 def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:
     """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
-    nodes = place_nodes(problem, itinerary)
+    return queues_at(problem, place_nodes(problem, itinerary), sample_set)
+
+
+def queues_at(problem: Problem, nodes: Sequence[int], sample_set: int) -> list[QueuePath]:
+    """Sampled queues at each of some nodes, in order (set, node)."""
     first = sum(_queues(problem)[:sample_set])
     sets = problem.queue_sets(nodes, range(first, first + _queues(problem)[sample_set]))
     return [found[node] for found in sets for node in nodes]
@@ -120,9 +125,12 @@ class OutOfSample(Runs):
     """A policy flown out of sample, each member the truth of some runs."""
 
     energy_ratio: NDArray[np.float64]
-    """Shape (runs, legs). Energy of each flight as a share of what it was charged for."""
+    """Shape (runs, legs), or one more where the way on is one. Energy of each flight as a share of what it was charged for; that of the
+    way on 0 where it keeps the reserve."""
     tables: NDArray[np.float64]
     """See `planner.robust.required_soc_kernels.required_soc_tables`."""
+    onward_soc: NDArray[np.float64] | None = None
+    """Shape (runs,). Charge on landing after the way on from a target without pads; None where none is needed."""
 
     @property
     def arrival_s(self) -> NDArray[np.float64]:
@@ -154,6 +162,9 @@ class OutOfSample(Runs):
     def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
         """Sum the runs up; what they spend, too, given the itinerary."""
         return outcome(problem, self.schedule, self.weight, (self.member, self.queue), itinerary=itinerary)
+    def outcome(self, problem: Problem) -> Outcome:
+        """Sum the runs up."""
+        return outcome(problem, self.schedule, self.weight, (self.member, self.queue), self.onward_soc)
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:

@@ -407,9 +407,8 @@ class RobustSearch:
         self, itinerary: Itinerary, runs: int, realizations: int | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
         p = self.problem
-        known = known_at(
-            p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / len(itinerary)
-        )
+        flights = len(itinerary) + p.needs_escape  # the way on counts as one
+        known = known_at(p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / flights)
         policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
         found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
         for most_full in self.parameters.fuller:

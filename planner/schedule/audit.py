@@ -311,19 +311,21 @@ class _Audit:
             if not spare >= least - SOC_TOLERANCE:
                 raise self._differ(last, "SoC above the reserve for the way on", spare, least)
 
-    def _escape_soc(self, ready_s: float) -> float:
-        """Least charge to a station with pads from the destination, without the package, at once or when the wind lets it."""
+    def _escape_soc(self, down_s: float) -> float:
+        """Least charge to a station from the destination, after the time there, at once or when the wind lets it.
+
+        Without the package, or with it where the charge for that is to be kept.
+        """
         problem, air, rules = self.problem, self.problem.air, self.problem.rules
-        climb, cruise, descent = self._rates(problem.drone.mass_kg)
+        loaded = problem.request.undelivered_to is not None
+        climb, cruise, descent = self._rates(problem.drone.mass_kg + (problem.request.payload_kg if loaded else 0.0))
         least = math.inf
-        network, here = problem.network, problem.destination
-        for segment in range(int(network.first[here]), int(network.first[here + 1])):
-            if network.stations[int(network.head[segment])].pads <= 0:
-                continue
-            off_s, left_s = ready_s, self._cruise((segment,), ready_s)
+        for way in problem.ways_on:
+            off_s = down_s + problem.request.dwell_s
+            left_s = self._cruise(way, off_s)
             while left_s == math.inf and self._slot(off_s) < air.north.shape[1] - 1:
                 off_s = air.start_s + (self._slot(off_s) + 1) * air.slot_s
-                left_s = self._cruise((segment,), off_s)
+                left_s = self._cruise(way, off_s)
             flown_s = left_s - off_s - rules.climb_s
             least = min(least, climb * rules.climb_s + cruise * flown_s + descent * rules.descent_s)
         return least

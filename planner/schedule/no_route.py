@@ -13,6 +13,7 @@ from skyway.models.base.formatting import distance_text, duration, height_text, 
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.flight.closures import closing_zones
 from skyway.models.flight.kernels import NEVER, next_opening
+from skyway.planner.problem.ways_on import flight_range_m, landings
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:
@@ -119,10 +120,13 @@ def _too_strong(problem: Problem) -> str:
     )
 
 
-def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:
+def never_leaves(
+    problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0, way_on_soc: float = 0.0
+) -> NoRouteError:
     """Explain a route that no wind of the forecast lets fly to its end: it never begins the leg (see `grounded_leg`).
 
-    The drone insists on `required_soc` at its take-off, at the least: the energy binds where it cannot have that.
+    The drone insists on `required_soc` at its take-off, at the least: the energy binds where it cannot have that. Of it
+    `way_on_soc` is for the way on from a target without pads.
     """
     network, drone = problem.network, problem.drone
     segments = np.array(itinerary[leg].segments, dtype=np.int64)
@@ -133,9 +137,10 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     most = problem.soc if leg == 0 and not problem.has_pads(problem.origin) else 1.0
     if required_soc > most:
         message = (
-            f"{begin} {where} takes {percent(required_soc - problem.reserve)} of the battery of {drone.id} in the best "
-            f"of the forecast winds, with gusts and the error of the energy model, {percent(most - problem.reserve)} are "
-            f"there above the reserve of {percent(problem.reserve)}{'' if most == 1.0 else f', and no pad at {a}'}"
+            f"{begin} {where} takes {percent(required_soc - problem.reserve - way_on_soc)} of the battery of {drone.id} in the best "
+            f"of the forecast winds, with gusts and the error of the energy model, {_way_on_words(problem, b, way_on_soc)}"
+            f"{percent(most - problem.reserve)} are there above the reserve of {percent(problem.reserve)}"
+            f"{'' if most == 1.0 else f', and no pad at {a}'}: {percent(required_soc - most)} too little"
         )
         return NoRouteError(message, constraint="energy")
     closed = _closed(problem, segments)
@@ -157,6 +162,15 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     return NoRouteError(message, constraint="room")
 
 
+def _way_on_words(problem: Problem, target: str, soc: float) -> str:
+    if soc <= 0.0:
+        return ""
+    if not problem.ways_on:
+        return f"and from {target}, which has no pads, {nothing_in_reach(problem)}; "
+    with_it = "" if problem.request.undelivered_to is None else " with the package still aboard"
+    return f"the way on from {target}, which has no pads,{with_it} {percent(soc)} more; "
+
+
 def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
     """Refuse a route that typically ends with an empty battery in the air, on a leg."""
     network, segments = problem.network, itinerary[leg].segments
@@ -167,6 +181,51 @@ def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "
         f"wind than the planner expected{advice}"
     )
     return NoRouteError(message, constraint="energy")
+
+
+def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, budget_soc: float) -> NoRouteError:
+    """Refuse a target without pads: with what a flight over a segment there takes, and the way on, no battery is enough.
+
+    Says by how much; both are charges that a full battery must have above the reserve.
+    """
+    network = problem.network
+    start, goal = (network.stations[node].id for node in (problem.origin, problem.destination))
+    a = network.stations[int(network.tail[segment])].id
+    begin = f"no route from {start} to {goal}, which has no pads:"
+    with_it = "" if problem.request.undelivered_to is None else ", with the package still aboard,"
+    if not problem.ways_on:
+        return NoRouteError(f"{begin} {nothing_in_reach(problem)}", constraint="energy")
+    if not math.isfinite(there_soc + on_soc):
+        message = (
+            f"{begin} throughout the forecast the wind on the way there or on from there is {_too_strong(problem)}"
+        )
+        return NoRouteError(message, constraint="wind")
+    message = (
+        f"{begin} the flight from {a} takes {percent(there_soc)} of the battery of {problem.drone.id} and the way on to the next pad"
+        f"{with_it} {percent(on_soc)} in the worst forecast wind; {percent(budget_soc)} are there above the reserve of "
+        f"{percent(problem.reserve)}: {percent(there_soc + on_soc - budget_soc)} too little"
+    )
+    return NoRouteError(message, constraint="energy")
+
+
+def nothing_in_reach(problem: Problem) -> str:
+    """Say how far the next station is from a target without pads, and how far the drone flies."""
+    network, here = problem.network, problem.destination
+    reach_m = flight_range_m(problem)
+    able = landings(problem)
+    name = network.stations[here].id
+    if not able.any():
+        return f"no station with pads leads on from {name} to where the drone is to be in the end"
+    rows = np.flatnonzero(able)
+    away_m = coarse_distance_m(float(network.lat[here]), float(network.lon[here]), network.lat[rows], network.lon[rows])
+    nearest = int(np.argmin(away_m))
+    station = network.stations[int(rows[nearest])].id
+    if away_m[nearest] <= reach_m:
+        return f"no segments lead on from it; the nearest station with pads is {station}, {distance_text(float(away_m[nearest]))} away"
+    return (
+        f"the nearest station with pads is {station}, {distance_text(float(away_m[nearest]))} away, and a full battery of "
+        f"{problem.drone.id} flies {distance_text(reach_m)} above the reserve: {distance_text(float(away_m[nearest]) - reach_m)} too far"
+    )
 
 
 def no_room(problem: Problem) -> NoRouteError:
@@ -218,11 +277,11 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
             f"no route from {start} to {goal}: throughout the forecast the wind on {where} is {_too_strong(problem)}"
         )
         return NoRouteError(message, constraint="wind")
-    escape = ""
     if int(network.head[least]) == problem.destination and problem.needs_escape:
-        escape = " and on to a station with pads"
+        there = lookahead.without_way_on(least, problem.depart_s)
+        return no_way_on(problem, least, there, charge[least] - there, lookahead.budget)
     message = (
-        f"no route from {start} to {goal}: {where}{escape} takes {percent(charge[least])} of the battery of "
+        f"no route from {start} to {goal}: {where} takes {percent(charge[least])} of the battery of "
         f"{problem.drone.id} in the worst forecast wind, {percent(lookahead.budget)} are there above the reserve "
         f"of {percent(problem.reserve)} (longest flight {duration(problem.longest_flight_s)})"
     )

@@ -43,11 +43,14 @@ class Outcome:
     """Shape (legs,) each. Probabilities that the drone, ready to leave, holds before the flight for the wind, and for
     room at the next station; given likewise."""
     p_success: float
-    """Probability that every landing keeps the reserve."""
+    """Probability that every landing keeps the reserve, that of the way on from a target without pads included."""
     p_arrive: float
     """Probability that the wind opens every flight within the horizon."""
     kept: NDArray[np.bool_]
-    """Shape (runs that arrive,). Whether every landing of a run keeps the reserve."""
+    """Shape (runs that arrive,). Whether every landing of a run keeps the reserve, that of the way on included."""
+    p_onward: float | None = None
+    """Probability that the way on from a target without pads keeps the reserve, given the arrival; None where there is none, or
+    it was not counted."""
     crossed: Crossed | None = None
     """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
     spending: Spending | None = None
@@ -117,6 +120,11 @@ def outcome(
     """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
 
     Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
+    onward_soc: NDArray[np.float64] | None = None,
+) -> Outcome:
+    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
+
+    `onward_soc`, shape (runs,), is the charge on landing after the way on from a target without pads.
     """
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
     kept = runs[:, :, SOC_LANDING] >= problem.reserve - 1e-9
@@ -129,6 +137,8 @@ def outcome(
     spent = (
         spending(problem, itinerary, runs).of(arrived) if itinerary is not None and problem.counts_spending else None
     )
+    on = np.ones(len(weight), dtype=bool) if onward_soc is None else onward_soc >= problem.reserve - 1e-9
+    all_kept = kept.all(axis=1) & on
     return Outcome(
         start_s=problem.request.state.time.timestamp(),
         arrival_s=runs[arrived, -1, TOUCH_DOWN],
@@ -136,10 +146,12 @@ def outcome(
         p_reserve=np.minimum((weight @ (flown & kept)) / mass, 1.0),
         p_hold=np.minimum((weight @ (flown & for_wind)) / mass, 1.0),
         p_hold_room=np.minimum((weight @ (flown & for_room)) / mass, 1.0),
-        p_success=min(float(weight[arrived & kept.all(axis=1)].sum()) / share, 1.0),
+        p_success=min(float(weight[arrived & all_kept].sum()) / share, 1.0),
         p_arrive=min(float(weight[arrived].sum()), 1.0),
         kept=np.asarray(kept[arrived].all(axis=1)),
         spending=spent,
+        kept=np.asarray(all_kept[arrived]),
+        p_onward=None if onward_soc is None else min(float(weight[arrived & on].sum()) / share, 1.0),
         crossed=None
         if groups is None
         else Crossed(weight[arrived], groups[0][arrived], groups[1][arrived], _full_costs_s(problem)),

@@ -45,6 +45,24 @@ class RequestOptions(Delivery):
             autocompletion=completion.stations,
         ),
     ] = None
+    return_to: Annotated[
+        str,
+        typer.Option(
+            "--return",
+            help="What becomes of the drone after the delivery: home, nearest-pad (where the target has pads: it stays), a station, none.",
+            autocompletion=completion.stations,
+        ),
+    ] = "nearest-pad"
+    dwell: Annotated[
+        str | None, typer.Option(help="Time at the target before the drone leaves it (loading, a signature): 5min.")
+    ] = None
+    if_undelivered: Annotated[
+        str | None,
+        typer.Option(
+            help="Where the package goes if it cannot be handed over, with the charge for it kept: back, or a station.",
+            autocompletion=completion.stations,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,9 @@ _Piece = tuple[str, "datetime", float, "datetime", float]
 
 def draw_charge(axes: Any, composition: Composition, zone: ZoneInfo, band: ChargeBand | None) -> None:
     """State of charge over the time of day, by what the drone does; behind it how it differs over simulated deliveries."""
-    pieces = _pieces(composition)
-    last = composition.arrive
+    whole = composition.there_and_back
+    pieces = _pieces(whole)
+    last = whole.arrive
     if band is not None:
         times = [from_posix(at_s) for at_s in band.time_s.tolist()]
         label = "8 of 10 simulated deliveries under way"
@@ -58,9 +59,15 @@ def draw_charge(axes: Any, composition: Composition, zone: ZoneInfo, band: Charg
 def _pieces(composition: Composition) -> list[_Piece]:
     """What the drone does, from when with which charge, until when with which."""
     pieces: list[_Piece] = []
-    stops = {stop.station: stop for stop in composition.stops}
+    at: datetime | None = None
+    stops = list(composition.stops)
     for service in composition.services:
-        stop = stops.pop(service.origin, None)
+        stop = (
+            stops.pop(0)
+            if stops and stops[0].station == service.origin and (at is None or stops[0].arrive >= at)
+            else None
+        )
+        at = service.arrive
         if stop is not None:
             pad = stop.arrive + timedelta(seconds=stop.wait_s)
             off = pad + timedelta(seconds=stop.recharge_s)

@@ -78,12 +78,13 @@ def plot_composition(
 
     The band tells how the charge differs over the simulated deliveries.
     """
-    shown = [(place.lon, place.lat) for place in (composition.stations[key] for key in composition.route)]
-    shown += _diverts(composition, scenario).values()
+    whole = composition.there_and_back
+    shown = [(place.lon, place.lat) for place in (whole.stations[key] for key in whole.route)]
+    shown += _diverts(whole, scenario).values()
     lon, lat = np.array(shown).T
     frame = _frame(lon, lat, 0.9, least=0.15)
     tall = _height_in(frame)
-    heights = [service.heights for service in composition.services]
+    heights = [service.heights for service in whole.services]
     parts = (tall, _CHARGE_IN, HEIGHTS_IN) if any(heights) else (tall, _CHARGE_IN)
     figure = new_figure(WIDTH_IN, sum(parts) + 1.2)
     upper, lower, *below = figure.subplots(len(parts), 1, height_ratios=parts)
@@ -91,9 +92,9 @@ def plot_composition(
     _draw_network(upper, scenario, frame, segment_alpha=0.25)
     draw_charge(lower, composition, zone, band)
     upper.set_title(_headline(composition, zone), color=INK, loc="left", fontsize=11)
-    _draw_route(upper, composition, scenario, frame)
+    _draw_route(upper, whole, scenario, frame, out=len(composition.services))
     for axes in below:
-        draw_heights(axes, heights, [composition.origin, *(service.destination for service in composition.services)])
+        draw_heights(axes, heights, [whole.origin, *(service.destination for service in whole.services)])
     return save_figure(figure, path)
 
 
@@ -250,8 +251,11 @@ def _diverts(composition: Composition, scenario: Scenario) -> dict[str, tuple[fl
     return {s.id: (s.lon, s.lat) for s in scenario.network.stations if s.id in names}
 
 
-def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: Frame) -> None:
-    """Legs, stops with what is done there, diverts, the other stations, and the wind of each leg."""
+def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: Frame, *, out: int) -> None:
+    """Legs, stops with what is done there, diverts, the other stations, and the wind of each leg.
+
+    After the first `out` legs those of the way back follow, dashed.
+    """
     net = scenario.network
     diverts = _diverts(composition, scenario)
     places = diverts | {key: (place.lon, place.lat) for key, place in composition.stations.items()}
@@ -260,8 +264,9 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: 
     for number, service in enumerate(composition.services):
         path = [at[key] for key in (service.origin, *service.via, service.destination)]
         x, y = zip(*path, strict=True)
-        label = None if number else "leg, stations overflown"
-        axes.plot(x, y, "-o", color=ROUTE, linewidth=2.2, markersize=3.5, zorder=3, label=label)
+        label = {0: "leg, stations overflown", out: "way back"}.get(number)
+        style, width = ("-o", 2.2) if number < out else ("--o", 1.4)
+        axes.plot(x, y, style, color=ROUTE, linewidth=width, markersize=3.5, zorder=3, label=label)
         lines += list(pairwise(path))
     landings = dict.fromkeys(key for service in composition.services for key in (service.origin, service.destination))
     aside = [key for key in diverts if key not in composition.route and key in at]

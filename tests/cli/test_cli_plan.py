@@ -22,7 +22,7 @@ TOP = {
     "to": str, "stations": dict, "legs": list, "stops": list, "delivery_time_s": float, "flight_time_s": float,
     "wait_time_s": float, "recharge_time_s": float, "distance_m": float, "energy_wh": float, "min_soc": float,
     "arrival": dict, "on_time_probability": type(None), "on_time": type(None), "success_probability": float,
-    "success": (dict, type(None)), "planning_time_s": float, "notes": list, "parameters": dict,
+    "success": (dict, type(None)), "planning_time_s": float, "notes": list, "parameters": dict, "return": dict,
 }  # fmt: skip
 LEG = {
     "id": str, "from": str, "to": str, "via": list, "distance_m": float, "bearing_deg": float,

@@ -121,7 +121,7 @@ class Events:
             yield (*piece, piece[2], piece[3], 0.0, 0.0, f.reserve, f.reserve)
             return
         for walk in f.escapes:
-            for t0, t1, a0, a1 in self._split(piece, f.events(walk)):
+            for t0, t1, a0, a1 in self._split(piece, f.events(walk) - f.dwell_s):
                 inset = 1e-3 * (a1 - a0)
                 ends = self._way_on(walk, a0 + inset), self._way_on(walk, a1 - inset)
                 if not all(math.isfinite(end) for end in ends):
@@ -134,7 +134,7 @@ class Events:
                 yield (t0, t1, a0, a1, a0, a1, 0.0, 0.0, *need)
 
     def _way_on(self, walk, time):
-        f, off = self.f, time
+        f, off = self.f, time + self.f.dwell_s
         while math.isinf(float(f.land(walk, off))):
             if int(f.slot(off)) == f.slots - 1:
                 return math.inf

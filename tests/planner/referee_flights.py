@@ -69,7 +69,8 @@ class Flights:
         self.begin_s = request.state.time.timestamp() - (self.climb_s if self.in_flight else 0.0)
         self.reserve = request.reserve_soc
         self.cost = self._consumption(drone, request.payload_kg)
-        self.empty_cost = self._consumption(drone, 0.0)
+        self.empty_cost = self._consumption(drone, request.payload_kg if request.undelivered_to else 0.0)
+        self.dwell_s = request.dwell_s
         self.soc = request.state.soc + (self.cost * self.climb_s if self.in_flight else 0.0)
         n = self.network
         self.origin = len(n) - 1 if self.in_flight else n.index[request.state.station]
@@ -195,7 +196,7 @@ class Flights:
 
     def escape_need(self, time, margin=0.0):
         """Charge that the way on from a target without pads takes, begun at some times or when the wind first allows."""
-        time = np.asarray(time, dtype=np.float64)
+        time = np.asarray(time, dtype=np.float64) + self.dwell_s
         best = np.full(time.shape, math.inf)
         for walk in self.escapes:
             off = time.copy()

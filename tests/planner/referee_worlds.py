@@ -69,5 +69,9 @@ def instance(seed, slot_min, kind, *, stations=None):
     )
     reserve, payload = float(rng.choice([0.1, 0.2, 0.3])), float(rng.uniform(0.0, 1.0))
     request = make_request(scenario, rng, reserve_soc=reserve, payload_kg=payload, **changes)
+    if not scenario.network.stations[-1].pads:
+        there = np.random.default_rng((seed, slot_min, 93))
+        dwell_s = float(there.choice([0.0, 240.0, 2_000.0]))
+        request = replace(request, dwell_s=dwell_s, undelivered_to="back" if there.random() < 0.4 else None)
     problem = Problem(scenario, request, drone, wind)
     return problem, problem.queue_paths(range(len(problem.network)), 0)

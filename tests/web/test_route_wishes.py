@@ -98,7 +98,7 @@ def test_the_briefing_and_the_kml_tell_the_plan_and_escape_what_people_typed(cap
     plan = json.loads(capsys.readouterr().out)
     marks = ET.parse(kml).getroot().findall(".//{*}Placemark")
     lines = [one.find(".//{*}LineString/{*}coordinates") for one in marks]
-    assert sum(line is not None for line in lines) == len(plan["legs"])
+    assert sum(line is not None for line in lines) == len(plan["legs"]) + len(plan["return"]["plan"]["legs"])
     lon, lat, height = lines[0].text.split()[0].split(",")
     start = plan["stations"][plan["from"]]
     assert (float(lat), float(lon), float(height)) == (start["lat"], start["lon"], plan["cruise_height_m"])

@@ -26,9 +26,12 @@ from skyway.models.base.formatting import (
     spent,
 )
 from skyway.plan_document import spending_words
+from skyway.models.composition.way_back_words import delivered_text, end_text, way_back_lines
 from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from skyway.models.composition.composition import Composition, DroneService, LegSegment, Stop
     from skyway.planner.report import PlanReport
     from skyway.planner.result import PlanResult
@@ -54,7 +57,7 @@ def print_plan(report: PlanReport) -> None:
     say(f"The schedule, {time}:" if c.arrival.delivery_mean is None else f"A typical schedule, {time}:")
     schedule_sheet(c, zone).show()
     say("")
-    _print_totals(report)
+    _print_totals(report, zone)
 
 
 def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
@@ -97,6 +100,17 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
         Column("hold for", "capacity", words="hold for capacity {}"),
     ]  # fmt: skip
     sheet = Sheet(columns, names=2)
+    _add_flights(sheet, c, zone, c.depart)
+    sheet.note(f"{clock(c.arrive, zone, c.depart)}  {c.destination}: {delivered_text(c)}")
+    back = None if c.way_back is None else c.way_back.plan
+    if back is not None:
+        _add_flights(sheet, back, zone, c.depart)
+        sheet.note(f"{clock(back.arrive, zone, c.depart)}  {back.destination}: {end_text(back)}")
+    return sheet
+
+
+def _add_flights(sheet: Sheet, c: Composition, zone: ZoneInfo, day: datetime) -> None:
+    """Add the legs of a plan, each after the stop before it; times of another day than one say so."""
     stops = {stop.station: stop for stop in c.stops}
     runs = c.arrival.runs
     for leg in c.services:
@@ -104,13 +118,11 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
             stop = stops.pop(leg.origin)
             zoned = any(note.endswith(WAITS.format(stop.station)) for note in c.notes)
             said = stop_text(stop, leg.destination, for_a_zone=zoned)
-            sheet.note(f"{clock(stop.arrive, zone, c.depart)}  {said}")
-        sheet.add(clock(leg.depart, zone, c.depart), *_leg_cells(leg, runs))
+            sheet.note(f"{clock(stop.arrive, zone, day)}  {said}")
+        sheet.add(clock(leg.depart, zone, day), *_leg_cells(leg, runs))
         if len(leg.segments) > 1:
             for segment in leg.segments:
                 sheet.add("", *_segment_cells(segment))
-    sheet.note(f"{clock(c.arrive, zone, c.depart)}  {c.destination}: delivered")
-    return sheet
 
 
 def leg_name(leg: DroneService) -> str:
@@ -171,7 +183,7 @@ def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False) -> str:
     return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
 
 
-def _print_totals(report: PlanReport) -> None:
+def _print_totals(report: PlanReport, zone: ZoneInfo) -> None:
     result = report.result
     c = result.composition
     parts = [f"flight {duration(c.flight_time_s)}"]
@@ -182,6 +194,8 @@ def _print_totals(report: PlanReport) -> None:
         f"lowest charge {percent(c.min_soc)} (reserve {percent(c.reserve_soc, None)})"
     )
     say("Wind: mean and 80 % range of the speed at the place, time and height of the flight; tail and cross: averages")
+    for line in way_back_lines(c, zone):
+        say(line)
     if result.robust is not None:
         _print_choices(result.robust, report)
     for note in c.notes:

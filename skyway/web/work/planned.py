@@ -23,6 +23,7 @@ from skyway.models.base.formatting import (
 )
 from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
+from skyway.models.composition.way_back_words import way_back_lines
 from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
@@ -163,14 +164,14 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         "bars": _bars(result),
         "arrivals": _arrivals(result),
         "charge": _charge(result),
-        "notes": list(c.notes),
+        "notes": [*way_back_lines(c, zone), *c.notes],
         "diverts": sorted({name for leg in c.services for name in leg.diverts}),
     }
 
 
 def _path(result: PlanResult) -> list[list[list[float]]]:
     """Legs as lines of latitude and longitude, bends around zones included."""
-    c = result.composition
+    c = result.composition.there_and_back
     return [
         [[c.stations[name].lat, c.stations[name].lon] for name in (leg.origin, *leg.via, leg.destination)]
         for leg in c.services
@@ -179,8 +180,8 @@ def _path(result: PlanResult) -> list[list[list[float]]]:
 
 def _bars(result: PlanResult) -> list[dict[str, Any]]:
     """What the drone does in the typical schedule, one after the other: fly, wait, charge, hold; POSIX seconds."""
-    c = result.composition
-    stops = {stop.station: stop for stop in c.stops}
+    c = result.composition.there_and_back
+    stops = list(c.stops)
     found: list[dict[str, Any]] = []
 
     def add(kind: str, begin_s: float, length_s: float, where: str) -> float:
@@ -189,7 +190,7 @@ def _bars(result: PlanResult) -> list[dict[str, Any]]:
         return begin_s + max(length_s, 0.0)
 
     for leg in c.services:
-        stop = stops.pop(leg.origin, None)
+        stop = stops.pop(0) if stops and stops[0].station == leg.origin and stops[0].arrive <= leg.depart else None
         if stop is not None:
             at_s = add("wait", stop.arrive.timestamp(), stop.wait_s, stop.station)
             at_s = add("charge", at_s, stop.recharge_s, stop.station)
