@@ -76,8 +76,6 @@ def to_json(composition: Composition) -> dict[str, Any]:
 def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
     """Leave out what there is none of, and say where the scenario is; likewise in the plans of a way back."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
-    document: dict[str, Any] = _plain(composition)
-    for name in ("conditions", "terrain", "authorized", "zones", "energy", "costs"):
     back = composition.way_back
     if back is None:
         del document["return"]
@@ -87,7 +85,7 @@ def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
                 document["return"][name] = _tidy(document["return"][name], plan)
         if back.undelivered_to is None:
             del document["return"]["undelivered_to"], document["return"]["undelivered"]
-    for name in ("conditions", "terrain", "authorized", "zones"):
+    for name in ("conditions", "terrain", "authorized", "zones", "energy", "costs"):
         if not document[name]:
             del document[name]
     for leg in document["legs"]:

@@ -195,8 +195,6 @@ class DeliveryCosts(msgspec.Struct, kw_only=True):
     wear: _NotNegative
 
 
-class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
-    """The whole file."""
 class WayBack(msgspec.Struct, kw_only=True, rename={"station": "to"}):
     """What becomes of the drone after the delivery."""
 
@@ -258,6 +256,5 @@ class Composition(
     energy: EnergyDistribution | None = None
     costs: DeliveryCosts | None = None
     """All left out where there are none."""
-    """All three left out where there are none."""
     way_back: WayBack | None = None
     """Left out where it is not known."""

@@ -161,10 +161,8 @@ class OutOfSample(Runs):
 
     def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
         """Sum the runs up; what they spend, too, given the itinerary."""
-        return outcome(problem, self.schedule, self.weight, (self.member, self.queue), itinerary=itinerary)
-    def outcome(self, problem: Problem) -> Outcome:
-        """Sum the runs up."""
-        return outcome(problem, self.schedule, self.weight, (self.member, self.queue), self.onward_soc)
+        groups = self.member, self.queue
+        return outcome(problem, self.schedule, self.weight, groups, itinerary=itinerary, onward_soc=self.onward_soc)
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:

@@ -116,14 +116,11 @@ def outcome(
     groups: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None,
     *,
     itinerary: Itinerary | None = None,
-) -> Outcome:
-    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
-
-    Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
     onward_soc: NDArray[np.float64] | None = None,
 ) -> Outcome:
     """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
 
+    Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
     `onward_soc`, shape (runs,), is the charge on landing after the way on from a target without pads.
     """
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
@@ -148,7 +145,6 @@ def outcome(
         p_hold_room=np.minimum((weight @ (flown & for_room)) / mass, 1.0),
         p_success=min(float(weight[arrived & all_kept].sum()) / share, 1.0),
         p_arrive=min(float(weight[arrived].sum()), 1.0),
-        kept=np.asarray(kept[arrived].all(axis=1)),
         spending=spent,
         kept=np.asarray(all_kept[arrived]),
         p_onward=None if onward_soc is None else min(float(weight[arrived & on].sum()) / share, 1.0),

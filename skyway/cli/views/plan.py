@@ -25,8 +25,8 @@ from skyway.models.base.formatting import (
     share,
     spent,
 )
-from skyway.plan_document import spending_words
 from skyway.models.composition.way_back_words import delivered_text, end_text, way_back_lines
+from skyway.plan_document import spending_words
 from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
