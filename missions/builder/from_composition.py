@@ -45,15 +45,15 @@ class Export:
 def leg_mission(composition: Composition, index: int, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return the mission of one leg: what `fly` uploads before each take-off.
 
-    TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg releases the package and disarms. Heights
-    are above the ground that the leg leaves, since home moves there at arming.
+    TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg of the delivery releases the package and disarms. Heights
+    are above the ground that the leg leaves, since home moves there at arming. Legs of the way back follow those of the delivery.
 
     Parameters
     ----------
     composition : Composition
         The plan.
     index : int
-        Of `composition.services`, from 0; people are told the number of a leg, from 1.
+        Of `Composition.there_and_back`, from 0; people are told the number of a leg, from 1.
     dialect : Family
         For which autopilot.
     options : MissionOptions, optional
@@ -64,13 +64,14 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
     InputError
         No such leg, or a ground height that is needed is unknown.
     """
+    delivers, composition = len(composition.services) - 1, composition.there_and_back
     legs = len(composition.services)
     if not 0 <= index < legs:
         raise InputError(Fault("no such leg", field="index", value=index, remedy=f"an index from 0 to {legs - 1}"))
     build = LegBuilder(composition, dialect, options or MissionOptions())
     service = composition.services[index]
     build.check_elevations((service,))
-    document = build.leg(service, last=index == legs - 1)
+    document = build.leg(service, last=index == delivers)
     parameters = dialect.parameters(build.needs((service,), document))
     return Export((document,), parameters, build.warnings((service,)), hold_notes(composition, (index,)))
 
@@ -80,11 +81,12 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
 
     Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm, and
     a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg. Heights are
-    above the home of each leg, since home moves at each arming. An `InputError` says that a ground height that is
-    needed is unknown.
+    above the home of each leg, since home moves at each arming. With the way back: from the target on, too, where the package is
+    released, the vehicle disarms, and arming resumes. An `InputError` says that a ground height that is needed is unknown.
     """
     if not dialect.stays_in_mission_after_landing:
         return _mission_per_leg(composition, dialect, options)
+    delivers, composition = len(composition.services) - 1, composition.there_and_back
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services
     build.check_elevations(services)
@@ -92,9 +94,9 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
     for number, service in enumerate(services):
         ground = build.ground_m(service.origin)
         if number > 0:
-            items += [*dialect.disarm(), build.above(service, ground)]
+            items.append(build.above(service, ground))
         items += build.way(service, ground)
-    items += build.delivery()
+        items += build.delivery() if number == delivers else dialect.disarm()
     export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
     return replace(export, notes=hold_notes(composition, range(len(services))))
 
@@ -102,9 +104,10 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
 def armed_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs in one mission that stays armed on the pads and leaves by the clock.
 
-    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. An `InputError` says
-    that a ground height that is needed is unknown.
+    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. With the way back it stays armed
+    at the target, too, for the time that is planned there. An `InputError` says that a ground height that is needed is unknown.
     """
+    delivers, composition = len(composition.services) - 1, composition.there_and_back
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services
     build.check_elevations(services)
@@ -114,7 +117,11 @@ def armed_mission(composition: Composition, dialect: Family, options: MissionOpt
         if number > 0:
             items += [recharge_hold(composition, number), *dialect.leave_armed_hold(build.above(service, ground))]
         items += build.way(service, ground)
-    items += build.delivery()
+        last = number == len(services) - 1
+        if number == delivers:
+            items += build.release() if not last else build.delivery()
+        elif last:
+            items += dialect.disarm()
     export = _one_document(build, items, ground)
     pads = ", ".join(service.destination for service in services[:-1])
     if not pads:
@@ -138,8 +145,9 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
 
 
 def _mission_per_leg(composition: Composition, dialect: Family, options: MissionOptions | None) -> Export:
-    LegBuilder(composition, dialect, options or MissionOptions()).check_elevations(composition.services)
-    exports = [leg_mission(composition, index, dialect, options) for index in range(len(composition.services))]
+    services = composition.there_and_back.services
+    LegBuilder(composition.there_and_back, dialect, options or MissionOptions()).check_elevations(services)
+    exports = [leg_mission(composition, index, dialect, options) for index in range(len(services))]
     strictest: dict[str, Parameter] = {}
     for parameter in (parameter for export in exports for parameter in export.parameters):
         known = strictest.get(parameter.name)

@@ -234,11 +234,14 @@ class LegBuilder:
         return MissionDocument(self.mission(items, home or self.home(station)))
 
     def delivery(self) -> list[MissionItem]:
-        """What follows the last landing: release and disarm."""
-        if self.options.release == "operator":  # people come near: disarm before, not after
-            return [*self.dialect.disarm()]
-        gripper = MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)
-        return [gripper, *self.dialect.disarm()]
+        """What follows the landing at the target: release and disarm."""
+        return [*self.release(), *self.dialect.disarm()]
+
+    def release(self) -> list[MissionItem]:
+        """Release of the package; nothing where a person does it, after the vehicle has disarmed."""
+        if self.options.release == "operator":
+            return []
+        return [MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)]
 
     def fence(self, services: Sequence[DroneService]) -> Geofence:
         """Return the corridor around these legs and the ways to their divert stations."""
@@ -337,5 +340,5 @@ class LegBuilder:
             if service.ground_speed_mps > self.speed_mps(service) + 0.01
         ]
         if self.options.release == "operator":
-            found.append("the package is released by a person after the last landing: confirm it in skyway")
+            found.append("the package is released by a person after the landing at the target: confirm it in skyway")
         return tuple(found)

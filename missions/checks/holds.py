@@ -80,6 +80,13 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
 
 def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
     hold_s = leg.ground_hold_s
+    if leg.released and flown.pad is None and hold_s != 0.0:
+        if not conditions.stations:
+            message = "goes on from where the package is released: a battery charged there is assumed, and nothing is known of a pad"
+            yield Finding(
+                "warning", flown.item_to, "charge-at-target-assumed", message, "give --scenario, which knows the pads"
+            )
+        return
     if hold_s is None:
         message = "the mission does not say how long it charges here: a full battery is assumed"
         yield Finding("info", flown.item_to, "hold-open", message, "arm only when it is charged")

@@ -45,7 +45,7 @@ def refuse_closed(composition: Composition, flown_by: Family, how: MissionOption
     if zones is None:
         return
     found = []
-    for number, service in enumerate(composition.services):
+    for number, service in enumerate(composition.there_and_back.services):
         document = leg_mission(composition, number, flown_by, how).documents[0]
         report = check_mission(document, dialect=flown_by, zones=zones, depart_s=service.depart.timestamp())
         told = (str(one) for one in report.findings if one.code in AIRSPACE_CODES and one.severity == "error")

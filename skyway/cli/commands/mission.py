@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.builder.from_composition import Export
     from skyway.missions.items.document import MissionDocument
+    from skyway.models.composition.composition import Composition
 
 
 def mission(
@@ -42,6 +43,10 @@ def mission(
     release: Annotated[
         Literal["gripper", "operator"], typer.Option(help="How the package is released at the end.")
     ] = "gripper",
+    undelivered: Annotated[
+        bool,
+        typer.Option("--undelivered", help="The way on with the package still aboard, of a plan --if-undelivered."),
+    ] = False,
     cruise_height: Annotated[
         float | None, typer.Option(help="Cruise height above ground, m. Without it: the plan's.")
     ] = None,
@@ -78,6 +83,8 @@ def mission(
         other = "--whole" if whole else "--armed-hold"
         raise InputError("one leg and all legs exclude each other", field=f"--leg, {other}")
     composition, flown_by = load(plan), family_named(autopilot)
+    if undelivered:
+        composition, release = _with_the_package(composition), "operator"
     how = MissionOptions(
         cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation),
         over=terrain_of(composition, terrain, obstacles),
@@ -89,13 +96,22 @@ def mission(
             composition, flown_by, how, airspace_options.zones_of(region, files, composition.authorized)
         )
     if leg is not None:
-        export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, how)
+        export = leg_mission(composition, _leg_index(leg, len(composition.there_and_back.services)), flown_by, how)
     elif armed_hold:
         export = armed_mission(composition, flown_by, how)
     else:
         export = whole_mission(composition, flown_by, how)
     settings = flown_by.parameter_file(export.parameters, firmware or flown_by.released)
     _write_export(export, settings, output, force=force)
+
+
+def _with_the_package(composition: Composition) -> Composition:
+    """Return the way on of a package that could not be handed over."""
+    kept = None if composition.way_back is None else composition.way_back.undelivered
+    if kept is None:
+        remedy = "plan with --if-undelivered back"
+        raise InputError("the plan has no way on for a package that cannot be handed over", remedy=remedy)
+    return kept
 
 
 def _leg_index(number: int, legs: int) -> int:

@@ -6,12 +6,22 @@ from itertools import pairwise
 
 import pytest
 
-from skyway.missions import MissionOptions, armed_mission, check, family_named, leg_mission, whole_mission
+from skyway.missions import (
+    FlightConditions,
+    MissionOptions,
+    armed_mission,
+    check,
+    family_named,
+    leg_mission,
+    whole_mission,
+)
 from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
-from skyway.models.composition.composition import Place, Stop
+from skyway.models.composition.composition import Place, Stop, WayBack
+from skyway.models.drones.drone import M200_V2
+from skyway.models.network.network import Station
 
 PX4, ARDUPILOT = family_named("px4"), family_named("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", list(FAMILIES.values()), ids=list(FAMILIES))
@@ -228,3 +238,72 @@ def test_a_stop_at_the_origin_is_charged_before_the_first_leg(two_legs, small):
     plan = replace(two_legs, stops=(charging, *two_legs.stops))
     assert whole_mission(plan, PX4).notes[0].startswith("at hill: charge 10 min to 70 %, then arm for leg 1")
     assert [i.param1 for i in only(armed_mission(plan, PX4)).mission.items if i.command == 93] == [1500.0]
+
+
+@pytest.fixture
+def there_and_back(two_legs):
+    """The drone waits 2 minutes at the target, which has no pads, and goes back over the stations it came by."""
+    last = two_legs.services[-1]
+    target = replace(two_legs.stations[last.destination], pads=0)
+    stations = {**two_legs.stations, last.destination: target}
+    off = last.arrive + timedelta(seconds=120)
+    flight = replace(
+        last, origin=last.destination, destination=last.origin, via=tuple(reversed(last.via)), depart=off,
+        arrive=off + (last.arrive - last.depart), soc_depart=last.soc_arrive, soc_arrive=0.3, diverts=(), segments=(),
+    )  # fmt: skip
+    back = replace(
+        two_legs, origin=last.destination, destination=last.origin, services=(flight,), stops=(), payload_kg=0.0,
+        depart=off, stations=stations,
+    )  # fmt: skip
+    way = WayBack("nearest-pad", back.destination, 120.0, back)
+    return replace(two_legs, stations=stations, way_back=way)
+
+
+@BOTH
+def test_from_the_target_the_mission_goes_on_with_the_way_back(there_and_back, autopilot):
+    whole = whole_mission(there_and_back, autopilot)
+    first = whole.documents[0].mission.items[0]
+    if autopilot.stays_in_mission_after_landing:
+        found = names(only(whole))
+        released = found.index("GRIPPER")
+        assert found[released - 1 : released + 3] == ["LAND", "GRIPPER", "COMPONENT_ARM_DISARM", "WAYPOINT"]
+        above, landed = (only(whole).mission.items[released + step] for step in (2, -1))
+        assert (above.x, above.y) == (landed.x, landed.y)  # straight up from the street
+        assert found[-2:] == ["LAND", "COMPONENT_ARM_DISARM"]
+        assert (only(whole).mission.items[-2].x, first.x) != (landed.x, landed.x)
+    else:
+        assert len(whole.documents) == 3
+        assert ["GRIPPER" in names(one) for one in whole.documents] == [False, True, False]
+        assert names(whole.documents[2])[0] == "TAKEOFF"
+    assert any("stay 2 min, then arm for leg 3" in note for note in whole.notes)
+    for document in whole.documents:
+        assert not [one for one in check(document, dialect=autopilot).findings if one.severity == "error"]
+    assert names(only(leg_mission(there_and_back, 2, autopilot)))[-1] == "LAND"
+    with pytest.raises(InputError, match="no such leg"):
+        leg_mission(there_and_back, 3, autopilot)
+
+
+@BOTH
+def test_armed_at_the_target_the_time_there_is_a_delay_and_people_are_warned(there_and_back, autopilot):
+    export = armed_mission(there_and_back, autopilot)
+    found = names(only(export))
+    released = found.index("GRIPPER")
+    assert found[released + 1] == "DELAY"
+    assert only(export).mission.items[released + 1].param1 == 120.0
+    assert there_and_back.destination in export.warnings[0]
+
+
+def test_after_the_release_the_package_weighs_nothing(there_and_back):
+    document = only(whole_mission(there_and_back, PX4))
+    stations = tuple(
+        Station(key, place.name or key, place.lat, place.lon, place.elevation_m, place.pads, 0)
+        for key, place in there_and_back.stations.items()
+    )
+    conditions = FlightConditions(M200_V2, payload_kg=1.2, stations=stations)
+    _, out, back = check(document, conditions=conditions, dialect=PX4).legs
+    assert out.distance_m == pytest.approx(back.distance_m, rel=0.02)
+    assert back.energy_wh < 0.8 * out.energy_wh
+    used = back.energy_wh * 3600.0 / M200_V2.battery_j
+    assert back.soc_end == pytest.approx(out.soc_end - used)  # nothing is charged in the street
+    unknown = check(document, conditions=replace(conditions, stations=()), dialect=PX4)
+    assert "charge-at-target-assumed" in {one.code for one in unknown.findings}
