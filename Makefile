@@ -21,7 +21,8 @@ $(STAMP): pyproject.toml
 
 demo: setup
 	$(BIN)/skyway demo --output out/demo
-	@echo "Plan, replay and watch in a browser: $(BIN)/skyway serve --folder out/demo"
+	@echo "Plan, fly and replay in a browser: $(BIN)/skyway serve --folder out/demo"
+	@echo "Watch a delivery being flown there: $(BIN)/skyway serve --demo --folder out/demo"
 
 # Tests are kept compiled from run to run, also where an image forbids it: compiling them takes 10 s.
 test: export PYTHONDONTWRITEBYTECODE :=

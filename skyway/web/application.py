@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from fastapi import FastAPI
 from nicegui import app as pages
 from nicegui import ui
 
+from skyway.web.live import demonstration
 from skyway.web.server import RECONNECT_S
 from skyway.web.site import Site
 
@@ -28,7 +30,10 @@ def application(options: ServeOptions) -> Any:
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         site.start()
+        demo = asyncio.create_task(demonstration.begin_once(site)) if options.demo else None
         yield
+        if demo is not None:
+            demo.cancel()
         site.stop()
 
     outer = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

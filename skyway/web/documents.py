@@ -1,16 +1,20 @@
-"""Documents that scripts of the page fetch: GET only, nothing is changed by any of them."""
+"""Documents that scripts of the page fetch, and the two that they send: files, and orders to a flight. No GET changes anything."""
 
 from __future__ import annotations
 
+import time
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 from fastapi import Request, Response  # noqa: TC002  FastAPI reads annotations at run time
 from fastapi.responses import JSONResponse
 from starlette.staticfiles import StaticFiles
 
+from skyway.link.supervisor.command.request_file import Request as OrderRequest
 from skyway.models.base.errors import SkywayError
 from skyway.web.folder import LOGS, MISSIONS, safe_name
+from skyway.web.guard import browser
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -20,6 +24,21 @@ if TYPE_CHECKING:
 
 TAKEN = (*MISSIONS, *LOGS, ".json", ".geojson", ".param", ".toml")
 """Endings of files that may be uploaded."""
+
+
+class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a browser orders of a flight. Its id is the browser's own: sent again after a lost answer, it counts once."""
+
+    flight: Annotated[str, msgspec.Meta(max_length=300)]
+    id: Annotated[str, msgspec.Meta(pattern="^[0-9a-zA-Z-]{8,64}$")]
+    word: Annotated[str, msgspec.Meta(min_length=1, max_length=100)]
+    name: Annotated[str, msgspec.Meta(max_length=40)] = ""
+    about: int | None = None
+
+    def request(self, who: str) -> OrderRequest:
+        """Return it as the supervisor reads it."""
+        name = self.name.strip() or f"operator {who[:4]}"
+        return OrderRequest(id=self.id, word=self.word, who=who, name=name, time_s=time.time(), about=self.about)
 
 
 def add(app: FastAPI, site: Site) -> None:
@@ -56,6 +75,32 @@ def add(app: FastAPI, site: Site) -> None:
     @app.get("/api/fleet")
     async def fleet() -> Response:
         return JSONResponse(await site.fleet.digest(), headers={"cache-control": "no-store"})
+
+    @app.get("/api/flight")
+    async def flight(request: Request) -> Response:
+        name, seen = request.query_params.get("name", "")[:300], request.query_params.get("seen", "0")
+        try:
+            told = site.flights.told(
+                name, int(seen) if seen.isdecimal() and len(seen) < 12 else 0, browser(request.headers)
+            )
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 404)
+        return JSONResponse(told, headers={"cache-control": "no-store"})
+
+    @app.post("/api/order")
+    async def order(request: Request) -> Response:
+        who = browser(request.headers)
+        if not who:
+            return JSONResponse({"error": "this browser has no session: open the page first"}, 403)
+        try:
+            asked = msgspec.json.decode(await request.body(), type=Order)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            return JSONResponse({"error": f"is no order: {error}"}, 422)
+        try:
+            site.flights.order(asked.flight, asked.request(who))
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse({"id": asked.id})
 
     @app.post("/api/upload")
     async def upload(request: Request) -> Response:

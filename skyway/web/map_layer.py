@@ -71,5 +71,22 @@ class Player(OnMap, component="static/player.js"):
         self.update()
 
 
-class FleetTable(OnMap, component="static/fleet.js"):
-    """Vehicles that are heard: ``static/fleet.js``."""
+class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "static/flight"}):
+    """Flights under way, one tab each, and vehicles that are heard: ``static/flights.js``.
+
+    Parameters
+    ----------
+    wanted : Preferences
+        Units and times.
+    first : str
+        Name of the flight that is shown at first.
+    """
+
+    def __init__(self, wanted: Preferences, first: str) -> None:
+        super().__init__(wanted)
+        self._props["first"] = first
+
+    def in_zone(self, timezone: str) -> None:
+        """Show local times of a zone."""
+        self._props["zone"] = timezone
+        self.update()

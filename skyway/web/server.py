@@ -35,6 +35,8 @@ class ServeOptions:
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
+    demo: bool = False
+    """A simulated delivery is flown from the start on."""
     outline: Path | None = None
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
@@ -42,6 +44,14 @@ class ServeOptions:
         """Return the same, or raise an `InputError` that says what is not safe or not there."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
+        if self.demo and self.scenario is not None:
+            remedy = "leave one of them out"
+            raise InputError(
+                "the demonstration flies in New York, which is built in",
+                str(self.scenario),
+                field="--demo",
+                remedy=remedy,
+            )
         if not 0 <= self.port <= 65535:
             raise InputError("out of range", field="--port", value=self.port, remedy="1 to 65535; 0 takes a free one")
         if self.token is not None and len(self.token) < MIN_TOKEN:
@@ -78,7 +88,8 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
         timeout_keep_alive=30, timeout_graceful_shutdown=2, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
     )  # fmt: skip
     shown = f"[{options.host}]" if ":" in options.host else options.host
-    say(f"skyway: open http://{shown}:{listening.getsockname()[1]} in a browser; Ctrl-C ends the page, not a flight")
+    address = f"http://{shown}:{listening.getsockname()[1]}{'/fly' if options.demo else ''}"
+    say(f"skyway: open {address} in a browser; Ctrl-C ends the page, not a flight")
     with listening, suppress(KeyboardInterrupt):  # Ctrl-C is how it ends
         uvicorn.Server(config).run(sockets=[listening])
 

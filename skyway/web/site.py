@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.web.fleet import Fleet
 from skyway.web.folder import Folder
+from skyway.web.live.fleet import Fleet
+from skyway.web.live.flights import Flights
 from skyway.web.workers import Workers
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ class Site:
         Processes that work things out, so that the page answers meanwhile.
     fleet : Fleet
         Vehicles that are heard.
+    flights : Flights
+        Deliveries that are flown.
     """
 
     def __init__(self, options: ServeOptions) -> None:
@@ -32,6 +35,7 @@ class Site:
         self.folder = Folder(options.folder)
         self.workers = Workers()
         self.fleet = Fleet(self)
+        self.flights = Flights(self.folder)
 
     @property
     def scenario(self) -> str | None:

@@ -58,7 +58,7 @@ def served(folder: Path, *options: str) -> Served:
     ]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     line = process.stderr.readline()
-    found = re.search(r":(\d+) in a browser", line)
+    found = re.search(r":(\d+)\S* in a browser", line)
     if not found:
         process.kill()
         raise AssertionError(line + process.stderr.read())

@@ -13,9 +13,10 @@ from skyway.cli.main import main
 from skyway.missions import Frame, Mission, MissionDocument, MissionItem, read, write
 from skyway.missions.items.commands import Command
 from skyway.models.base.errors import InputError
-from skyway.web.fleet import Fleet
 from skyway.web.folder import Folder
-from skyway.web.runs import Run
+from skyway.web.live.fleet import Fleet
+from skyway.web.live.flights import Flights
+from skyway.web.live.runs import Run
 from skyway.web.work.history import energy_per_km, told
 from skyway.web.work.missions import converted, shown
 
@@ -68,7 +69,7 @@ def test_a_conversion_says_what_is_not_kept(mission):
 
 
 def test_the_digest_holds_every_vehicle_once_whatever_a_watch_prints(tmp_path):
-    fleet = Fleet(SimpleNamespace(folder=Folder(tmp_path), workers=None))
+    fleet = Fleet(SimpleNamespace(folder=Folder(tmp_path), workers=None, flights=Flights(Folder(tmp_path))))
     row = {"lat": 1.0, "lon": 2.0, "mode": "<script>1</script>", "silent_s": 0.0}
     for line in ("", "{", "[]", "null", "7", '{"system": "x"}', '{"vehicles": 3}', "wrote file"):
         fleet.heard("a", line)

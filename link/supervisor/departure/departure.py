@@ -201,6 +201,7 @@ def ready(ctx: Context) -> After:
             f"{sets}take off from {leg.origin} to {leg.destination}? {duration(leg.planned_s)}, landing with about "
             f"{percent(leg.planned_soc)} of charge; yes or no?"
         )
+        before = max(ctx.battery.soc, ctx.delivery.charge_to or 0.0)
         answer = ctx.conversation.answer(ctx, question, ("yes", "y", "no", "n"))
         ctx.note(OperatorNote(), f"the operator answered {answer} to: {question}")
         if answer.startswith("n"):
@@ -209,7 +210,7 @@ def ready(ctx: Context) -> After:
                 f"the operator said no to the take-off to {leg.destination}; the drone stays at {leg.origin}, disarmed",
             )
         ctx.conversation.allow()
-        if ctx.battery.soc < (ctx.delivery.charge_to or 0.0) - 0.03:
+        if ctx.battery.soc < before - 0.03:
             return State.REPLANNING, "the charge has fallen while the answer was waited for: decide again"
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"

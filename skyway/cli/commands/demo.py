@@ -78,22 +78,28 @@ def serve(
             help="Work folder: plans, missions, journals and logs are read and written there, and nowhere else."
         ),
     ] = Path(),
+    show_demo: Annotated[
+        bool, typer.Option("--demo", help="Fly a simulated delivery, ten times faster than life, and show it.")
+    ] = False,
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")
     ] = None,
 ) -> None:
-    """Serve the operator's page: plan, check, replay and watch in a browser.
+    """Serve the operator's page: plan, check, fly, replay and watch in a browser.
 
     Examples
     --------
       skyway serve
+      skyway serve --demo --folder out/demo
       skyway serve my-scenario --port 8081 --outline coast.geojson
       SKYWAY_TOKEN=$(openssl rand -hex 16) skyway serve --host 0.0.0.0
     """
     from skyway.web.server import ServeOptions
     from skyway.web.server import serve as run
 
-    given = ServeOptions(scenario=scenario, host=host, port=port, token=token, folder=folder, outline=outline)
+    given = ServeOptions(
+        scenario=scenario, host=host, port=port, token=token, folder=folder, outline=outline, demo=show_demo
+    )
     run(given, lambda words: typer.echo(words, err=True))
 
 

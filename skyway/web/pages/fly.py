@@ -1,24 +1,28 @@
-"""The fly page, as far as it watches: vehicles heard on any connection, and deliveries under way.
+"""The fly page: departures, flights under way, and vehicles that are heard.
 
-It commands nothing. A delivery is flown by a supervisor in a process of its own (``skyway fly``), whose journal in the work folder this page reads.
+Each delivery is flown by a supervisor in a process of its own (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
 """
 
 from __future__ import annotations
 
-import shlex
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nicegui import Client, ui
 
 from skyway.models.base.errors import SkywayError
 from skyway.web import shell
 from skyway.web.controls import Button, Field, say, text
-from skyway.web.map_layer import FleetTable, MapLayer
+from skyway.web.live import demonstration
+from skyway.web.map_layer import FlightPanel, MapLayer
+from skyway.web.pages.departure import DepartureForm
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
+
+ACTIONS = [{"action": "divert", "words": "Land here instead", "station": True, "listed": "refuges"}]
+"""What can be ordered at a station of the map."""
 
 
 def add(site: Site) -> None:
@@ -27,57 +31,112 @@ def add(site: Site) -> None:
     @ui.page("/fly", title="skyway: fly")
     async def fly(client: Client) -> None:
         with shell.page(site, client, "/fly") as wanted:
-            FlyPage(site, wanted)
+            FlyPage(site, client, wanted)
 
 
 class FlyPage:
     """One open page."""
 
-    def __init__(self, site: Site, wanted: Preferences) -> None:
+    def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site = site
         self.connection = ""
         with ui.element("div").classes("work"):
             with (
-                ui.element("section").classes("panel form").props('aria-label="Connections"'),
+                ui.element("section").classes("panel form").props('aria-label="Departure and connections"'),
                 ui.element("div").classes("rows wide"),
             ):
-                Field("Connection", self._typed, hint="udpin:127.0.0.1:14550, tcp:127.0.0.1:5760, /dev/ttyUSB0,57600")
-                with ui.element("div").classes("line"):
-                    Button("Watch", self.watch, "main")
-                self.status = text("p", "", "status", role="status")
-                self.watched = ui.element("div").classes("chips")
+                with ui.element("div").classes("rows"):
+                    self.form = DepartureForm(site, self._begun, self._show_plan)
+                with ui.element("div").classes("rows"):
+                    self._watching()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
-                self.map = MapLayer("Map of all vehicles. Arrow keys move it, plus and minus zoom, 0 shows everything.")
-            with ui.element("section").classes("panel answer").props('aria-label="Vehicles"'):
-                FleetTable(wanted)
-                with ui.element("div").classes("command"):
-                    self.command = text("code", "skyway watch --connect CONNECTION", id="fly-command")
-                    text("button", "Copy", "plain", type="button", data_copy="fly-command")
+                self.map = MapLayer(
+                    "Map of all flights and vehicles. Arrow keys move it, plus and minus zoom, 0 shows everything.",
+                    on_choose=self._chosen, on_vehicle=self._vehicle,
+                )  # fmt: skip
+            with ui.element("section").classes("panel answer").props('aria-label="Flights"'):
+                self.panel = FlightPanel(wanted, client.request.query_params.get("flight", "")[:300])
+                self.panel.on("resume", self._resume)
         self._list()
         ui.timer(0.01, self._begin, once=True)
 
-    def _begin(self) -> None:
+    def _watching(self) -> None:
+        text("h2", "Watch")
+        Field("Connection", self._typed, hint="udpin:127.0.0.1:14550, tcp:127.0.0.1:5760")
+        with ui.element("div").classes("line"):
+            Button("Watch", self.watch)
+        self.status = text("p", "", "status", role="status")
+        self.watched = ui.element("div").classes("chips")
+        text("h2", "Demonstration")
+        text("p", "A delivery across a simulated New York, ten times faster than life. No drone is needed.", "faint")
+        with ui.element("div").classes("line"):
+            Button("Fly the demonstration", self.demonstrate)
+
+    async def _begin(self) -> None:
         for name in ("region", "outline"):
             self.map.load(name, f"/api/{name}")
+        try:
+            region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
+        except SkywayError:
+            region = {"timezone": "UTC"}
+        self.panel.in_zone(region["timezone"])
+        self.map.put(actions=ACTIONS, refuges=[])
+        await self.form.read()
+
+    # Flights
+
+    def _begun(self, name: str) -> None:
+        self.panel.run_method("open", name, True)  # noqa: FBT003  takes command
+
+    def _show_plan(self, path: list[list[float]]) -> None:
+        self.map.put(proposed=path)
+
+    def _chosen(self, chosen: dict[str, Any]) -> None:
+        if chosen.get("action") == "divert" and chosen.get("station"):
+            self.panel.run_method("prepare", f"divert {chosen['station']}")
+
+    def _vehicle(self, chosen: dict[str, Any]) -> None:
+        self.panel.run_method("choose", str(chosen.get("id", "")))
+
+    def _resume(self, event: Any) -> None:
+        try:
+            self.site.flights.resume(str(event.args)[:300])
+        except SkywayError as error:
+            self._tell(str(error))
+
+    async def demonstrate(self) -> None:
+        """Fly the demonstration, from the click on."""
+        self._tell("planning the demonstration: a few seconds")
+        try:
+            name = await demonstration.begin(self.site)
+        except SkywayError as error:
+            self._tell(str(error))
+            return
+        self._tell("")
+        self._begun(name)
+
+    # Watches
 
     def _typed(self, value: object) -> None:
         self.connection = str(value).strip()
-        say(self.command, shlex.join(["skyway", "watch", "--connect", self.connection or "CONNECTION"]))
 
     def watch(self) -> None:
         """Listen on the connection that was typed."""
         try:
             self.site.fleet.watch(self.connection)
         except SkywayError as error:
-            say(self.status, str(error))
+            self._tell(str(error))
             return
-        say(self.status, "")
+        self._tell("")
         self._list()
 
     def stop(self, connection: str) -> None:
         """Stop to listen on a connection."""
         self.site.fleet.stop(connection)
         self._list()
+
+    def _tell(self, words: str) -> None:
+        say(self.status, words)
 
     def _list(self) -> None:
         self.watched.clear()

@@ -15,8 +15,8 @@ from skyway.report.svg import safe
 from skyway.web import drawn, shell
 from skyway.web.controls import Button, Drop, Field, say, text
 from skyway.web.folder import MISSIONS
+from skyway.web.live.runs import Run
 from skyway.web.map_layer import MapLayer
-from skyway.web.runs import Run
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

@@ -94,6 +94,9 @@ class PlanPage:
                     Field("wind", lambda on: self.map.put(layers={"wind": on}), kind="check", value=True)
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
                 self.status = text("p", "", "status", role="status")
+                self.first = ui.element("p")
+                with self.first:
+                    text("a", "Or watch a delivery being flown: the demonstration", href="/fly")
                 with ui.element("div") as self.shown:
                     self.figures = ui.html("")
                     self.pictures = ui.html("")
@@ -193,6 +196,7 @@ class PlanPage:
             self.undo_button.enable(bool(self.before))
             self.redo_button.enable(bool(self.undone))
             self.weather = asyncio.create_task(self._weather())
+            self.first.style(f"display: {'none' if self.question.complete else 'block'}")
             if not self.question.complete:
                 self.answer = self.more = None
                 self._draw()

@@ -22,10 +22,12 @@ export function draw(context, view, state, colours, map) {
   if (state.wind && state.layers.wind !== false) wind(c, view, state, colours);
   state.plans.forEach((plan, number) => number !== state.chosen && route(c, view, plan, colours.other, 2, [5, 4]));
   if (state.plans[state.chosen]) chosen(c, view, state.plans[state.chosen], colours);
+  if (state.proposed?.length) path(c, view, state.proposed, colours.route, 3, [2, 6]);
   for (const track of state.tracks) path(c, view, track.points, colours[track.colour] || colours.vehicle, track.width || 2, track.dash || []);
   const taken = [];
   if (region) stations(c, view, state, colours, map, taken);
   marks(c, view, state.marks || [], colours);
+  reach(c, view, state, colours, taken);
   vehicles(c, view, state.vehicles, colours, taken);
   ends(c, view, state, colours);
   if (map.dragged?.x !== undefined) ghost(c, view, state, map.dragged, colours);
@@ -342,6 +344,32 @@ function marks(c, view, found, colours) {
     c.fillText(words, x, y + 4);
   }
   c.textAlign = "start";
+}
+
+// Stations where a drone could land instead: how long that takes, and with which charge; a dashed ring where that is below the reserve.
+function reach(c, view, state, colours, taken) {
+  if (!state.reach?.length || !region_(state)) return;
+  const places = region_(state);
+  for (const { station, minutes, soc, risk } of state.reach) {
+    const place = places.get(station);
+    if (!place) continue;
+    const [x, y] = view.toScreen(place.lat, place.lon);
+    c.beginPath();
+    c.arc(x, y, 12, 0, 2 * Math.PI);
+    c.setLineDash(risk > 0.01 ? [3, 3] : []);
+    c.strokeStyle = risk > 0.01 ? colours.warn : colours.start;
+    c.lineWidth = 2.5;
+    c.stroke();
+    c.setLineDash([]);
+    c.font = "600 12px system-ui, sans-serif";
+    label(c, view, `${minutes} min, ${Math.round(100 * soc)} %`, x + 15, y + 18, colours, taken, true);
+  }
+}
+
+function region_(state) {
+  if (!state.region) return null;
+  state.region.byId ||= new Map(state.region.stations.map((one) => [one.id, one]));
+  return state.region.byId;
 }
 
 function ghost(c, view, state, dragged, colours) {

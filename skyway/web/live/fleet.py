@@ -1,6 +1,6 @@
 """Vehicles that are heard: one watch for each connection, in a process of its own, and one digest of all of them.
 
-The page commands nothing here. A supervised flight is a process of its own, too: the page reads its journal in the work folder.
+Nothing is commanded here. Supervised flights are processes of their own, too: see `skyway.web.live.flights`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError, SkywayError
-from skyway.web.runs import Run
+from skyway.web.live.runs import Run
 
 if TYPE_CHECKING:
     from skyway.web.site import Site
@@ -88,7 +88,12 @@ class Fleet:
             }
             for connection, run in self.runs.items()
         ]
-        return {"vehicles": vehicles, "watches": watches, "deliveries": await self._under_way(now_s)}
+        return {
+            "vehicles": vehicles,
+            "watches": watches,
+            "deliveries": await self._under_way(now_s),
+            "flights": self.site.flights.digest(),
+        }
 
     async def _under_way(self, now_s: float) -> list[dict[str, Any]]:
         """Deliveries whose journal is being written; looked at once a second, however many browsers ask."""
@@ -100,7 +105,7 @@ class Fleet:
         fresh = [
             (one.name, one.modified_s, one.size)
             for one in self.site.folder.files(".jsonl")
-            if wall_s - one.modified_s < FRESH_S
+            if wall_s - one.modified_s < FRESH_S and one.name.removesuffix(".jsonl") not in self.site.flights.known()
         ]
         if fresh:
             try:

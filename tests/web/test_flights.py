@@ -1,0 +1,195 @@
+"""Flights in processes of their own, as the page finds, tells and orders them; no browser and no flight is needed."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+
+import msgspec
+import pytest
+
+from skyway.flights.live import Live, read_live
+from skyway.flights.starting import FlightOptions, channel, resumed
+from skyway.link.supervisor.command.request_file import RequestFile
+from skyway.models.base.errors import InputError
+from skyway.web.folder import Folder
+from skyway.web.guard import BROWSER, browser
+from skyway.web.live.flights import Flights
+from skyway.web.live.journal_tail import JournalTail
+from tests.web.conftest import ROOT
+
+NAME = "2026-01-01-a-b"
+
+
+def written(folder, **more):
+    live = Live(
+        pid=os.getpid(), words=["fly", "a"], journal=f"{NAME}.jsonl", wall_s=time.time(), state="flying", **more
+    )
+    (folder / f"{NAME}.live").write_bytes(msgspec.json.encode(live))
+    return live
+
+
+def record(number, event, state="flying", **data):
+    return json.dumps(
+        {
+            "n": number,
+            "time": f"2026-01-01T00:00:{number:02d}Z",
+            "state": state,
+            "event": event,
+            "reason": f"r{number}",
+            "data": data,
+        }
+    )
+
+
+def test_flights_are_found_by_their_files_whoever_started_them(tmp_path):
+    flights = Flights(Folder(tmp_path))
+    assert flights.digest() == []
+    written(tmp_path, vehicle={"lat": 1.0, "lon": 2.0}, origin="a", destination="b")
+    (tmp_path / "other.live").write_text("nonsense")
+    (tmp_path / "link.live").symlink_to(tmp_path / f"{NAME}.live")
+    again = Flights(Folder(tmp_path))
+    (row,) = again.digest()
+    assert (row["name"], row["state"], row["silent"], row["ended"]) == (NAME, "flying", False, False)
+    told = again.told(NAME, 0, "me")
+    assert told["runs"]
+    assert not told["mine"]
+    assert told["live"]["words"] == []
+    with pytest.raises(InputError, match="no such flight"):
+        again.told("../secret", 0, "me")
+
+
+def test_a_journal_is_followed_line_by_line_also_while_a_line_is_half_written(tmp_path):
+    path = tmp_path / f"{NAME}.jsonl"
+    tail = JournalTail(path)
+    tail.read()
+    lines = [
+        record(1, "decision", action="divert"), record(2, "track", lat=1.0, lon=2.0, soc=0.5), "nonsense",
+        record(3, "text", text="<b>x</b>", severity="error"), record(4, "order", word="pause", done="taken", id="q"), record(5, "check"),
+    ]  # fmt: skip
+    text = "\n".join(lines) + "\n"
+    for cut in range(0, len(text), 37):
+        path.write_text(text[:cut])
+        tail.read()
+    path.write_text(text)
+    tail.read()
+    told = tail.since(0)
+    assert [row["n"] for row in told["rows"]] == [1, 3, 4]
+    assert told["rows"][1]["text"] == "<b>x</b>"
+    assert (told["last"], tail.course()[0]) == (5, [1.0, 2.0])
+    assert [row["n"] for row in tail.since(3)["rows"]] == [4]
+    path.write_text(record(1, "state") + "\n")  # another one in its place
+    tail.read()
+    assert [row["n"] for row in tail.since(0)["rows"]] == [1]
+
+
+def test_an_order_reaches_the_flight_with_who_gave_it_and_only_from_a_browser_that_has_opened_the_page(page):
+    written(page.folder)
+    heard = RequestFile(page.folder / f"{NAME}.orders", lambda _: None)
+    order = {"flight": NAME, "id": "0123456789", "word": "pause", "name": "Anna"}
+    own = {"Origin": page.address, "Cookie": f"{BROWSER}={'x' * 32}"}
+
+    def sent(body, **headers):
+        return page.ask(
+            "/api/order", "POST", body if isinstance(body, bytes) else json.dumps(body).encode(), **headers
+        )[0]
+
+    time.sleep(0.5)
+    assert sent(order, **own) == 200
+    said = heard.heard()
+    assert (said.word, said.name, said.id, said.who) == (
+        "pause",
+        "Anna",
+        "0123456789",
+        browser({"cookie": own["Cookie"]}),
+    )
+    for status, body, headers in [
+        (403, order, {"Origin": page.address}),
+        (403, order, {"Cookie": own["Cookie"]}),
+        (403, order, {"Cookie": own["Cookie"], "Origin": "http://evil.example"}),
+        (422, b"{", own), (422, {**order, "id": "../x"}, own), (422, {**order, "word": "x" * 101}, own), (422, {**order, "who": "b"}, own),
+        (422, [order], own), (409, {**order, "flight": "../../etc/passwd"}, own), (409, {**order, "flight": "nobody"}, own),
+    ]:  # fmt: skip
+        assert sent(body, **headers) == status, (body, headers)
+    assert page.ask("/api/order", Cookie=own["Cookie"])[0] in {404, 405}
+    assert heard.heard() is None
+    assert page.ask("/api/flight?name=../x&seen=-1")[0] == 404
+    assert json.loads(page.ask(f"/api/flight?name={NAME}&seen=99999999999999999999")[2])["name"] == NAME
+    for ending in ("live", "orders"):
+        (page.folder / f"{NAME}.{ending}").unlink()
+
+
+def test_each_browser_gets_a_session_of_its_own(page):
+    cookies = [page.ask("/fly", Accept="text/html")[1]["set-cookie"] for _ in range(2)]
+    assert cookies[0] != cookies[1]
+    for cookie in cookies:
+        assert cookie.startswith(f"{BROWSER}=")
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+    assert "set-cookie" not in page.ask("/fly", Accept="text/html", Cookie=cookies[0].split(";")[0])[1]
+    assert browser({"cookie": "x=1"}) == browser({"cookie": f"{BROWSER}=short"}) == ""
+
+
+def test_the_command_of_a_flight_is_that_of_a_person_and_is_continued_only_if_it_was_begun_here(tmp_path):
+    options = FlightOptions(
+        plan="p.json",
+        connect="tcp:127.0.0.1:5760",
+        pads="manual",
+        drag="d.toml",
+        each=True,
+        keep=True,
+        release="operator",
+    )
+    assert options.words() == [
+        "fly", "p.json", "--connect", "tcp:127.0.0.1:5760", "--pads", "manual", "--drag", "d.toml", "--release", "operator", "--manual",
+        "--keep-parameters",
+    ]  # fmt: skip
+    for wrong in ({"plan": ""}, {"connect": ""}, {"connect": "--yes"}, {"drag": "-x"}):
+        with pytest.raises(InputError):
+            FlightOptions(**({"plan": "p.json", "connect": "tcp:x:1"} | wrong)).words()
+    journal = tmp_path / "j.jsonl"
+    words = [*options.words(), *channel(journal)]
+    assert "--resume" in resumed(words, journal)
+    assert "--journal" not in resumed(words, journal)
+    assert resumed(resumed(words, journal), journal) == resumed(words, journal)
+    for other in (["sim"], [], ["fly", "x"], ["plan", "--journal", str(journal)]):
+        with pytest.raises(InputError, match="not begun here"):
+            resumed(other, journal)
+
+
+@pytest.mark.slow
+def test_a_flight_that_cannot_begin_tells_why_where_the_page_looks(skyway_fly, tmp_path):
+    answer = skyway_fly("fly", "plan.json", "--connect", "udpin:127.0.0.1:0", "--orders", "f.txt")
+    assert answer == 2
+    answer = skyway_fly("fly", "plan.json", "--connect", "tcp:127.0.0.1:1", "--orders", str(tmp_path / "f.orders"))
+    assert answer != 0
+    live = read_live(tmp_path / "f.live")
+    assert live.ended
+    assert live.problem
+    assert (tmp_path / "f.orders").exists()
+
+
+@pytest.fixture
+def skyway_fly(tmp_path, monkeypatch):
+    from skyway.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+    plan = [
+        "plan",
+        "--from",
+        "bellevue",
+        "--to",
+        "city-hall",
+        "--payload",
+        "0.8",
+        "--planner",
+        "shortest",
+        "--wind",
+        "2@250",
+        "-o",
+        "plan.json",
+    ]
+    assert main(plan) == 0
+    assert ROOT.is_dir()
+    return lambda *words: main(list(words))
