@@ -152,9 +152,9 @@ def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, flo
     return found
 
 
-def journal_name(composition: Composition, now: datetime) -> str:
-    """Return a name for the journal of a delivery."""
-    return f"{now:%Y-%m-%d-%H%M%S}-{composition.origin}-{composition.destination}.jsonl"
+def journal_name(origin: str, destination: str, now: datetime) -> str:
+    """Return a name for the journal of a delivery between two stations."""
+    return f"{now:%Y-%m-%d-%H%M%S}-{origin}-{destination}.jsonl"
 
 
 class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):

@@ -222,7 +222,9 @@ def _flown(
             raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
         if job.drag is None:
             operator.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
-        path = path or _journal_path(link.record, journal_name(job.composition, now))
+        path = path or _journal_path(
+            link.record, journal_name(job.composition.origin, job.composition.destination, now)
+        )
         book = Journal(path, clock.posix_s, resume=resumes)
         book.listeners += [view.take] if live is None else [view.take, live.take]
         operator.tell(f"journal: {path}")

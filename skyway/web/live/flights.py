@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.flights import starting
 from skyway.flights.live import LIVE, Live, read_live
+from skyway.flying import journal_name
 from skyway.link.supervisor.command.request_file import Request, request
 from skyway.models.base.errors import InputError, SkywayError
 from skyway.models.base.json_text import plain
@@ -131,7 +132,7 @@ class Flights:
     def begin(self, options: starting.FlightOptions, origin: str, destination: str) -> str:
         """Start a flight; returns its name. It asks before it takes off."""
         words = options.words()
-        wanted = f"{datetime.now(UTC):%Y-%m-%d-%H%M%S}-{origin}-{destination}.jsonl"
+        wanted = journal_name(origin, destination, datetime.now(UTC))
         journal = self.folder.path(self.folder.free_name(wanted))
         self._start([*words, *starting.channel(journal)], journal)
         return journal.stem
