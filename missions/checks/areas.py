@@ -62,6 +62,22 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
     yield from _check_rally(document, route, allowed, forbidden)
 
 
+def leaves_fence(ends: NDArray[np.float64], fence: Geofence, *, every: bool) -> NDArray[np.bool_]:
+    """Whether straight ways leave a fence, whose ends are (lon, lat), shape (ways, 2, 2); result of shape (ways,).
+
+    `every`: several inclusion areas mean all of them at once, otherwise any of them.
+    """
+    import shapely
+
+    inside = [_shape(area) for area in fence.areas if area.inclusion]
+    outside = [_shape(area) for area in fence.areas if not area.inclusion]
+    allowed = None
+    if inside:
+        allowed = shapely.intersection_all(inside) if every else shapely.union_all(inside)
+    forbidden = shapely.union_all(outside) if outside else None
+    return _outside(_lines(ends), allowed) | _crossing(_lines(ends), forbidden)
+
+
 def _broken_areas(fence: Geofence) -> Iterator[Finding]:
     for number, area in enumerate(fence.areas):
         if not isinstance(area, FencePolygon):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.missions.checks.hops import SAME_PLACE_M, Hops, hop_times
 from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
@@ -19,7 +20,6 @@ from skyway.models.base import geodesy
 from skyway.models.base.json_text import HIDDEN
 from skyway.models.base.units import J_PER_WH
 from skyway.models.flight.energy import FlightPower
-from skyway.models.wind.triangle import along_across, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -112,7 +112,7 @@ class LegEnergy:
 
 
 @dataclass(frozen=True, slots=True)
-class _Flown:
+class Flown:
     """Arrays over members: time and energy of one leg, and whether the wind lets it fly."""
 
     distance_m: float
@@ -144,7 +144,7 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
     legs: list[LegEnergy] = []
     for leg in route.legs:
         payload_kg = 0.0 if released else conditions.payload_kg
-        flown = _fly(mission, leg, conditions, payload_kg, clock_s, height_m)
+        flown = fly_leg(mission, leg, conditions, payload_kg, clock_s, height_m)
         spent_j = spent_j + _or_typical(flown.energy_j, flown.flyable, weight)
         pad = _pad_at(leg, near)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
@@ -175,7 +175,7 @@ def _pad_at(leg: RouteLeg, near: NearStations) -> Station | None:
 
 def _leg_energy(
     leg: RouteLeg,
-    flown: _Flown,
+    flown: Flown,
     conditions: FlightConditions,
     soc: float,
     spent_j: NDArray[np.float64],
@@ -214,49 +214,33 @@ def _p_within(energy_j: NDArray[np.float64], budget_j: float, belief: EnergyBeli
     return belief.p_at_most(ratio)
 
 
-def _fly(
+def fly_leg(
     mission: Mission,
     leg: RouteLeg,
     conditions: FlightConditions,
     payload_kg: float,
     clock_s: NDArray[np.float64],
     height_m: float,
-) -> _Flown:
+) -> Flown:
     """Fly one leg in every wind; the slots of a forecast depend on times, so it is done twice."""
     members = len(conditions.weather.probability)
     start = leg.start
     if not leg.steps or start is None:
         none = np.zeros(members)
-        return _Flown(0.0, none, none, np.ones(members, dtype=bool), math.inf, leg.item_to)
-    places = [start, *(step.point for step in leg.steps)]
-    lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
-    length, bearing = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
-    mid_lat, mid_lon = geodesy.midpoint(lat[:-1], lon[:-1], bearing, length)
-    commanded = np.array([max(step.speed_mps, 0.1) for step in leg.steps])
-    hold = np.array([step.hold_s for step in leg.steps])
-    climb_s, descent_s, apart, flown_m = _vertical_times(mission, leg, conditions, height_m)
-    above_ground_m = flown_m - _ground_m(leg, length, height_m)
-    angle = np.radians(bearing)
-    drone = conditions.drone
-    elapsed = np.broadcast_to(clock_s[:, None], (members, len(length)))
+        return Flown(0.0, none, none, np.ones(members, dtype=bool), math.inf, leg.item_to)
+    hops = hops_of_leg(mission, leg, conditions, height_m)
+    elapsed = np.broadcast_to(clock_s[:, None], (members, len(hops.length_m)))
     for _ in range(2):
-        north, east = conditions.weather.at(mid_lat, mid_lon, elapsed, above_ground_m)
-        along, across = along_across(north, east, np.cos(angle), np.sin(angle))
-        possible = ground_speed(drone.max_airspeed_mps, along, across, drone.wind_limit_mps)
-        speed = np.minimum(possible, commanded)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level_s = np.where(length > 0.5, length / speed, 0.0)
-        vertical_s = climb_s + descent_s
-        step_s = np.where(apart, level_s + vertical_s, np.maximum(level_s, vertical_s)) + hold
+        step_s, possible, needed = hop_times(hops, conditions, elapsed)
         elapsed = clock_s[:, None] + np.cumsum(np.insert(step_s[:, :-1], 0, 0.0, axis=1), axis=1)
-    needed = np.hypot(commanded - along, across)
-    flyable = np.all((possible > 0.0) | (length <= 0.5), axis=1)
-    margins = np.where(length > 0.5, drone.max_airspeed_mps - needed, math.inf)
+    length, climb_s, descent_s = hops.length_m, hops.climb_s, hops.descent_s
+    flyable = np.all((possible > 0.0) | (length <= SAME_PLACE_M), axis=1)
+    margins = np.where(length > SAME_PLACE_M, conditions.drone.max_airspeed_mps - needed, math.inf)
     margin = (margins[flyable] if flyable.any() else margins).min(axis=0)
     worst = int(np.argmin(margin))
-    power = FlightPower.of(drone, payload_kg)
-    cruise_s = (step_s - vertical_s).sum(axis=1)
-    return _Flown(
+    power = FlightPower.of(conditions.drone, payload_kg)
+    cruise_s = (step_s - climb_s - descent_s).sum(axis=1)
+    return Flown(
         float(length.sum()),
         step_s.sum(axis=1),
         np.asarray(power.energy_j(float(climb_s.sum()), cruise_s, float(descent_s.sum()))),
@@ -264,6 +248,19 @@ def _fly(
         float(margin[worst]),
         leg.steps[worst].item,
     )
+
+
+def hops_of_leg(mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float) -> Hops:
+    """Return the hops of one leg that begins at a height above home: one to each of its steps."""
+    places = [leg.start or leg.steps[0].point, *(step.point for step in leg.steps)]
+    lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
+    length, bearing = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
+    mid_lat, mid_lon = geodesy.midpoint(lat[:-1], lon[:-1], bearing, length)
+    commanded = np.array([max(step.speed_mps, 0.1) for step in leg.steps])
+    hold = np.array([step.hold_s for step in leg.steps])
+    climb_s, descent_s, apart, flown_m = _vertical_times(mission, leg, conditions, height_m)
+    above_ground_m = flown_m - _ground_m(leg, length, height_m)
+    return Hops(mid_lat, mid_lon, length, bearing, commanded, hold, climb_s, descent_s, apart, above_ground_m)
 
 
 def _vertical_times(

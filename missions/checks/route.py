@@ -7,7 +7,7 @@ too. The number of steps is bounded, whatever a file says.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES
@@ -37,6 +37,8 @@ class Step:
     """Commanded ground speed on the way there."""
     hold_s: float = 0.0
     """Time spent in the air on arrival; infinite for a loiter without end."""
+    taken: int = 0
+    """Place of the item in `Route.order`."""
 
 
 @dataclass(slots=True)
@@ -75,6 +77,8 @@ class Route:
     """Items that jump back forever."""
     is_cut: bool
     """True where jumps repeat so often that the rest was left out."""
+    order: tuple[int, ...] = ()
+    """Numbers of the items in the order in which they are taken, jumps left out: the mission unrolled."""
 
     @property
     def ends_in_endless_jump(self) -> bool:
@@ -87,19 +91,20 @@ class Route:
         return [step for leg in self.legs for step in leg.steps]
 
 
-def fly(mission: Mission, *, autopilot: Family | None = None) -> Route:
-    """Follow a mission from its first item to its end.
+def fly(mission: Mission, *, autopilot: Family | None = None, laps: int = 1) -> Route:
+    """Follow a mission from its first item to its end; endless jumps are followed so many times.
 
     Who flies it counts: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
     """
-    return _Walk(mission, autopilot).run()
+    return _Walk(mission, autopilot, laps).run()
 
 
 class _Walk:
     """One pass through a mission."""
 
-    def __init__(self, mission: Mission, autopilot: Family | None) -> None:
+    def __init__(self, mission: Mission, autopilot: Family | None, laps: int) -> None:
         self.mission = mission
+        self.laps = laps
         self.zero_means_as_it_is = autopilot is not None and autopilot.zero_means_as_it_is
         self.home = mission.home
         self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or DEFAULT_SPEED_MPS
@@ -107,6 +112,7 @@ class _Walk:
         self.height_m = 0.0
         self.legs: list[RouteLeg] = []
         self.leg: RouteLeg | None = None
+        self.order: list[int] = []
         self.repeats: dict[int, int] = {}
         self.endless: dict[int, None] = {}
         self.tags = {
@@ -124,16 +130,17 @@ class _Walk:
             item = items[number]
             target = self._jump(number, item)
             if target is None:
+                self.order.append(number)
                 if self._act(number, item):
                     break
                 target = number + 1
             number = target
         if self.leg is not None:
             self.legs.append(self.leg)
-        return Route(tuple(self.legs), tuple(self.endless), count >= most)
+        return Route(tuple(self.legs), tuple(self.endless), count >= most, tuple(self.order))
 
     def _jump(self, number: int, item: MissionItem) -> int | None:
-        """Return where a jump leads, None where the mission goes straight on; an endless one is taken once."""
+        """Return where a jump leads, None where the mission goes straight on; an endless one is taken `laps` times."""
         if item.command == Command.DO_JUMP:
             target = item.jump_target
         elif item.command == Command.DO_JUMP_TAG and math.isfinite(item.param1):
@@ -144,7 +151,7 @@ class _Walk:
             return None
         done = self.repeats.get(number, 0)
         if item.param2 < 0:
-            if done:
+            if done >= self.laps:
                 self.endless[number] = None
                 return None
         elif done >= item.param2:
@@ -191,14 +198,15 @@ class _Walk:
                 self.legs[-1].ground_hold_s += seconds
         elif self.leg.steps:
             last = self.leg.steps[-1]
-            self.leg.steps[-1] = Step(last.item, last.point, last.height_m, last.speed_mps, last.hold_s + seconds)
+            self.leg.steps[-1] = replace(last, hold_s=last.hold_s + seconds)
 
     def _return(self, number: int) -> None:
         leg = self._open(number)
         leg.item_to = number
         leg.landing = "return"
         if self.home is not None:
-            leg.steps.append(Step(number, self.home.point, self.height_m, self.speed_mps))
+            step = Step(number, self.home.point, self.height_m, self.speed_mps, taken=len(self.order) - 1)
+            leg.steps.append(step)
         self._close(leg)
 
     def _go(self, number: int, item: MissionItem) -> None:
@@ -212,7 +220,8 @@ class _Walk:
         if leg.start is None:
             leg.start = point
         self.height_m = self._height(item)
-        leg.steps.append(Step(number, point, self.height_m, self.speed_mps, self._hold_s(item)))
+        hold_s = self._hold_s(item)
+        leg.steps.append(Step(number, point, self.height_m, self.speed_mps, hold_s, len(self.order) - 1))
         self.at = point
         if item.command in LAND_COMMANDS:
             leg.landing = "land"

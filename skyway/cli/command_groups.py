@@ -24,7 +24,13 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "scenario": "scenario",
         "terrain": "terrain",
     },
-    "Missions": {"mission": "mission", "check": "check", "convert": "mission", "show": "mission"},
+    "Missions": {
+        "mission": "mission",
+        "check": "check",
+        "recharge": "recharge",
+        "convert": "mission",
+        "show": "mission",
+    },
     "Vehicles": {
         "upload": "link",
         "download": "link",

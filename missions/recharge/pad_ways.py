@@ -1,0 +1,213 @@
+"""Ways between the work and the pads: how high they are, which of them may be flown, and what they take.
+
+A way to a pad climbs where the work is left to a height that is safe all along, is straight and level, and comes down on the pad; the
+way back is the same the other way round. Safe is the greatest height of the mission, the height above the pad's ground that is asked
+for, and what a terrain model says. A way that leaves the fence, or comes into a zone, is none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.missions.checks.areas import leaves_fence
+from skyway.missions.checks.hops import Hops
+from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
+from skyway.models.base import geodesy
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.flight.way_heights import level_over_m
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.recharge.work import Work
+    from skyway.models.airspace.airspace import Airspace
+    from skyway.models.flight.way_heights import Over
+    from skyway.models.network.network import Station
+
+STEADY_S = 1.0
+"""Time in which a vehicle stands still where the work goes on, so that it begins there and not beside."""
+LOWEST_M = 20.0
+"""Above the ground of a pad a way is never lower."""
+
+
+@dataclass(frozen=True, slots=True)
+class TransitRules:
+    """How ways to pads are flown."""
+
+    speed_mps: float
+    """Over the ground."""
+    height_m: float | None = None
+    """Least height above home; without one the greatest height of the mission."""
+    over: Over | None = None
+    """Terrain model that they are flown over."""
+    zones: Airspace | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PadWays:
+    """Pads, and the straight ways between them and the points of the work."""
+
+    pads: tuple[Station, ...]
+    ground_m: tuple[float, ...]
+    """Of each pad, above the home of the mission."""
+    level_m: NDArray[np.float64]
+    """Shape (points, pads). Height above home of the way; NaN where there is none."""
+    back_level_m: NDArray[np.float64]
+    """Likewise, of the way back, which may lead to another place (`WorkPoint.resume_share`)."""
+    between_level_m: NDArray[np.float64]
+    """Shape (pads, pads)."""
+    above_terrain: bool
+    """Whether they are flown at a height above terrain, as the mission is."""
+
+
+def pad_grounds_m(pads: Sequence[Station], home_m: float | None, over: Over | None, *, level: bool) -> list[float]:
+    """Return the ground of pads above the home of a mission; `level` takes unknown ground to be as high as home.
+
+    An `InputError` names every pad whose ground is not known, or says that the height of home is not.
+    """
+    if level:
+        return [0.0 if home_m is None or pad.elevation_m is None else pad.elevation_m - home_m for pad in pads]
+    known = [pad.elevation_m if pad.elevation_m is not None else _terrain_m(pad, over) for pad in pads]
+    remedy = "give it, or --terrain, or say --level-ground where the ground is level"
+    faults = [
+        Fault(f"the ground height of pad {pad.id} is unknown", field="elevation_m", remedy=remedy)
+        for pad, ground in zip(pads, known, strict=True)
+        if ground is None
+    ]
+    if home_m is None:
+        remedy = "give --home-elevation, or --terrain, or say --level-ground where the ground is level"
+        faults.insert(0, Fault("the height of the mission's home above the sea is unknown", remedy=remedy))
+    if faults or home_m is None:
+        raise InputError(faults)
+    return [float(ground or 0.0) - home_m for ground in known]
+
+
+def _terrain_m(pad: Station, over: Over | None) -> float | None:
+    if over is None:
+        return None
+    ground = float(over.terrain.ground_m(np.array([pad.lat]), np.array([pad.lon]))[0])
+    return ground if math.isfinite(ground) else None
+
+
+def pad_ways(
+    work: Work,
+    document: MissionDocument,
+    pads: Sequence[Station],
+    ground_m: Sequence[float],
+    rules: TransitRules,
+    families: Sequence[Family],
+) -> PadWays:
+    """Work out the ways between all points of a mission and all pads."""
+    items = document.mission.items
+    above_terrain = rules.over is None and any(items[step.item].frame in TERRAIN_FRAMES for step in work.steps)
+    highest = max((step.height_m for step in work.steps), default=0.0)
+    floor = np.array([max(highest, rules.height_m or 0.0, ground + LOWEST_M) for ground in ground_m])
+    home_m = 0.0 if work.mission.home is None else work.mission.home.altitude_m or 0.0
+
+    def levels(places: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height of the ways from places to all pads; `least` has the shape (places, pads)."""
+        found = least.copy()
+        for number, pad in enumerate(pads):
+            if rules.over is not None:
+                top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
+                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is not known
+            ends = np.empty((len(places), 2, 2))
+            ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
+            shut = np.zeros(len(places), dtype=bool)
+            for every in {family.within_every_inclusion_area for family in families}:
+                shut |= leaves_fence(ends, document.fence, every=every)
+            if rules.zones is not None:
+                shut |= _in_zones(ends, rules.zones)
+            found[shut, number] = np.nan
+        return found
+
+    here = np.array([(point.lat, point.lon) for point in work.points])
+    heights = np.array([point.height_m for point in work.points])
+    back = np.array([work.at(point.step, point.resume_share)[:2] for point in work.points])
+    at_pads = np.array([(pad.lat, pad.lon) for pad in pads])
+    least = np.maximum(heights[:, None], floor[None, :])
+    level = levels(here, least)
+    same = np.all(here == back, axis=1)
+    back_level = level.copy()
+    if not same.all():
+        back_level[~same] = levels(back[~same], least[~same])
+    between = levels(at_pads, np.maximum(floor[:, None], floor[None, :]))
+    return PadWays(tuple(pads), tuple(ground_m), level, back_level, between, above_terrain)
+
+
+def _in_zones(ends: NDArray[np.float64], zones: Airspace) -> NDArray[np.bool_]:
+    from skyway.models.airspace.ways import at_any_height
+
+    return np.asarray(zones.crossed_by(at_any_height(ends[:, 0, 1], ends[:, 0, 0], ends[:, 1, 1], ends[:, 1, 0])))
+
+
+def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
+    """Hops from every point to every pad, pad by pad within each point."""
+    here = np.array([(point.lat, point.lon) for point in work.points])
+    heights = np.array([point.height_m for point in work.points])
+    return _hops(here, heights, ways, ways.level_m, rules, conditions, back=False)
+
+
+def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
+    """Hops from every pad to where the work of every point goes on, until it is as far as the point; likewise ordered."""
+    at = [work.at(point.step, point.resume_share) for point in work.points]
+    here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
+    hops = _hops(here, heights, ways, ways.back_level_m, rules, conditions, back=True)
+    again = np.array([_flown_again_s(work, number) for number in range(len(work.points))])
+    return hops._replace(hold_s=np.repeat(STEADY_S + again, len(ways.pads)))
+
+
+def _flown_again_s(work: Work, number: int) -> float:
+    """Time for what is flown a second time, between the last picture and where the work was left."""
+    point = work.points[number]
+    if point.share == point.resume_share:
+        return 0.0
+    length = geodesy.distance_m(*work.places[point.step], *work.places[point.step + 1])
+    return (point.share - point.resume_share) * length / max(point.speed_mps, 0.1)
+
+
+def hops_between_pads(ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
+    """Hops from every pad to every pad."""
+    here = np.array([(pad.lat, pad.lon) for pad in ways.pads])
+    return _hops(here, np.array(ways.ground_m), ways, ways.between_level_m, rules, conditions, back=False)
+
+
+def _hops(
+    here: NDArray[np.float64],
+    height_m: NDArray[np.float64],
+    ways: PadWays,
+    level_m: NDArray[np.float64],
+    rules: TransitRules,
+    conditions: FlightConditions,
+    *,
+    back: bool,
+) -> Hops:
+    pads = len(ways.pads)
+    lat, lon = (np.repeat(here[:, axis], pads) for axis in (0, 1))
+    pad_lat = np.tile([pad.lat for pad in ways.pads], len(here))
+    pad_lon = np.tile([pad.lon for pad in ways.pads], len(here))
+    ground, height, level = np.tile(ways.ground_m, len(here)), np.repeat(height_m, pads), level_m.ravel()
+    ends = (pad_lat, pad_lon, lat, lon) if back else (lat, lon, pad_lat, pad_lon)
+    length, bearing = geodesy.inverse(*ends)
+    middle = geodesy.midpoint(ends[0], ends[1], bearing, length)
+    climb, descent = (level - ground, level - height) if back else (level - height, level - ground)
+    return Hops(
+        *middle,
+        length,
+        bearing,
+        np.full(len(length), rules.speed_mps),
+        np.zeros(len(length)),
+        climb / conditions.climb_rate_mps,
+        descent / conditions.descent_rate_mps,
+        np.ones(len(length), dtype=bool),
+        np.maximum(level - np.minimum(ground, 0.0), 0.0),
+    )

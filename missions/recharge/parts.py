@@ -1,0 +1,275 @@
+"""The missions that a mission is cut into: one for each battery.
+
+Each but the first begins on a pad: it climbs, flies to where the work was left, orders again what held there, and goes on. Each but the
+last stops what runs on the way (pictures, video, spraying) and lands on a pad. Between, the items are those of the mission, jumps
+unrolled; heights above home count from the pad, since home moves there when it is armed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES, Frame
+from skyway.missions.items.commands import LAND_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.items.coordinates import Point
+from skyway.missions.items.mission import Home, Mission, MissionItem
+from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, role_of
+from skyway.missions.recharge.pad_ways import STEADY_S
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.checks.route import Step
+    from skyway.missions.recharge.pad_ways import PadWays, TransitRules
+    from skyway.missions.recharge.work import Work, WorkPoint
+
+EXACT_M = 1.0
+"""Acceptance radius of places where the work is left and gone on with."""
+_SPRAYER = "DO_SPRAYER"
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Where the work is left, and the pad that is flown to; more than one pad in a row where one is only on the way."""
+
+    point: int
+    pads: tuple[int, ...]
+
+
+class PartBuilder:
+    """Makes the missions of one work for one autopilot."""
+
+    def __init__(self, work: Work, ways: PadWays, rules: TransitRules, family: Family) -> None:
+        self.work, self.ways, self.rules, self.family = work, ways, rules, family
+        if work.mission.home is None:
+            raise ValueError("a mission without a home has no parts")
+        self.home = work.mission.home
+        self.step_of: dict[int, Step] = {step.taken: step for step in work.steps}
+
+    def flights(self, cuts: list[Cut]) -> list[Mission]:
+        """Return the mission of every flight from the ground to the next pad, or to the end."""
+        found: list[Mission] = []
+        before: tuple[int, int] | None = None  # point, pad
+        for cut in cuts:
+            found.append(self._mission(before, (cut.point, cut.pads[0])))
+            for pad, following in zip(cut.pads, cut.pads[1:], strict=False):
+                found.append(self._from_pad_to_pad(pad, following))
+            before = (cut.point, cut.pads[-1])
+        found.append(self._mission(before, None))
+        return found
+
+    def whole(self, flights: list[Mission]) -> Mission:
+        """Join flights to one mission that lands and disarms on every pad, and goes on when it is armed again.
+
+        For an autopilot that stays in its mission then. Heights count from the pad that it was armed on.
+        """
+        items = list(flights[0].items)
+        for flight in flights[1:]:
+            takeoff, speed, above, *rest = flight.items
+            items += [*self.family.disarm(), above, speed, *rest]
+            if takeoff.command != Command.NAV_TAKEOFF:
+                raise ValueError("a flight from a pad begins with a take-off")
+        return replace(flights[0], items=tuple(items))
+
+    def ground_m(self, pad: int | None) -> float:
+        """Height of the ground that a flight leaves, above the home of the mission."""
+        return 0.0 if pad is None else self.ways.ground_m[pad]
+
+    def _mission(self, begin: tuple[int, int] | None, end: tuple[int, int] | None) -> Mission:
+        pad = None if begin is None else begin[1]
+        ground = self.ground_m(pad)
+        items: list[MissionItem] = []
+        first = 0
+        if begin is not None:
+            point = self.work.points[begin[0]]
+            items += [*self._departure(*begin), *self._resumed(point, ground)]
+            first = point.taken
+        until = len(self.work.route.order) if end is None else self.work.points[end[0]].taken
+        for taken in range(first, until):
+            items += self._written(taken, ground)
+        if end is not None:
+            items += [*self._left(self.work.points[end[0]], ground), *self._to_pad(*end, ground)]
+        return self._of(items, pad)
+
+    def _from_pad_to_pad(self, pad: int, following: int) -> Mission:
+        ground = self.ground_m(pad)
+        level = float(self.ways.between_level_m[pad, following])
+        items = [
+            self._over_pad(Command.NAV_TAKEOFF, pad, level, ground),
+            self._speed(self.rules.speed_mps),
+            self._over_pad(Command.NAV_WAYPOINT, pad, level, ground),
+            self._over_pad(Command.NAV_WAYPOINT, following, level, ground),
+            self._land(following, ground),
+        ]
+        return self._of(items, pad)
+
+    def _of(self, items: list[MissionItem], pad: int | None) -> Mission:
+        whole = self.work.mission
+        home = self.home
+        if pad is not None:
+            station = self.ways.pads[pad]
+            sea = None if home.altitude_m is None else round(home.altitude_m + self.ways.ground_m[pad], 2)
+            home = Home(Point.of_degrees(station.lat, station.lon), sea)
+        return Mission(
+            tuple(items),
+            home,
+            whole.cruise_speed_mps,
+            whole.hover_speed_mps,
+            self.family.firmware,
+            whole.vehicle_type,
+        )
+
+    def _departure(self, point: int, pad: int) -> Iterator[MissionItem]:
+        """Climb above the pad and fly to above where the work goes on."""
+        level, ground = float(self.ways.back_level_m[point, pad]), self.ground_m(pad)
+        here = self.work.points[point]
+        lat, lon, _ = self.work.at(here.step, here.resume_share)
+        yield self._over_pad(Command.NAV_TAKEOFF, pad, level, ground)
+        yield self._speed(self.rules.speed_mps)
+        yield self._over_pad(Command.NAV_WAYPOINT, pad, level, ground)
+        yield self._place(Command.NAV_WAYPOINT, lat, lon, level - ground, self._transit_frame)
+
+    def _resumed(self, point: WorkPoint, ground: float) -> Iterator[MissionItem]:
+        """Go on where the work was left, with all that held there."""
+        yield self._work_place(point, point.resume_share, ground, STEADY_S)
+        held = self.work.state(point)
+        yield self._speed(point.speed_mps)
+        for key, item in held.items():
+            if key not in (SPEED, PICTURES) and not _is_nothing(item):
+                yield self._shifted(item, ground)
+        taking = self.work.taking(point)
+        if not taking:
+            return
+        if point.next_share is not None:
+            yield self._work_place(point, point.next_share, ground, 0.0)
+        pictures = held[PICTURES]
+        if pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
+            yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0)
+        # not at once: the picture of this place has been taken
+        yield replace(pictures, param3=0.0) if pictures.command == Command.DO_SET_CAM_TRIGG_DIST else pictures
+
+    def _left(self, point: WorkPoint, ground: float) -> Iterator[MissionItem]:
+        """Fly as far as the work is done, and stop what runs on the way."""
+        if point.share < 1.0:
+            yield self._work_place(point, point.share, ground, 0.0)
+        held = self.work.state(point)
+        taking = self.work.taking(point)
+        if taking:
+            pictures = held[PICTURES]
+            if pictures.command == Command.IMAGE_START_CAPTURE:
+                yield MissionItem(Command.IMAGE_STOP_CAPTURE, Frame.MISSION, pictures.param1)
+            elif pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
+                yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION)
+            else:
+                yield MissionItem(pictures.command, Frame.MISSION)
+        video = held.get(VIDEO)
+        if video is not None and not _is_nothing(video):
+            yield MissionItem(Command.VIDEO_STOP_CAPTURE, Frame.MISSION, video.param1)
+        if any(key.startswith(_SPRAYER) and item.param1 == 1.0 for key, item in held.items()):
+            yield MissionItem(Command.DO_SPRAYER, Frame.MISSION)
+
+    def _to_pad(self, point: int, pad: int, ground: float) -> Iterator[MissionItem]:
+        level = float(self.ways.level_m[point, pad])
+        here = self.work.points[point]
+        yield self._speed(self.rules.speed_mps)
+        yield self._place(Command.NAV_WAYPOINT, here.lat, here.lon, level - ground, self._transit_frame)
+        yield self._over_pad(Command.NAV_WAYPOINT, pad, level, ground)
+        yield self._land(pad, ground)
+
+    def _written(self, taken: int, ground: float) -> Iterator[MissionItem]:
+        """Yield an item of the work as a flight from a ground has it."""
+        number = self.work.route.order[taken]
+        item, step = self.work.mission.items[number], self.step_of.get(taken)
+        if role_of(item) == "mark":
+            return
+        if item.command == Command.NAV_RETURN_TO_LAUNCH and step is not None:
+            # launch is another place for every flight but the first
+            home = self.home.point
+            yield self._place(Command.NAV_WAYPOINT, home.lat, home.lon, step.height_m - ground)
+            yield self._place(Command.NAV_LAND, home.lat, home.lon, -ground)
+            return
+        if step is not None:
+            keeps_height = item.z == 0.0 and item.command not in TAKEOFF_COMMANDS | LAND_COMMANDS
+            if item.point is None:
+                item = replace(item, x=step.point.lat_e7, y=step.point.lon_e7)
+            if keeps_height and self.family.zero_means_as_it_is and item.frame not in TERRAIN_FRAMES:
+                item = replace(item, frame=Frame.GLOBAL_RELATIVE_ALT, z=step.height_m)
+        yield self._shifted(item, ground)
+
+    def _shifted(self, item: MissionItem, ground: float) -> MissionItem:
+        """Count a height above home from the ground that the flight leaves."""
+        counts = (item.command in LOCATED_COMMANDS and item.frame in RELATIVE_FRAMES) or (
+            item.command == Command.CONDITION_CHANGE_ALT
+        )
+        if not counts or ground == 0.0 or math.isnan(item.z):
+            return item
+        return replace(item, z=round(item.z - ground, 2), extra={})
+
+    def _work_place(self, point: WorkPoint, share: float, ground: float, hold_s: float) -> MissionItem:
+        """Return a waypoint on the way of the work."""
+        lat, lon, height = self.work.at(point.step, share)
+        item = self.work.mission.items[self.work.steps[point.step].item]
+        terrain = item.frame in TERRAIN_FRAMES
+        frame = Frame.GLOBAL_TERRAIN_ALT if terrain else Frame.GLOBAL_RELATIVE_ALT
+        found = self._place(Command.NAV_WAYPOINT, lat, lon, height if terrain else height - ground, frame)
+        return replace(found, param1=hold_s, param2=EXACT_M)
+
+    @property
+    def _transit_frame(self) -> Frame:
+        return Frame.GLOBAL_TERRAIN_ALT if self.ways.above_terrain else Frame.GLOBAL_RELATIVE_ALT
+
+    def _over_pad(self, command: Command, pad: int, level_m: float, ground: float) -> MissionItem:
+        station = self.ways.pads[pad]
+        if command == Command.NAV_TAKEOFF or not self.ways.above_terrain:
+            return self._place(command, station.lat, station.lon, level_m - ground)
+        return self._place(command, station.lat, station.lon, level_m, self._transit_frame)
+
+    def _land(self, pad: int, ground: float) -> MissionItem:
+        station = self.ways.pads[pad]
+        return self._place(Command.NAV_LAND, station.lat, station.lon, self.ways.ground_m[pad] - ground)
+
+    def _place(
+        self, command: Command, lat: float, lon: float, height_m: float, frame: Frame = Frame.GLOBAL_RELATIVE_ALT
+    ) -> MissionItem:
+        point = Point.of_degrees(lat, lon)
+        yaw = self.family.open_yaw_deg
+        z = round(height_m, 2) + 0.0
+        return MissionItem(command, frame, param4=yaw, x=point.lat_e7, y=point.lon_e7, z=z)
+
+    def _speed(self, speed_mps: float) -> MissionItem:
+        return MissionItem(Command.DO_CHANGE_SPEED, Frame.MISSION, 1.0, round(speed_mps, 2), -1.0)
+
+
+def _is_nothing(item: MissionItem) -> bool:
+    """Whether an order only ends something: a new flight begins without it."""
+    return item.command in (
+        Command.DO_SET_ROI_NONE,
+        Command.VIDEO_STOP_CAPTURE,
+        Command.IMAGE_STOP_CAPTURE,
+    ) or (item.command == Command.DO_SET_ROI and item.param1 == 0.0)
+
+
+def completed(mission: Mission, *, lands: bool, takes_off_m: float | None) -> tuple[Mission, tuple[str, ...]]:
+    """Add a take-off and a return to launch to a mission that lacks them, and say so; heights above home."""
+    items, notes = list(mission.items), []
+    if takes_off_m is not None and mission.home is not None:
+        point = mission.home.point
+        takeoff = MissionItem(
+            Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT, x=point.lat_e7, y=point.lon_e7, z=round(takes_off_m, 2)
+        )
+        # numbers of items that jumps lead to count from before
+        items = [takeoff, *(_later(item) for item in items)]
+        notes.append("there was no TAKEOFF: one was put first")
+    if not lands:
+        items.append(MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION))
+        notes.append("the mission ended in the air: it returns to launch")
+    if not notes:
+        return mission, ()
+    return replace(mission, items=tuple(items), complex_items=()), tuple(notes)
+
+
+def _later(item: MissionItem) -> MissionItem:
+    return item if item.jump_target is None or item.param1 < 0 else replace(item, param1=item.param1 + 1.0)

@@ -1,0 +1,88 @@
+"""Where a mission takes pictures that no item orders one by one: every so many metres, or every so many seconds.
+
+Both autopilots take the next picture when they are a distance away from where they took the last one, in a straight line on the map
+(``AP_Camera_Backend.cpp``, ``CameraTrigger.cpp``); both take the first picture of an interval at once. A vehicle that goes on from the place
+of the last picture with the same distance takes the next one where it would have taken it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.missions.items.commands import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from skyway.missions.items.mission import MissionItem
+
+MS = 1000.0
+MAX_PICTURES = 200_000
+"""A mission that takes more is not worked out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taking:
+    """How pictures are being taken: every so many metres, or seconds; 0 is not."""
+
+    every_m: float = 0.0
+    every_s: float = 0.0
+
+    def __bool__(self) -> bool:
+        return self.every_m > 0.0 or self.every_s > 0.0
+
+
+NOT = Taking()
+
+
+def ordered(item: MissionItem, before: Taking) -> Taking:
+    """Return how pictures are taken after an item."""
+    if item.command in (Command.DO_SET_CAM_TRIGG_DIST, Command.OBLIQUE_SURVEY):
+        return Taking(every_m=item.param1) if item.param1 > 0.0 else NOT
+    if item.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
+        return Taking(every_s=item.param1 / MS) if item.param1 > 0.0 else NOT
+    if item.command == Command.IMAGE_START_CAPTURE and item.param3 == 0 and item.param2 > 0:
+        return Taking(every_s=item.param2)
+    stops = item.command == Command.DO_TRIGGER_CONTROL and item.param1 == 0.0
+    return NOT if stops or item.command == Command.IMAGE_STOP_CAPTURE else before
+
+
+def takes_one(item: MissionItem) -> bool:
+    """Whether an item takes a picture where it stands."""
+    if item.command == Command.DO_SET_CAM_TRIGG_DIST:
+        return item.param1 > 0.0 and item.param3 == 1.0
+    if item.command == Command.IMAGE_START_CAPTURE:
+        return item.param3 >= 1.0
+    return item.command == Command.DO_DIGICAM_CONTROL
+
+
+def along_leg(
+    start: tuple[float, float], end: tuple[float, float], last: tuple[float, float], every_m: float
+) -> Iterator[float]:
+    """Yield the shares of a straight leg at which pictures are taken every so many metres; places are metres on a plane."""
+    (x0, y0), (x1, y1) = start, end
+    dx, dy = x1 - x0, y1 - y0
+    length_sq = dx * dx + dy * dy
+    if length_sq <= 0.0:
+        return
+    share = 0.0
+    for _ in range(MAX_PICTURES):
+        # |start + share * d - last| = every_m, the greater root beyond the share before
+        fx, fy = x0 - last[0], y0 - last[1]
+        b, c = fx * dx + fy * dy, fx * fx + fy * fy - every_m * every_m
+        inside = b * b - length_sq * c
+        if c > 0.0 and share == 0.0:
+            following = 0.0  # it is farther away than that already
+        elif inside < 0.0:
+            return
+        else:
+            following = (-b + math.sqrt(inside)) / length_sq
+        if following > 1.0 + 1e-12 or following < share:
+            return
+        share = min(following, 1.0)
+        yield share
+        last = (x0 + share * dx, y0 + share * dy)
+        if share >= 1.0:
+            return

@@ -1,0 +1,334 @@
+"""The work of a mission: every point at which it may be left and gone on with, and what holds there.
+
+The route is the one that checks judge (`missions.checks.route`): jumps followed, holds counted. Points are the items that are flown to,
+and points on straight legs between them, so that a leg that is longer than a battery can be left on the way. Where pictures are taken
+every so many metres or seconds, a leg is left half-way between two of them, and gone on with from the place of the first, so that none
+is lost and none is taken twice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from skyway.missions.checks.route import fly
+from skyway.missions.items.altitude_frames import frame_name
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.recharge.item_roles import role_of, state_key
+from skyway.missions.recharge.pictures import NOT, Taking, along_leg, ordered, takes_one
+from skyway.models.base import geodesy
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.checks.route import Route, Step
+    from skyway.missions.items.coordinates import Point
+    from skyway.missions.items.mission import Mission, MissionItem
+
+Place = tuple[float, float]
+"""Latitude and longitude, degrees."""
+EVERY_S = 15.0
+"""A leg may be left about so often."""
+LEAST_LEFT_M = 4.0
+"""A leg is not left nearer than this to its end: it is left there."""
+SAME_PICTURE_M = 0.05
+
+
+class Picture(NamedTuple):
+    """A picture: where it is taken, and on the way to which step, at which share of the leg; by an item where one orders it."""
+
+    lat: float
+    lon: float
+    step: int
+    share: float
+    item: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WorkPoint:
+    """A point of the work: the mission as far as here is done."""
+
+    lat: float
+    lon: float
+    height_m: float
+    """Above the home of the mission."""
+    step: int
+    """The step that leads here, -1 at the start; its leg is flown as far as `share`."""
+    share: float
+    taken: int
+    """So many items of the unrolled mission are done."""
+    speed_mps: float
+    """Commanded on the way on."""
+    hinders: int | None = None
+    """Number of the item for which it cannot be left here; None where it can."""
+    resume_share: float = 1.0
+    """Where the leg is gone on with: at the place of the last picture, else at `share`."""
+    next_share: float | None = None
+    """Where pictures begin again that are taken every so many seconds."""
+    on_ground: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """A mission as its points, in order, and what it takes pictures of."""
+
+    mission: Mission
+    route: Route
+    steps: tuple[Step, ...]
+    places: tuple[Place, ...]
+    """Where each step begins; behind the last, where the last one ends."""
+    heights_m: tuple[float, ...]
+    """Likewise, above home."""
+    points: tuple[WorkPoint, ...]
+    pictures: tuple[Picture, ...]
+
+    def at(self, step: int, share: float) -> tuple[float, float, float]:
+        """Return latitude, longitude and height above home of a point on the way to a step."""
+        if step < 0:
+            return (*self.places[0], self.heights_m[0])
+        height = self.heights_m[step] + share * (self.heights_m[step + 1] - self.heights_m[step])
+        return (*_between(self.places[step], self.places[step + 1], share), height)
+
+    def state(self, point: WorkPoint) -> dict[str, MissionItem]:
+        """Return what holds at a point: the latest order of each kind, in the order given."""
+        held: dict[str, MissionItem] = {}
+        for number in self.route.order[: point.taken]:
+            item = self.mission.items[number]
+            if role_of(item) == "way":
+                held.pop("CONDITION_YAW", None)  # a heading holds on one way only
+            elif role_of(item) == "state":
+                held.pop(state_key(item), None)
+                held[state_key(item)] = item
+        return held
+
+    def taking(self, point: WorkPoint) -> Taking:
+        """Return how pictures are taken at a point."""
+        found = NOT
+        for number in self.route.order[: point.taken]:
+            found = ordered(self.mission.items[number], found)
+        return found
+
+
+def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1) -> Work:
+    """Return the work of a mission, endless jumps followed `laps` times.
+
+    An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
+    """
+    if mission.home is None:
+        remedy = "set the planned home in the ground station: heights and the way back count from it"
+        raise InputError("the mission's home is unknown", field="mission", remedy=remedy)
+    route = fly(mission, autopilot=family, laps=laps)
+    if route.is_cut:
+        raise InputError("the jumps of the mission repeat too often", remedy="lower the numbers of repeats")
+    steps = tuple(route.steps)
+    if not steps:
+        raise InputError("the mission goes nowhere: no item has a position", field="mission")
+    for step in steps:
+        if math.isinf(step.hold_s):
+            name = mission.items[step.item].name
+            raise InputError(f"item {step.item} ({name}) never ends", remedy="give it a time, or remove it")
+        if math.isnan(step.height_m):
+            remedy = "set the altitude of the planned home: heights above sea level count from it (--home-elevation)"
+            raise InputError(f"the height of item {step.item} above home is unknown", remedy=remedy)
+    return _Reading(mission, route, steps).work()
+
+
+class _Reading:
+    """One pass over the steps of a mission."""
+
+    def __init__(self, mission: Mission, route: Route, steps: tuple[Step, ...]) -> None:
+        self.mission, self.route, self.steps = mission, route, steps
+        firsts = {id(leg.steps[0]): leg.start for leg in route.legs if leg.steps}
+        places: list[Place] = []
+        heights: list[float] = []
+        before: Point | None = mission.home.point if mission.home else None
+        height = 0.0
+        for step in steps:
+            start = firsts.get(id(step), before) or step.point
+            places.append((start.lat, start.lon))
+            heights.append(height)
+            before, height = step.point, step.height_m
+            if mission.items[step.item].command == Command.NAV_RETURN_TO_LAUNCH:
+                height = 0.0
+        self.places = (*places, (steps[-1].point.lat, steps[-1].point.lon))
+        self.heights = (*heights, height)
+        self.taking = NOT
+        self.last: Place | None = None
+        self.pictures: list[Picture] = []
+        self.points: list[WorkPoint] = []
+        self.bound: int | None = None
+
+    def work(self) -> Work:
+        order, items = self.route.order, self.mission.items
+        self._orders(0, self.steps[0].taken, -1)
+        lat, lon = self.places[0]
+        hinders = self.bound if self.bound is not None else self.steps[0].item
+        self.points.append(WorkPoint(lat, lon, 0.0, -1, 1.0, 0, self.steps[0].speed_mps, hinders, on_ground=True))
+        for number, step in enumerate(self.steps):
+            self._leg(number, step)
+            last = number == len(self.steps) - 1
+            until = len(order) if last else self.steps[number + 1].taken
+            run = [items[one] for one in order[step.taken + 1 : until]]
+            done = self._left_behind(run)
+            self._orders(step.taken + 1, step.taken + 1 + done, number)
+            self._item(number, step, step.taken + 1 + done, last=last)
+            self._orders(step.taken + 1 + done, until, number)
+        return Work(
+            self.mission,
+            self.route,
+            self.steps,
+            self.places,
+            self.heights,
+            tuple(self.points),
+            tuple(self.pictures),
+        )
+
+    def _left_behind(self, run: Sequence[MissionItem]) -> int:
+        """Return how many of the orders at a place are done before it is left: its events, and until no pictures are taken."""
+        least, taking = 0, self.taking
+        for index, item in enumerate(run):
+            if role_of(item) in ("condition", "bound"):
+                break
+            if role_of(item) == "event":
+                least = index + 1
+        best = None
+        for index in range(len(run) + 1):
+            if index >= least and not taking:
+                best = index
+                break
+            if index < len(run):
+                if role_of(run[index]) in ("condition", "bound"):
+                    break
+                taking = ordered(run[index], taking)
+        return least if best is None else best
+
+    def _orders(self, begin: int, end: int, step: int) -> None:
+        """Take the orders that are given at a place."""
+        lat, lon = self.places[step + 1] if step >= 0 else self.places[0]
+        for taken in range(begin, end):
+            number = self.route.order[taken]
+            item = self.mission.items[number]
+            if role_of(item) == "bound" and self.bound is None:
+                self.bound = number
+            if takes_one(item):
+                self.pictures.append(Picture(lat, lon, step, 1.0, number))
+                self.last = (lat, lon)
+            self.taking = ordered(item, self.taking)
+            if self.taking and self.last is None:
+                self.last = (lat, lon)
+
+    def _leg(self, number: int, step: Step) -> None:
+        """Fly to a step: the pictures on the way, and the points at which it may be left."""
+        item = self.mission.items[step.item]
+        if role_of(item) == "bound" and self.bound is None:
+            self.bound = step.item
+        start, end = self.places[number], self.places[number + 1]
+        length = geodesy.distance_m(*start, *end)
+        shares = self._pictures(number, step, start, end, length)
+        if not self._is_straight(number, item) or length < 2.0 * LEAST_LEFT_M:
+            return
+        least_share = max(EVERY_S * step.speed_mps, LEAST_LEFT_M) / length
+        if self.taking:
+            self._between_pictures(number, step, shares, length, least_share)
+            return
+        count = math.floor(1.0 / least_share)
+        for index in range(1, count):
+            self._inside(number, step, index / count, index / count, None)
+
+    def _pictures(self, number: int, step: Step, start: Place, end: Place, length: float) -> list[float]:
+        """Take the pictures of a leg; return the shares of it at which they are."""
+        taking = self.taking
+        if not taking or length < 0.01:
+            return []
+        every_m = taking.every_m or taking.every_s * step.speed_mps
+        origin = self.last or start
+        plane = [_plane(place, start) for place in (start, end, origin)]
+        shares = list(along_leg((plane[0][0], plane[0][1]), plane[1], plane[2], every_m))
+        for share in shares:
+            lat, lon = _between(start, end, share)
+            self.pictures.append(Picture(lat, lon, number, share))
+            self.last = (lat, lon)
+        return shares
+
+    def _is_straight(self, number: int, item: MissionItem) -> bool:
+        """Whether the way to a step is a straight line that may be left: no curve, no take-off or landing, no order that waits."""
+        if self.bound is not None or item.command != Command.NAV_WAYPOINT or not number:
+            return False
+        before = self.steps[number - 1]
+        begin = self.mission.items[before.item]
+        if begin.command in LAND_COMMANDS or begin.command == Command.NAV_SPLINE_WAYPOINT:
+            return False
+        run = [self.mission.items[one] for one in self.route.order[before.taken + 1 : self.steps[number].taken]]
+        if any(role_of(one) == "condition" for one in run):
+            return False
+        if any(one.command == Command.CONDITION_YAW and one.param4 == 1.0 for one in run):
+            return False  # relative to a heading that it does not have again
+        same_reference = frame_name(begin.frame) == frame_name(item.frame)
+        return same_reference or frame_name(item.frame) != "terrain" != frame_name(begin.frame)
+
+    def _between_pictures(
+        self, number: int, step: Step, shares: Sequence[float], length: float, least_share: float
+    ) -> None:
+        """Points half-way between two pictures, not more often than need be."""
+        last = 0.0
+        every_s = self.taking.every_s > 0.0
+        for index, share in enumerate(shares):
+            following = shares[index + 1] if index + 1 < len(shares) else None
+            middle = 0.5 * (share + (1.0 if following is None else following))
+            if following is None and every_s:
+                continue
+            if middle - last < least_share or (1.0 - middle) * length < LEAST_LEFT_M or middle <= share:
+                continue
+            self._inside(number, step, middle, share, following if every_s else None)
+            last = middle
+
+    def _inside(self, number: int, step: Step, share: float, resume: float, following: float | None) -> None:
+        lat, lon = _between(self.places[number], self.places[number + 1], share)
+        height = self.heights[number] + share * (self.heights[number + 1] - self.heights[number])
+        self.points.append(
+            WorkPoint(lat, lon, height, number, share, step.taken, step.speed_mps, None, resume, following)
+        )
+
+    def _item(self, number: int, step: Step, taken: int, *, last: bool) -> None:
+        item = self.mission.items[step.item]
+        lat, lon = self.places[number + 1]
+        on_ground = item.command in LAND_COMMANDS or item.command == Command.NAV_RETURN_TO_LAUNCH
+        ahead = step if last else self.steps[number + 1]
+        hinders = self._hinders(step, ahead, (lat, lon), on_ground=on_ground)
+        height = self.heights[number + 1]
+        self.points.append(
+            WorkPoint(lat, lon, height, number, 1.0, taken, ahead.speed_mps, hinders, on_ground=on_ground)
+        )
+
+    def _hinders(self, step: Step, ahead: Step, here: Place, *, on_ground: bool) -> int | None:
+        """Return the item for which the mission cannot be left at a step, None where it can."""
+        item = self.mission.items[step.item]
+        if self.bound is not None:
+            return self.bound
+        if on_ground or item.command in TAKEOFF_COMMANDS:
+            return step.item
+        curve = Command.NAV_SPLINE_WAYPOINT
+        if curve in (item.command, self.mission.items[ahead.item].command) and not step.hold_s:
+            return step.item  # a curve has its form from the places before and behind it
+        if self.taking and (self.last is None or geodesy.distance_m(*self.last, *here) > SAME_PICTURE_M):
+            return step.item
+        if self.taking.every_s > 0.0:
+            return step.item
+        return None
+
+
+def _plane(place: Place, origin: Place) -> tuple[float, float]:
+    """Metres east and north of an origin."""
+    north, east = geodesy.local_offsets_m(place[0], place[1], *origin)
+    return float(east), float(north)
+
+
+def _between(start: Place, end: Place, share: float) -> Place:
+    """Return the place at a share of a straight way."""
+    if share in (0.0, 1.0):
+        return start if share == 0.0 else end
+    length, bearing = geodesy.inverse(*start, *end)
+    return geodesy.direct(*start, float(bearing), share * float(length))

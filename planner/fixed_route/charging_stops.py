@@ -1,0 +1,267 @@
+"""Where to leave a fixed route for a pad, which pad, and how long to charge there, so that the route ends first: exact.
+
+Labels are stops with all that the drone can do there, as charge over time (`planner.schedule.profile_kernels`): waiting for a pad,
+charging along a curve that is not straight, and going on later where the wind changes are all in the one function. They are taken
+in the order of a bound (`planner.fixed_route.bound_kernels`), ways on from a label one by one, so that most are never worked out; the
+first that ends the route is the best. A label is dropped where another one of the same place has at any time as much charge.
+
+The fixed-route vehicle charging problem (Froger, Mendoza, Jabali and Laporte, "Improved formulations and algorithmic components for the
+electric vehicle routing problem with nonlinear charging functions", Computers & Operations Research 104, 2019) is this one with one slot.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.fixed_route.bound_kernels import onward, remaining
+from skyway.planner.fixed_route.way_kernels import NOWHERE, flown, pieces_of, waited, way
+from skyway.planner.schedule.leg_profile_kernels import stop_profile
+from skyway.planner.schedule.profile_kernels import covers, departure_profile, interpolate, profile_at
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.kernels import Slots
+    from skyway.planner.fixed_route.way_kernels import Hops
+
+_NOBODY = np.empty(0)
+_AT_ONCE = np.array([-math.inf])
+_NO_DELAY = np.zeros(1)
+_TIE_S = 1e-7
+"""Ends closer than this are the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedRoute:
+    """A route whose order is fixed, and the pads about it."""
+
+    hops: Hops
+    slots: Slots
+    """When hops change; one slot where they do not."""
+    can_leave: NDArray[np.bool_]
+    """Shape (positions,). Where the work may be left."""
+    curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
+    """Of each pad: seconds from empty and SoC, piecewise linear and concave."""
+    waits: tuple[NDArray[np.float64], ...]
+    """Of each pad: points (arrival, wait), see `planner.fixed_route.way_kernels.waited`."""
+    start_s: float
+    soc_start: float
+    reserve_soc: float = 0.0
+    mean_ratio: float = 1.0
+    """What hops take on average, over what `hops` say."""
+    sure_ratio: float = 1.0
+    """What a way from pad to pad must have charge for."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChargingStop:
+    """One stop of an answer; instants in seconds on the clock of the route."""
+
+    position: int
+    """Where the work is left."""
+    pad: int
+    arrive_s: float
+    soc_arrive: float
+    on_pad_s: float
+    """When the pad is free."""
+    leave_s: float
+    soc_leave: float
+
+
+@dataclass(frozen=True, slots=True)
+class ChargingPlan:
+    """Stops in their order, and when the route ends."""
+
+    stops: tuple[ChargingStop, ...]
+    depart_s: float
+    """Take-off at the start."""
+    end_s: float
+    soc_end: float
+    labels: int
+    """Stops that were worked out on the way."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Label:
+    """A stop: where the work was left, the pad, charge over time there, and the label that it was reached from."""
+
+    position: int
+    pad: int
+    g: NDArray[np.float64]
+    z: NDArray[np.float64]
+    h: NDArray[np.float64]
+    before: _Label | None
+
+
+def charging_stops(route: FixedRoute) -> ChargingPlan | None:
+    """Return the stops with which a route ends first, or None where no stops let it end.
+
+    Times and charges are those of hops that take `mean_ratio` times what they say. Of two answers that end together, one is returned.
+    """
+    return _Search(route).solve()
+
+
+class _Search:
+    """Best-first search over labels."""
+
+    def __init__(self, route: FixedRoute) -> None:
+        self.route = route
+        hops = route.hops
+        self.least = hops._replace(
+            **{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"}
+        )
+        self.ratios = (route.mean_ratio, route.sure_ratio)
+        self.least_wait_s = np.array([float(wait[:, 1].min()) for wait in route.waits])
+        self.tau_soc, self.tau_s = fastest(route.curves)
+        self.bounds = (
+            route.can_leave, self.least_wait_s, self.ratios, route.reserve_soc, self.tau_soc, self.tau_s
+        )  # fmt: skip
+        self.left = remaining(self.least, *self.bounds)
+        self.known: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
+        self.labels = 0
+        self.best_s = math.inf
+        self.best: tuple[_Label, float] | None = None
+
+    def solve(self) -> ChargingPlan | None:
+        """Take the ways on in the order of their bounds until none may end before the best."""
+        start = np.array([[self.route.start_s, self.route.soc_start]])
+        none = np.empty((0, 3))
+        queue: list[tuple[float, int, int, _Label, Iterator[tuple[float, int, int]], int, int]] = []
+        self._queue(queue, _Label(NOWHERE, NOWHERE, start, none, none, None))
+        while queue:
+            bound, _, _, label, ways, position, pad = heapq.heappop(queue)
+            if bound >= self.best_s - _TIE_S:
+                break
+            self._queue_next(queue, label, ways)
+            if pad == NOWHERE:
+                self._end(label, position)
+            elif (reached := self._land(label, position, pad)) is not None:
+                self._queue(queue, reached)
+        return None if self.best is None else self._traced(*self.best)
+
+    def _queue(self, queue: list, label: _Label) -> None:  # type: ignore[type-arg]
+        rows = onward(
+            label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.best_s
+        )  # fmt: skip
+        order = np.lexsort((-rows[:, 1], rows[:, 0]))
+        self._queue_next(queue, label, iter([(float(b), int(k), int(p)) for b, k, p in rows[order]]))
+
+    def _queue_next(self, queue: list, label: _Label, ways: Iterator[tuple[float, int, int]]) -> None:  # type: ignore[type-arg]
+        """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first."""
+        for bound, position, pad in ways:
+            self.labels += 1
+            heapq.heappush(queue, (bound, -position, self.labels, label, ways, position, pad))
+            return
+
+    def _pieces(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
+        slots = self.route.slots
+        last_s = slots.start_s + slots.slot_s * slots.length if slots.length > 1 else -math.inf
+        until_s = min(max(float(label.g[-1, 0]), last_s), self.best_s) + 1.0
+        begin_s = float(label.g[0, 0])
+        return np.asarray(
+            pieces_of(
+                self.route.hops, slots, label.position, label.pad, position, pad, begin_s, max(until_s, begin_s + 1.0)
+            )
+        )  # fmt: skip
+
+    def _arrivals(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
+        route = self.route
+        pieces = self._pieces(label, position, pad)
+        return np.asarray(flown(label.g, pieces, route.mean_ratio, route.sure_ratio, route.reserve_soc))
+
+    def _end(self, label: _Label, position: int) -> None:
+        rows = self._arrivals(label, position, NOWHERE)
+        if len(rows) and float(rows[:, 0].min()) < self.best_s:
+            first = int(rows[:, 0].argmin())
+            self.best_s = float(rows[first, 0])
+            self.best = (label, float(rows[first, 2]))
+
+    def _land(self, label: _Label, position: int, pad: int) -> _Label | None:
+        rows = self._arrivals(label, position, pad)
+        if not len(rows):
+            return None
+        route = self.route
+        curve = route.curves[pad]
+        wait = route.waits[pad]
+        waiting = rows if not wait[:, 1].any() else np.asarray(waited(rows, wait))
+        queue_of_none = (0.0, 0.0, -math.inf, _NOBODY, _AT_ONCE, _AT_ONCE, _NO_DELAY)
+        z, h = stop_profile(rows, len(rows), *queue_of_none, *curve)
+        if waiting is not rows:
+            z, _ = stop_profile(waiting, len(waiting), *queue_of_none, *curve)
+        g = np.asarray(departure_profile(z, h, *curve))
+        known = self.known.setdefault((position, pad), [])
+        if any(covers(other, g, 1e-12) for other in known):
+            return None
+        known.append(g)
+        return _Label(position, pad, g, z, h, label)
+
+    def _traced(self, label: _Label, depart_s: float) -> ChargingPlan:
+        """Turn the best chain of labels into stops, from the end to the start."""
+        route = self.route
+        stops: list[ChargingStop] = []
+        position, pad, at, leave_s = len(route.can_leave) - 1, NOWHERE, label, depart_s
+        end_s, soc_end = math.nan, math.nan
+        while True:
+            seconds, soc, _ = way(route.hops, route.slots, at.position, at.pad, position, pad, leave_s)
+            charge = float(np.interp(leave_s, at.g[:, 0], at.g[:, 1])) if len(at.g) > 1 else float(at.g[0, 1])
+            charge = max(charge, _after(at.g, leave_s))
+            arrive_s, arrived = leave_s + seconds, charge - route.mean_ratio * soc
+            if pad == NOWHERE:
+                end_s, soc_end = arrive_s, arrived
+            else:
+                stops[-1] = replace(stops[-1], arrive_s=arrive_s, soc_arrive=arrived, on_pad_s=max(stops[-1].on_pad_s, arrive_s))  # fmt: skip
+            if at.before is None:
+                break
+            on_pad_s, before_s = self._stay(at, leave_s, charge)
+            stops.append(ChargingStop(at.position, at.pad, math.nan, math.nan, on_pad_s, leave_s, charge))
+            position, pad, at, leave_s = at.position, at.pad, at.before, before_s
+        return ChargingPlan(tuple(reversed(stops)), leave_s, end_s, soc_end, self.labels)
+
+    def _stay(self, label: _Label, leave_s: float, charge: float) -> tuple[float, float]:
+        """Return when the pad is used from, never where it is not, and the take-off before."""
+        curve_s, curve_soc = self.route.curves[label.pad]
+        potential, before_s = profile_at(label.z, leave_s)
+        landed, landed_before_s = profile_at(label.h, leave_s)
+        if landed >= charge - 1e-12:
+            return -math.inf, landed_before_s
+        arrived = charge_at(label.before, before_s) - self._taken(label, before_s)
+        return interpolate(arrived, curve_soc, curve_s) - potential, before_s
+
+    def _taken(self, label: _Label, leave_s: float) -> float:
+        """Charge that the way to a label takes."""
+        before = label.before
+        if before is None:
+            return 0.0
+        route = self.route
+        _, soc, _ = way(route.hops, route.slots, before.position, before.pad, label.position, label.pad, leave_s)
+        return route.mean_ratio * float(soc)
+
+
+def charge_at(label: _Label | None, time_s: float) -> float:
+    """Charge that a drone can leave with at a time."""
+    return math.nan if label is None else _after(label.g, time_s)
+
+
+def _after(g: NDArray[np.float64], time_s: float) -> float:
+    """Value of a departure profile at a time, just after a jump there."""
+    k = max(int(np.searchsorted(g[:, 0], time_s + 1e-9, side="right")) - 1, 0)
+    if k == len(g) - 1 or g[k + 1, 0] <= g[k, 0]:
+        return float(g[k, 1])
+    part = (time_s - g[k, 0]) / (g[k + 1, 0] - g[k, 0])
+    return float(g[k, 1] + min(max(part, 0.0), 1.0) * (g[k + 1, 1] - g[k, 1]))
+
+
+def fastest(
+    curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the curve on which every percent comes from the fastest of some pads: SoC and seconds from empty, convex."""
+    soc = np.unique(np.concatenate([points for _, points in curves]))
+    slopes = [np.diff(np.interp(soc, points, seconds)) for seconds, points in curves]
+    return soc, np.concatenate(([0.0], np.cumsum(np.min(slopes, axis=0))))

@@ -1,0 +1,64 @@
+"""Output of a cut mission: one row for each battery, and when it ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.formatting import duration, percent, probability
+
+if TYPE_CHECKING:
+    from skyway.recharge.summary import FlightTold, RechargeSummary
+
+COLUMNS = (
+    Column("battery"),
+    Column("leaves", "after the first"),
+    Column("work done as far as", justify="left"),
+    Column("flight"),
+    Column("energy", "Wh"),
+    Column("charge", justify="left", words="charge {}"),
+    Column("keeps reserve"),
+    Column("lands on", justify="left"),
+    Column("wait"),
+    Column("charges", justify="left", words="charges {}"),
+)
+
+
+def print_recharge(summary: RechargeSummary) -> None:
+    """Print the flights as a table, and what follows from them."""
+    sheet = Sheet(list(COLUMNS))
+    for flight in summary.flights:
+        stay = flight.stay
+        sheet.add(
+            str(flight.number),
+            duration(flight.depart_s) if flight.number > 1 else "",
+            _left(flight),
+            duration(flight.flight_s),
+            f"{flight.energy_wh:.0f}",
+            f"{percent(flight.soc_start)} to {percent(flight.soc_end)}",
+            probability(flight.p_reserve, 1),
+            stay.pad if stay else "the end",
+            duration(stay.wait_s) if stay and stay.wait_s >= 0.5 else "",
+            f"{duration(stay.charge_s)} to {percent(stay.soc_to)}" if stay and stay.charge_s >= 0.5 else "",
+        )
+    sheet.show()
+    say("")
+    mean, early, late = summary.ends_s
+    stops = len(summary.flights) - 1
+    say(
+        f"ends {duration(mean)} after the first take-off ({duration(early)} to {duration(late)} in 90 % of {summary.runs}"
+        f" rehearsals); with no stop the work would take {duration(summary.work_s)}"
+    )
+    say(
+        f"{stops} stop{'' if stops == 1 else 's'}; every landing keeps the reserve of {percent(summary.reserve_soc)} with"
+        f" probability {probability(summary.p_reserve, 1)}; {summary.pictures} pictures, none lost, none twice"
+    )
+    for note in summary.notes:
+        say(f"note: {note}")
+
+
+def _left(flight: FlightTold) -> str:
+    left = flight.left_at
+    if left is None:
+        return "its end"
+    return f"{'on the way to ' if left.on_the_way else ''}item {left.item} ({left.command})"

@@ -1,0 +1,1 @@
+"""Recharge stops for any mission: `skyway recharge`."""

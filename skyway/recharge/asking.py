@@ -1,0 +1,156 @@
+"""What is typed of a mission to be cut, as the values that it is cut with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skyway import typed_values
+from skyway.checking import conditions_of, over_of, weather_of
+from skyway.missions.checks.route import DEFAULT_SPEED_MPS, fly
+from skyway.missions.checks.weather import ForecastWind
+from skyway.missions.items.coordinates import Point
+from skyway.missions.items.mission import Home
+from skyway.missions.recharge.pad_ways import TransitRules
+from skyway.models.base.errors import InputError
+from skyway.models.drones.fleet import read_fleet
+from skyway.models.network.files import read_stations
+from skyway.models.scenario.file import FILE
+from skyway.recharge.problem import PadQueues, RechargeOptions
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.items.document import MissionDocument
+    from skyway.models.airspace.airspace import Airspace
+    from skyway.models.drones.drone import Drone
+    from skyway.models.network.network import Station
+    from skyway.models.scenario.scenario import Scenario
+
+GREATEST_SPEED_MPS = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What is typed besides the mission, in the units of the command line."""
+
+    pads: Path
+    drone: str | None = None
+    fleet: Path | None = None
+    wind: str | None = None
+    depart: str | None = None
+    forecast: list[Path] | None = None
+    payload_kg: float = 0.0
+    soc_percent: float = 100.0
+    reserve_percent: float = 20.0
+    epsilon: float = 0.001
+    transit_speed_mps: float | None = None
+    transit_height_m: float | None = None
+    terrain: list[str] | None = None
+    obstacles: list[str] | None = None
+    clearance_m: float | None = None
+    level_ground: bool = False
+    home: str | None = None
+    home_elevation_m: float | None = None
+    laps: int = 1
+    single: bool = False
+    seed: int = 0
+
+
+def region_of(asked: Asked) -> Scenario | None:
+    """Return the scenario that the pads are named by, None where they are a file of stations."""
+    path = asked.pads
+    named = path.is_dir() or path.suffix == ".toml" or path.name == FILE or not path.exists()
+    if not path.exists() and str(path) != "newyork":
+        raise InputError(
+            "no such file or folder", str(path), field="--pads", remedy="stations (CSV, GeoJSON) or a scenario"
+        )
+    return load_scenario(path) if named else None
+
+
+def pads_of(asked: Asked, region: Scenario | None) -> tuple[Station, ...]:
+    """Return the pads that are named."""
+    return region.network.stations if region is not None else read_stations(asked.pads)
+
+
+def with_home(document: MissionDocument, asked: Asked) -> MissionDocument:
+    """Return the mission with the home, and its height, that were typed."""
+    mission = document.mission
+    home = mission.home
+    if asked.home is not None:
+        place = typed_values.parse_position(asked.home)
+        if place is None:
+            raise InputError("is not a place", field="--home", value=asked.home, remedy="write lat,lon")
+        home = Home(Point.of_degrees(*place), None if home is None else home.altitude_m)
+    if asked.home_elevation_m is not None:
+        if home is None:
+            raise InputError("needs a home", field="--home-elevation", remedy="give --home lat,lon too")
+        if not -500.0 <= asked.home_elevation_m <= 9000.0:
+            raise InputError("is not between -500 and 9000 m", field="--home-elevation", value=asked.home_elevation_m)
+        home = replace(home, altitude_m=asked.home_elevation_m)
+    return replace(document, mission=replace(mission, home=home))
+
+
+def options_of(
+    asked: Asked, document: MissionDocument, region: Scenario | None, zones: Airspace | None
+) -> RechargeOptions:
+    """Return how a mission is cut; an `InputError` names each option that is wrong."""
+    over = over_of(region, asked.terrain, asked.obstacles, asked.clearance_m)
+    weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=zones is not None)
+    conditions = conditions_of(
+        region,
+        None if asked.fleet else asked.drone,
+        weather,
+        asked.payload_kg,
+        asked.soc_percent,
+        asked.reserve_percent,
+    )
+    if asked.fleet is not None:
+        conditions = replace(conditions, drone=_of_fleet(asked, asked.fleet), drone_is_assumed=False)
+    if not 1e-6 <= asked.epsilon <= 0.5:
+        raise InputError("is not between 0.000001 and 0.5", field="--epsilon", value=asked.epsilon)
+    if not 1 <= asked.laps <= 1000:
+        raise InputError("is not between 1 and 1000", field="--laps", value=asked.laps)
+    speed = _transit_speed(asked, document, conditions)
+    height = asked.transit_height_m
+    if height is not None and not 5.0 <= height <= 1000.0:
+        raise InputError("is not between 5 and 1000 m", field="--transit-height", value=height)
+    queues = None
+    if region is not None and isinstance(weather, ForecastWind):
+        queues = PadQueues(region.load, region.network.stations, weather.depart_s)
+    return RechargeOptions(
+        conditions,
+        TransitRules(speed, height, over, zones),
+        queues,
+        asked.epsilon,
+        asked.level_ground,
+        asked.laps,
+        asked.single,
+        asked.seed,
+    )
+
+
+def _of_fleet(asked: Asked, fleet: Path) -> Drone:
+    drones = read_fleet(fleet)
+    if asked.drone is None and len(drones) == 1:
+        return drones[0]
+    for drone in drones:
+        if drone.id == asked.drone:
+            return drone
+    known = ", ".join(drone.id for drone in drones)
+    raise InputError("no such drone", str(fleet), field="--drone", value=asked.drone, remedy=f"the fleet has {known}")
+
+
+def _transit_speed(asked: Asked, document: MissionDocument, conditions: FlightConditions) -> float:
+    """Return the speed of the ways to pads: as typed, else the greatest of the mission."""
+    most = min(GREATEST_SPEED_MPS, conditions.drone.max_ground_speed_mps, conditions.drone.max_airspeed_mps)
+    if asked.transit_speed_mps is not None:
+        if not 1.0 <= asked.transit_speed_mps <= most:
+            raise InputError(
+                f"is not between 1 and {most:g} m/s", field="--transit-speed", value=asked.transit_speed_mps
+            )
+        return asked.transit_speed_mps
+    flown = [step.speed_mps for step in fly(document.mission).steps]
+    return min(max(flown, default=DEFAULT_SPEED_MPS), most)

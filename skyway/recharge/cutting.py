@@ -1,0 +1,249 @@
+"""From a mission and pads to one mission for each battery."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.missions.autopilots.registry import family_of
+from skyway.missions.checks.areas import check_fence
+from skyway.missions.checks.report import check
+from skyway.missions.checks.route import fly
+from skyway.missions.checks.structure import check_structure
+from skyway.missions.checks.weather import ForecastWind
+from skyway.missions.items.commands import TAKEOFF_COMMANDS
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
+from skyway.missions.recharge.parts import Cut, PartBuilder, completed
+from skyway.missions.recharge.work import work_of
+from skyway.models.base.errors import Fault, InputError
+from skyway.planner.fixed_route.charging_stops import charging_stops
+from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of
+from skyway.recharge.reasons import no_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.checks.report import CheckReport
+    from skyway.missions.items.finding import Finding
+    from skyway.missions.items.mission import Mission
+    from skyway.models.network.network import Station
+    from skyway.planner.fixed_route.charging_stops import ChargingPlan
+    from skyway.recharge.problem import RechargeProblem
+
+LOW_TAKEOFF_M = 10.0
+"""Least height of a take-off that is put before a mission which has none."""
+MAX_ROUNDS = 6
+"""So often flights are given more charge where the winds of a forecast ask for more than their mean."""
+MORE_SURE = 1.02
+_OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
+"""Findings of a whole mission that its flights may not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One flight from the ground to the ground, as one battery flies it."""
+
+    document: MissionDocument
+    report: CheckReport
+    depart_s: float
+    """After the first take-off."""
+    soc_start: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recharged:
+    """A mission cut at pads."""
+
+    problem: RechargeProblem
+    plan: ChargingPlan
+    cuts: tuple[Cut, ...]
+    flights: dict[str, tuple[Flight, ...]]
+    """By the name of the autopilot."""
+    notes: tuple[str, ...]
+    whole: dict[str, MissionDocument]
+    """All flights in one mission, by the name of each autopilot that flies one."""
+
+    @property
+    def told(self) -> tuple[Flight, ...]:
+        """Flights of the first autopilot: figures are told of these."""
+        return next(iter(self.flights.values()))
+
+
+def recharged(
+    document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
+) -> Recharged:
+    """Cut a mission so that it can be flown with charges on pads on the way, and check every flight.
+
+    An `InputError` says what hinders it: a home that is not known, no pad in reach and what is lacking, an item that cannot be cut, a
+    flight that an autopilot does not fly.
+    """
+    mission, notes = _whole(document.mission, families, options)
+    document = replace(document, mission=mission)
+    families, left_out = _that_fly(document, families, options)
+    usable = tuple(pad for pad in pads if pad.pads > 0 and not pad.flyover)
+    if not usable:
+        raise InputError("there are no pads", field="--pads", remedy="give stations with one pad or more")
+    work = work_of(mission, families[0] if len(families) == 1 else family_of(mission.firmware), laps=options.laps)
+    home_m = None if mission.home is None else mission.home.altitude_m
+    ground = pad_grounds_m(usable, home_m, options.transit.over, level=options.level_ground)
+    ways = pad_ways(work, document, usable, ground, options.transit, families)
+    problem = problem_of(work, ways, options)
+    sure = sure_ratio_of(options)
+    for _ in range(MAX_ROUNDS):
+        plan = charging_stops(problem.route(sure))
+        if plan is None:
+            raise no_plan(problem, sure)
+        cuts = _cuts(plan)
+        flights = {family.name: _flights(document, problem, plan, cuts, family) for family in families}
+        least = min(flight.report.legs[-1].p_reserve or 0.0 for flown in flights.values() for flight in flown)
+        if least >= 1.0 - options.epsilon - 1e-9:
+            break
+        sure *= MORE_SURE
+    else:
+        raise InputError(
+            f"the winds of the forecast are too unlike each other: a landing keeps the reserve with probability {least:.4f} only",
+            field="--epsilon",
+            remedy="allow more, or wait for a surer forecast",
+        )
+    faults = {family.name: _faults(flights[family.name], family) for family in families}
+    fit = {name: flown for name, flown in flights.items() if not faults[name]}
+    if not fit:
+        raise InputError([fault for found in faults.values() for fault in found])
+    left_out += [f"no missions for {name}: {found[0].problem}" for name, found in faults.items() if found]
+    route = work.route
+    told = tuple(f"item {number} jumps back for ever: flown {options.laps + 1} times" for number in route.endless_jumps)
+    whole = {}
+    if options.single and len(next(iter(fit.values()))) > 1:
+        whole = {
+            family.name: _in_one(fit[family.name], PartBuilder(work, ways, options.transit, family))
+            for family in families
+            if family.name in fit and family.stays_in_mission_after_landing
+        }
+        left_out += [
+            f"no single mission for {name}: it leaves its mission when it lands" for name in fit if name not in whole
+        ]
+    return Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
+
+
+def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> MissionDocument:
+    """Join flights to one mission; an `InputError` says what its check found."""
+    mission = builder.whole([flight.document.mission for flight in flights])
+    document = replace(flights[0].document, mission=mission)
+    errors = [one for one in check(document, dialect=builder.family).findings if one.severity == "error"]
+    if errors:
+        raise InputError([Fault(f"the single mission: {one.message}", field=one.code) for one in errors])
+    return document
+
+
+def _whole(mission: Mission, families: Sequence[Family], options: RechargeOptions) -> tuple[Mission, tuple[str, ...]]:
+    """Add what a mission lacks to be flown from the ground to the ground, and the height of its home where terrain tells it."""
+    notes: list[str] = []
+    home, over = mission.home, options.transit.over
+    if home is not None and home.altitude_m is None and over is not None:
+        ground = float(over.terrain.ground_m(np.array([home.point.lat]), np.array([home.point.lon]))[0])
+        if math.isfinite(ground):
+            mission = replace(mission, home=replace(home, altitude_m=round(ground, 2)))
+            notes.append(f"home is {ground:.0f} m above the sea by the terrain model")
+    route = fly(mission, autopilot=families[0], laps=options.laps)
+    flown = [item for item in mission.items if item.is_flown_to or item.command in TAKEOFF_COMMANDS]
+    steps = route.steps
+    takes_off_m = None
+    if flown and steps and flown[0].command not in TAKEOFF_COMMANDS and not math.isnan(steps[0].height_m):
+        takes_off_m = max(steps[0].height_m, LOW_TAKEOFF_M)
+    lands = not route.legs or route.legs[-1].landing != "none"
+    mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
+    if mission.hover_speed_mps is None:
+        notes.append("the mission tells no speed to plan with: 5 m/s is taken until it orders one")
+    return mission, (*added, *notes)
+
+
+def _that_fly(
+    document: MissionDocument, families: Sequence[Family], options: RechargeOptions
+) -> tuple[list[Family], list[str]]:
+    """Return the autopilots that fly a mission but for its battery, and what is said of the others.
+
+    An `InputError` says why none does.
+    """
+    fit: list[Family] = []
+    faults: list[Fault] = []
+    for family in families:
+        route = fly(document.mission, autopilot=family, laps=options.laps)
+        found = [
+            *check_structure(document.mission, route),
+            *check_fence(document, route, family),
+            *family.cannot_fly(document),
+        ]
+        errors = [one for one in found if one.severity == "error" and one.code not in _OF_THE_WHOLE]
+        if not errors:
+            fit.append(family)
+            continue
+        where = "" if errors[0].item is None else f"item {errors[0].item}: "
+        faults.append(Fault(f"no missions for {family.name}: {where}{errors[0].message}", remedy=errors[0].remedy))
+    if not fit:
+        raise InputError(faults)
+    return fit, [fault.problem for fault in faults]
+
+
+def _cuts(plan: ChargingPlan) -> tuple[Cut, ...]:
+    """Return the places at which the work is left, with the pads that are landed on before it goes on."""
+    found: list[Cut] = []
+    for stop in plan.stops:
+        if found and found[-1].point == stop.position:
+            found[-1] = Cut(stop.position, (*found[-1].pads, stop.pad))
+        else:
+            found.append(Cut(stop.position, (stop.pad,)))
+    return tuple(found)
+
+
+def _flights(
+    document: MissionDocument, problem: RechargeProblem, plan: ChargingPlan, cuts: Sequence[Cut], family: Family
+) -> tuple[Flight, ...]:
+    """Make and check the flights of an autopilot; each is begun when, and with the charge, that the plan says."""
+    conditions, transit = problem.options.conditions, problem.options.transit
+    builder = PartBuilder(problem.work, problem.ways, transit, family)
+    missions = builder.flights(list(cuts))
+    begins = [(plan.depart_s, conditions.soc_start), *((stop.leave_s, stop.soc_leave) for stop in plan.stops)]
+    found = []
+    for mission, (depart_s, soc) in zip(missions, begins, strict=True):
+        part = MissionDocument(mission, document.fence, document.rally)
+        flown_by = replace(conditions, soc_start=soc, stations=problem.ways.pads)
+        report = check(
+            part,
+            dialect=family,
+            conditions=_later(flown_by, depart_s),
+            zones=transit.zones,
+            over=transit.over,
+            depart_s=_instant(conditions, depart_s),
+        )
+        found.append(Flight(part, report, depart_s, soc))
+    return tuple(found)
+
+
+def _later(conditions: FlightConditions, by_s: float) -> FlightConditions:
+    weather = conditions.weather
+    if isinstance(weather, ForecastWind):
+        return replace(conditions, weather=replace(weather, depart_s=weather.depart_s + by_s))
+    return conditions
+
+
+def _instant(conditions: FlightConditions, by_s: float) -> float | None:
+    weather = conditions.weather
+    return weather.depart_s + by_s if isinstance(weather, ForecastWind) else None
+
+
+def _faults(flights: Sequence[Flight], family: Family) -> list[Fault]:
+    """Return what an autopilot would not fly: the error of a check, and the flight that it is in."""
+    faults: list[Fault] = []
+    for number, flight in enumerate(flights, start=1):
+        errors: list[Finding] = [one for one in flight.report.findings if one.severity == "error"]
+        for error in errors[:3]:
+            where = "" if error.item is None else f", item {error.item}"
+            problem = f"battery {number} for {family.name}{where}: {error.message}"
+            faults.append(Fault(problem, field=error.code, remedy=error.remedy))
+    return faults

@@ -1,0 +1,131 @@
+"""The folder of a cut mission: one mission a flight for each autopilot, what must be set on the vehicle, and the summary."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.missions.autopilots.registry import family_named
+from skyway.missions.files import plan_writer
+from skyway.missions.files.mission_file import files_of
+from skyway.missions.items.commands import Command
+from skyway.missions.items.parameters import FlightNeeds
+from skyway.models.base.errors import InputError
+from skyway.models.base.files import file_error
+from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from skyway.recharge.cutting import Flight, Recharged
+    from skyway.recharge.summary import RechargeSummary
+
+SUMMARY = "recharge.json"
+"""Names a folder of ours: no other one is ever replaced."""
+
+
+WHOLE = "all-batteries.plan"
+"""All flights in one mission, where an autopilot stays in it after a landing that disarms."""
+
+
+def names_of(found: Recharged) -> dict[str, list[str]]:
+    """Return the file of each flight by autopilot."""
+    return {
+        name: [f"{name}/battery-{number}.plan" for number in range(1, len(flights) + 1)]
+        for name, flights in found.flights.items()
+    }
+
+
+def refuse_folder(folder: Path, *, force: bool) -> None:
+    """Refuse at the beginning a folder that could not be written at the end."""
+    if not folder.parent.is_dir():
+        raise InputError("no such folder", str(folder.parent), remedy="create it first")
+    if not os.access(folder.parent, os.W_OK):
+        raise InputError("cannot be written to", str(folder.parent), remedy="choose another folder")
+    if not folder.exists():
+        return
+    ours = folder.is_dir() and ((folder / SUMMARY).is_file() or not any(folder.iterdir()))
+    if not ours:
+        raise InputError("exists, and is no folder that skyway recharge wrote", str(folder), remedy="name another one")
+    if not force and any(folder.iterdir()):
+        raise InputError("exists already", str(folder), remedy="give another name, or --force to replace it")
+
+
+def write_folder(found: Recharged, summary: RechargeSummary, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write the folder whole or not at all; return its files.
+
+    It is made beside its place and then moved there, so that nobody finds half of it.
+    """
+    refuse_folder(folder, force=force)
+    texts = {SUMMARY: json_text(summary, indent=1) + "\n"}
+    for name, flights in found.flights.items():
+        for file, flight in zip(names_of(found)[name], flights, strict=True):
+            made = files_of(flight.document, Path(file))
+            texts |= {str(path): make(flight.document) for path, make in made.items()}
+        if name in found.whole:
+            texts |= {f"{name}/{WHOLE}": plan_writer.dumps(found.whole[name])}
+        texts[f"{name}/vehicle.param"] = _parameters(found, name, flights)
+    try:
+        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise file_error("written", folder, error) from error
+    try:
+        for file, text in texts.items():
+            path = beside / file
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        beside.chmod(0o777 & ~_umask())
+        _moved(beside, folder)
+    except OSError as error:
+        raise file_error("written", folder, error) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return [folder / file for file in texts]
+
+
+def _moved(beside: Path, folder: Path) -> None:
+    """Put a folder in the place of another, which goes only when the new one is there."""
+    if not folder.exists():
+        beside.rename(folder)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
+    folder.rename(old / folder.name)
+    try:
+        beside.rename(folder)
+    except OSError:
+        (old / folder.name).rename(folder)
+        raise
+    finally:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def _parameters(found: Recharged, name: str, flights: tuple[Flight, ...]) -> str:
+    """Return the parameter file that all flights of an autopilot rely on."""
+    family = family_named(name)
+    options = found.problem.options
+    conditions = options.conditions
+    items = [item for flight in flights for item in flight.document.mission.items]
+    speeds = [item.param2 for item in items if item.command == Command.DO_CHANGE_SPEED and item.param2 > 0.0]
+    heights = [step.height_m for step in found.problem.work.steps]
+    levels = [found.problem.ways.level_m[cut.point, cut.pads[0]] for cut in found.cuts]
+    document = flights[0].document
+    needs = FlightNeeds(
+        ground_speed_mps=max([*speeds, options.transit.speed_mps]),
+        climb_rate_mps=conditions.climb_rate_mps,
+        descent_rate_mps=conditions.descent_rate_mps,
+        return_height_m=math.ceil(max([*heights, *levels]) - min([0.0, *found.problem.ways.ground_m])),
+        fenced=bool(document.fence),
+        has_rally_points=len(document.rally) > 0,
+        continues_after_landing=False,
+        stays_armed=False,
+        uses_gripper=any(item.command == Command.DO_GRIPPER for item in items),
+    )
+    return family.parameter_file(family.parameters(needs), family.released)

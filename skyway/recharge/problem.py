@@ -1,0 +1,152 @@
+"""A mission and pads as the problem of a fixed route: what every hop takes, in the winds of the forecast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.missions.checks.weather import ForecastWind
+from skyway.missions.recharge.pad_ways import hops_between_pads, hops_from_pads, hops_to_pads
+from skyway.missions.recharge.work_hops import times_and_charges, work_hops
+from skyway.models.base.units import S_PER_H
+from skyway.models.flight.kernels import Slots
+from skyway.models.queues.waiting_times import STEP_S, forecast_waits
+from skyway.planner.fixed_route.charging_stops import FixedRoute
+from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.checks.hops import Hops
+    from skyway.missions.recharge.pad_ways import PadWays, TransitRules
+    from skyway.missions.recharge.work import Work
+    from skyway.models.network.network import Station
+    from skyway.models.queues.load import PadLoad
+
+MAX_SLOTS = 24
+"""Slots of a forecast that are looked at; the last one holds on."""
+EPSILON = 0.001
+"""A flight may miss the reserve with this probability; that of checks."""
+
+
+@dataclass(frozen=True, slots=True)
+class PadQueues:
+    """Other drones at the pads: their load, and when the first take-off is."""
+
+    load: PadLoad
+    stations: tuple[Station, ...]
+    """In the order of the load."""
+    depart_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class RechargeOptions:
+    """How a mission is cut."""
+
+    conditions: FlightConditions
+    transit: TransitRules
+    queues: PadQueues | None = None
+    epsilon: float = EPSILON
+    level_ground: bool = False
+    laps: int = 1
+    """Endless jumps are followed so many times."""
+    single: bool = False
+    """All flights in one mission, too."""
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RechargeProblem:
+    """The fixed route of a mission, and what it was made of."""
+
+    work: Work
+    ways: PadWays
+    options: RechargeOptions
+    hops: RouteHops
+    slots: Slots
+    curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
+    waits: tuple[NDArray[np.float64], ...]
+    p_free: tuple[NDArray[np.float64], ...] = field(default=())
+    """Probability that an arrival finds a free pad, at the points of `waits`."""
+
+    def route(self, sure_ratio: float) -> FixedRoute:
+        """Return the route that is begun with charge for so many times what the model says of each flight."""
+        conditions = self.options.conditions
+        can_leave = np.array([point.hinders is None for point in self.work.points])
+        return FixedRoute(
+            self.hops,
+            self.slots,
+            can_leave,
+            self.curves,
+            self.waits,
+            0.0,
+            conditions.soc_start,
+            conditions.reserve_soc,
+            1.0,
+            sure_ratio,
+        )
+
+
+def slots_of(conditions: FlightConditions) -> Slots:
+    """Return when the wind changes, in seconds after the first take-off; one slot where it does not."""
+    weather = conditions.weather
+    if not isinstance(weather, ForecastWind):
+        return Slots(0.0, S_PER_H, 1)
+    ensemble = weather.ensemble
+    first = max(ensemble.slot_at(weather.depart_s), 0)
+    count = max(1, min(ensemble.slots - first, MAX_SLOTS))
+    return Slots(ensemble.start_s + first * ensemble.slot_s - weather.depart_s, ensemble.slot_s, count)
+
+
+def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeProblem:
+    """Work out what every hop of a mission takes, to its pads and back."""
+    conditions, transit = options.conditions, options.transit
+    slots = slots_of(conditions)
+    at_s = slots.start_s + slots.slot_s * (np.arange(slots.length) + 0.5)
+    on_work, payload = work_hops(work, conditions)
+    points, pads = len(work.points), len(ways.pads)
+    carried: NDArray[np.float64] = np.append(payload, payload[-1:])
+
+    def table(hops: Hops, kg: NDArray[np.float64], *shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        times, charges = times_and_charges(hops, kg, conditions, at_s)
+        return (
+            np.ascontiguousarray(times.reshape(len(at_s), *shape)),
+            np.ascontiguousarray(charges.reshape(len(at_s), *shape)),
+        )
+
+    heaviest = np.full(pads * pads, float(carried.max()))
+    found = RouteHops(
+        *table(on_work, payload, points - 1),
+        *table(hops_to_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads),
+        *table(hops_from_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads),
+        *table(hops_between_pads(ways, transit, conditions), heaviest, pads, pads),
+        np.arange(points),
+    )
+    curves = tuple(conditions.drone.charging_curve(pad.recharge_power_w).piecewise() for pad in ways.pads)
+    waits, free = _waits(ways.pads, options.queues)
+    return RechargeProblem(work, ways, options, found, slots, curves, waits, free)
+
+
+def _waits(
+    pads: tuple[Station, ...], queues: PadQueues | None
+) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
+    """Return the expected wait at each pad by arrival, seconds after the first take-off; none where nobody else is known."""
+    if queues is None:
+        return tuple(np.zeros((1, 2)) for _ in pads), tuple(np.ones(1) for _ in pads)
+    numbers = {station.id: number for number, station in enumerate(queues.stations)}
+    counts = np.array([station.pads for station in queues.stations], dtype=np.int64)
+    wanted = [numbers[pad.id] for pad in pads]
+    found = forecast_waits(queues.load, counts, wanted, queues.depart_s, float(MAX_SLOTS), {})
+    waits = [found[number].wait_s for number in wanted]
+    grid = STEP_S * np.arange(len(waits[0]) if waits else 0, dtype=np.float64)
+    return tuple(np.column_stack((grid, wait)) for wait in waits), tuple(found[number].p_free for number in wanted)
+
+
+def sure_ratio_of(options: RechargeOptions) -> float:
+    """Return what a flight takes at most with all but the probability that is allowed, over what the model says."""
+    belief = options.conditions.drone.energy_belief
+    return max(1.0, belief.quantile(1.0 - options.epsilon)) if math.isfinite(options.epsilon) else 1.0

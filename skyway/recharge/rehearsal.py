@@ -1,0 +1,113 @@
+"""The flights of a cut mission rehearsed: when it ends and whether each landing keeps the reserve, over winds, energies and pads.
+
+Every flight is flown in every wind of the forecast; what it takes there differs from what the model says as is believed of the drone;
+on a pad it is charged to what the plan says, however long that takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.missions.checks.energy import fly_leg
+from skyway.missions.checks.route import fly
+from skyway.models.base.statistics import weighted_quantile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.recharge.cutting import Recharged
+
+RUNS = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """What came of many runs of a cut mission.
+
+    Attributes
+    ----------
+    end_s, end_early_s, end_late_s : float
+        Mean, and 5th and 95th percentile, of the landing at the end, after the first take-off.
+    p_reserve : float
+        Probability that every landing keeps the reserve.
+    each_p_reserve : tuple of float
+        Of each flight.
+    runs : int
+        How many.
+    """
+
+    end_s: float
+    end_early_s: float
+    end_late_s: float
+    p_reserve: float
+    each_p_reserve: tuple[float, ...]
+    runs: int
+
+
+def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) -> Rehearsal:
+    """Rehearse a cut mission; the same seed gives the same runs."""
+    options, plan = found.problem.options, found.plan
+    conditions = options.conditions
+    rng = np.random.default_rng(options.seed if seed is None else seed)
+    weight = conditions.weather.probability
+    wind = rng.choice(len(weight), runs, p=weight / weight.sum())
+    ratios = conditions.drone.energy_belief.sampled(rng, runs, len(found.told))
+    clock = np.full(runs, plan.depart_s)
+    soc = np.full(runs, conditions.soc_start)
+    kept = np.ones((len(found.told), runs), dtype=bool)
+    for number in range(len(found.told)):
+        begin = np.bincount(wind, clock, len(weight)) / np.maximum(np.bincount(wind, minlength=len(weight)), 1)
+        begin = np.where(begin > 0.0, begin, clock.mean())
+        time_s, energy_j = _in_each_wind(found, number, begin)
+        soc = soc - ratios[:, number] * energy_j[wind] / conditions.drone.battery_j
+        kept[number] = soc >= conditions.reserve_soc
+        clock = clock + time_s[wind]
+        if number < len(plan.stops):
+            stop = plan.stops[number]
+            clock = clock + _waits(found, stop.pad, clock, rng)
+            curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
+            target = np.maximum(soc, stop.soc_leave)
+            clock = clock + np.asarray(curve.duration_s(np.maximum(soc, 0.0), target))
+            soc = target
+    one = np.ones(runs)
+    return Rehearsal(
+        float(clock.mean()),
+        weighted_quantile(clock, one, 0.05),
+        weighted_quantile(clock, one, 0.95),
+        float(kept.all(axis=0).mean()),
+        tuple(float(share) for share in kept.mean(axis=1)),
+        runs,
+    )
+
+
+def _in_each_wind(
+    found: Recharged, number: int, begin_s: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Time and energy of a flight in each wind of the forecast; where a wind forbids it, as on average in the others."""
+    conditions = found.problem.options.conditions
+    mission = found.told[number].document.mission
+    route = fly(mission)
+    height_m, time_s, energy_j = 0.0, np.zeros(len(begin_s)), np.zeros(len(begin_s))
+    for leg in route.legs:
+        flown = fly_leg(mission, leg, conditions, conditions.payload_kg, begin_s + time_s, height_m)
+        share = np.where(flown.flyable, conditions.weather.probability, 0.0)
+        total = max(float(share.sum()), 1e-12)
+        for sums, values in ((time_s, flown.time_s), (energy_j, flown.energy_j)):
+            typical = float(share @ np.where(flown.flyable, values, 0.0)) / total
+            np.add(sums, np.where(flown.flyable, values, typical), out=sums)
+        height_m = leg.next_ground_m
+    return time_s, energy_j
+
+
+def _waits(found: Recharged, pad: int, arrive_s: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw waits for a pad: none where it is free, else such that their mean is that of the queue, and memoryless as those of M/M/c."""
+    wait, free = found.problem.waits[pad], found.problem.p_free[pad]
+    mean = np.interp(arrive_s, wait[:, 0], wait[:, 1])
+    if not mean.any():
+        return mean
+    p_free = np.interp(arrive_s, wait[:, 0], free)
+    taken = rng.random(len(arrive_s)) >= p_free
+    return np.where(taken, rng.exponential(1.0, len(arrive_s)) * mean / np.maximum(1.0 - p_free, 1e-9), 0.0)

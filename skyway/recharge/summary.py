@@ -1,0 +1,147 @@
+"""What is told of a cut mission: ``skyway.recharge/1``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.models.base.units import J_PER_WH
+
+if TYPE_CHECKING:
+    from skyway.missions.recharge.work import WorkPoint
+    from skyway.recharge.cutting import Recharged
+    from skyway.recharge.rehearsal import Rehearsal
+
+SCHEMA = "skyway.recharge/1"
+
+
+@dataclass(frozen=True, slots=True)
+class LeftAt:
+    """Where the work is left: behind an item, or on the way to it."""
+
+    item: int
+    """Number of the item in the mission that was given, completed as `notes` say."""
+    command: str
+    on_the_way: bool
+    """True: on the way to the item, which is not reached yet."""
+    lat: float
+    lon: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """A stay on a pad, by the plan."""
+
+    pad: str
+    arrive_s: float
+    """After the first take-off, as all instants."""
+    wait_s: float
+    charge_s: float
+    soc_from: float
+    soc_to: float
+    leave_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlightTold:
+    """One flight of one battery, as its file is flown in the winds that it was checked in."""
+
+    number: int
+    items: int
+    depart_s: float
+    flight_s: float
+    distance_m: float
+    energy_wh: float
+    soc_start: float
+    soc_end: float
+    p_reserve: float
+    left_at: LeftAt | None
+    """None: the work is done."""
+    stay: Stay | None
+    """None: it ends here."""
+    files: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class RechargeSummary:
+    """A cut mission: ``skyway.recharge/1``."""
+
+    schema: str
+    mission: str
+    drone: str
+    reserve_soc: float
+    epsilon: float
+    pictures: int
+    """That no cut loses or doubles: those on the way, and those that items order."""
+    work_s: float
+    """Time of the work with no stop at all."""
+    end_s: float
+    """By the plan, after the first take-off."""
+    ends_s: tuple[float, float, float]
+    """Of the rehearsal: mean, 5th and 95th percentile."""
+    p_reserve: float
+    """Probability that every landing keeps the reserve."""
+    runs: int
+    flights: tuple[FlightTold, ...]
+    notes: tuple[str, ...]
+
+
+def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
+    """Return what is told of a cut mission; `files` has the names by autopilot, one for each flight."""
+    problem, plan = found.problem, found.plan
+    conditions = problem.options.conditions
+    cut_of = [cut for cut in found.cuts for _ in cut.pads]
+    flights = []
+    for number, flight in enumerate(found.told):
+        stop = plan.stops[number] if number < len(plan.stops) else None
+        legs = flight.report.legs
+        stay = None
+        if stop is not None:
+            on_pad_s = max(stop.on_pad_s, stop.arrive_s)
+            stay = Stay(
+                problem.ways.pads[stop.pad].id,
+                stop.arrive_s,
+                min(on_pad_s, stop.leave_s) - stop.arrive_s,
+                max(stop.leave_s - on_pad_s, 0.0),
+                stop.soc_arrive,
+                stop.soc_leave,
+                stop.leave_s,
+            )
+        flights.append(
+            FlightTold(
+                number + 1,
+                len(flight.document.mission.items),
+                flight.depart_s,
+                sum(leg.time_s or 0.0 for leg in legs),
+                sum(leg.distance_m for leg in legs),
+                sum(leg.energy_j or 0.0 for leg in legs) / J_PER_WH,
+                flight.soc_start,
+                legs[-1].soc_end if legs[-1].soc_end is not None else 0.0,
+                legs[-1].p_reserve if legs[-1].p_reserve is not None else 0.0,
+                None if stop is None else left_at(found, problem.work.points[cut_of[number].point]),
+                stay,
+                {name: of_family[number] for name, of_family in files.items()},
+            )
+        )
+    return RechargeSummary(
+        SCHEMA,
+        mission,
+        conditions.drone.name,
+        conditions.reserve_soc,
+        problem.options.epsilon,
+        len(problem.work.pictures),
+        float(problem.hops.work_s[0].sum()),
+        plan.end_s,
+        (rehearsal.end_s, rehearsal.end_early_s, rehearsal.end_late_s),
+        rehearsal.p_reserve,
+        rehearsal.runs,
+        tuple(flights),
+        found.notes,
+    )
+
+
+def left_at(found: Recharged, point: WorkPoint) -> LeftAt:
+    """Return where the work is left at a point."""
+    work = found.problem.work
+    number = work.steps[max(point.step, 0)].item
+    return LeftAt(number, work.mission.items[number].name, point.share < 1.0, round(point.lat, 7), round(point.lon, 7))

@@ -1,0 +1,272 @@
+"""Missions cut at pads: another program flies them before and after, and compares."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mission_interpreter import assert_same_work
+
+from skyway.missions import (
+    Command,
+    FlightConditions,
+    Frame,
+    Home,
+    Mission,
+    MissionDocument,
+    MissionItem,
+    family_named,
+)
+from skyway.missions.checks.weather import SteadyWind
+from skyway.missions.items.coordinates import Point
+from skyway.missions.recharge.item_roles import role_of, roles
+from skyway.missions.recharge.pad_ways import TransitRules
+from skyway.models.base.errors import InputError
+from skyway.models.drones.drone import M200_V2
+from skyway.models.network.network import Station
+from skyway.recharge.cutting import recharged
+from skyway.recharge.problem import RechargeOptions
+
+LAT, LON = 47.4, 8.55
+FAMILIES = [family_named("px4"), family_named("ardupilot")]
+
+
+def small(share):
+    """A drone with a share of the battery."""
+    return replace(
+        M200_V2,
+        battery_j=M200_V2.battery_j * share,
+        endurance_empty_s=M200_V2.endurance_empty_s * share,
+        endurance_full_s=M200_V2.endurance_full_s * share,
+        recharge_full_s=600.0,
+    )
+
+
+def at(east, north, command=Command.NAV_WAYPOINT, height=50.0, **fields):
+    point = Point.of_degrees(LAT + north / 111_195.0, LON + east / (111_195.0 * np.cos(np.radians(LAT))))
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, x=point.lat_e7, y=point.lon_e7, z=height, **fields)
+
+
+def do(command, *params):
+    return MissionItem(command, Frame.MISSION, *params)
+
+
+def pad(name, east, north, elevation=400.0, **fields):
+    place = at(east, north).point
+    return Station(name, name, place.lat, place.lon, elevation, pads=2, **fields)
+
+
+def mission_of(items, speed=8.0, firmware=12):
+    home = Home(at(0, 0).point, 400.0)
+    return Mission((at(0, 0, Command.NAV_TAKEOFF), *items), home, 15.0, speed, firmware, 2)
+
+
+WIND = SteadyWind(3.0, 200.0)
+
+
+def options(share=0.15, wind=WIND, **fields):
+    return RechargeOptions(FlightConditions(small(share), weather=wind), TransitRules(12.0), **fields)
+
+
+def cut(mission, pads, chosen=None, families=FAMILIES):
+    return recharged(MissionDocument(mission), pads, families, chosen or options())
+
+
+def compare(mission, found, *, laps=1, speed=8.0, memories=(False,)):
+    for name, flights in found.flights.items():
+        grounds = [flight.document.mission.home.altitude_m - mission.home.altitude_m for flight in flights]
+        for forgets in memories:
+            assert_same_work(
+                mission,
+                [flight.document.mission for flight in flights],
+                grounds,
+                laps=laps,
+                speed=speed,
+                ardupilot=name == "ardupilot",
+                forgets=forgets,
+            )
+        for flight in flights:
+            assert not [one for one in flight.report.findings if one.severity == "error"]
+            assert flight.report.legs[-1].p_reserve >= 0.999 - 1e-9
+
+
+def survey(lines=8, length=900.0, apart=60.0, every=25.0):
+    items = []
+    for number in range(lines):
+        ends = [0.0, length] if number % 2 == 0 else [length, 0.0]
+        items += [
+            at(number * apart, ends[0]),
+            do(Command.DO_SET_CAM_TRIGG_DIST, every, 0, 1),
+            at(number * apart, ends[1]),
+            do(Command.DO_SET_CAM_TRIGG_DIST, 0),
+        ]
+    return [*items, MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION)]
+
+
+def test_a_survey_is_cut_and_no_picture_is_lost_or_taken_twice():
+    mission = mission_of(survey())
+    found = cut(mission, [pad("barn", -50, 0), pad("shed", 500, 950, 415.0)])
+    assert len(found.plan.stops) >= 2
+    assert set(found.flights) == {"px4", "ardupilot"}
+    compare(mission, found, memories=(False, True))
+
+
+def test_a_line_longer_than_a_battery_is_left_between_two_pictures():
+    items = [
+        at(0, 100),
+        do(Command.DO_SET_SERVO, 5, 1700),
+        do(Command.DO_SET_ROI_LOCATION),
+        do(Command.DO_SET_CAM_TRIGG_DIST, 30, 0, 0),
+        at(0, 6000, height=90.0),
+        do(Command.DO_SET_CAM_TRIGG_DIST, 0),
+        at(100, 6000, Command.NAV_LAND, 0.0),
+    ]
+    items[2] = at(300, 3000, Command.DO_SET_ROI_LOCATION, 10.0)
+    mission = mission_of(items)
+    found = cut(mission, [pad("a", 50, 1500, 380.0), pad("b", -80, 3600, 430.0), pad("c", 60, 5200)], options(0.3))
+    inside = [found.problem.work.points[one.point] for one in found.cuts]
+    assert any(point.share < 1.0 for point in inside)
+    compare(mission, found, memories=(False, True))
+
+
+def test_pictures_every_so_many_seconds_go_on_where_they_would_have():
+    items = [
+        at(0, 100),
+        do(Command.IMAGE_START_CAPTURE, 0, 5, 0),
+        at(0, 6000),
+        do(Command.IMAGE_STOP_CAPTURE),
+        at(100, 6000, Command.NAV_LAND, 0.0),
+    ]
+    mission = mission_of(items)
+    pads = [pad("a", 50, 1500), pad("b", -80, 3600), pad("c", 60, 5200)]
+    found = cut(mission, pads, options(0.3), FAMILIES[:1])
+    assert any(found.problem.work.points[one.point].share < 1.0 for one in found.cuts)
+    compare(mission, found)
+
+
+def test_jumps_are_unrolled_and_counted_over_the_cuts():
+    items = [at(0, 400), at(700, 400), do(Command.DO_JUMP, 1, 5), at(0, 0, Command.NAV_LAND, 0.0)]
+    mission = mission_of(items)
+    found = cut(mission, [pad("a", 300, 500)])
+    assert len(found.plan.stops) >= 1
+    assert not any(one.command == Command.DO_JUMP for flight in found.told for one in flight.document.mission.items)
+    compare(mission, found)
+    patrol = mission_of([at(0, 400), at(700, 400), do(Command.DO_JUMP, 1, -1), at(0, 0, Command.NAV_LAND, 0.0)])
+    often = cut(patrol, [pad("a", 300, 500)], options(laps=7))
+    assert "item 3 jumps back for ever: flown 8 times" in often.notes
+    compare(patrol, often, laps=7)
+
+
+def made_up(seed):
+    """Places, and orders between them that hold, happen once, or take pictures; pads; and a share of a battery."""
+    rng = np.random.default_rng(seed)
+    items = []
+    for _ in range(int(rng.integers(4, 12))):
+        items.append(
+            at(*rng.uniform(-600, 900, 2), height=float(rng.integers(30, 90)), param1=float(rng.integers(0, 3)))
+        )
+        for _ in range(int(rng.integers(0, 4))):
+            roi = at(*rng.uniform(-500, 500, 2), Command.DO_SET_ROI_LOCATION, 5.0)
+            items.append(
+                [
+                    do(Command.DO_CHANGE_SPEED, 1, float(rng.integers(4, 12)), -1),
+                    do(Command.DO_SET_SERVO, float(rng.integers(5, 8)), float(rng.integers(1000, 2000))),
+                    do(Command.DO_MOUNT_CONTROL, float(rng.integers(-90, 0))),
+                    do(Command.DO_SET_CAM_TRIGG_DIST, float(rng.choice([0, 0, 20, 35])), 0, float(rng.integers(2))),
+                    do(Command.DO_GRIPPER, 1, float(rng.integers(2))),
+                    do(Command.DO_DIGICAM_CONTROL),
+                    do(Command.DO_SET_ROI_NONE),
+                    roi,
+                ][int(rng.integers(8))]
+            )
+    if rng.random() < 0.4:
+        items.append(do(Command.DO_JUMP, float(rng.integers(1, 4)), float(rng.integers(1, 3))))
+    last = rng.random() < 0.5
+    items.append(at(0, 0, Command.NAV_LAND, 0.0) if last else do(Command.NAV_RETURN_TO_LAUNCH))
+    pads = [
+        pad(f"p{number}", *rng.uniform(-500, 700, 2), float(rng.integers(380, 420)))
+        for number in range(int(rng.integers(1, 4)))
+    ]
+    return mission_of(items), pads, float(rng.uniform(0.1, 0.25))
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.integers(0, 10**6))
+def test_any_mission_does_the_same_work_before_and_after(seed):
+    mission, pads, share = made_up(seed)
+    try:
+        found = cut(mission, pads, options(share))
+    except InputError as error:
+        if "reach" in str(error) or "cannot be cut" in str(error):
+            return
+        raise
+    compare(mission, found)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 10**6))
+def test_so_do_many(seed):
+    test_any_mission_does_the_same_work_before_and_after.hypothesis.inner_test(seed)
+
+
+def test_every_command_has_one_role():
+    named = [name for names in roles().values() for name in names]
+    assert len(named) == len(set(named))
+    for role, names in roles().items():
+        for name in names:
+            item = MissionItem(Command[name], Frame.MISSION, param3=1.0)
+            assert role_of(item) == role, name
+
+
+def told(mission, pads, chosen=None):
+    with pytest.raises(InputError) as caught:
+        cut(mission, pads, chosen)
+    lines = str(caught.value).splitlines()
+    assert len(lines) <= 2, lines
+    return lines[0]
+
+
+def test_what_cannot_be_cut_is_told_in_one_line():
+    far = mission_of([at(0, 9000), do(Command.NAV_RETURN_TO_LAUNCH)])
+    line = told(far, [pad("barn", -50, 0)])
+    assert "no pad in reach: on the way to item 1 the battery lacks" in line
+    assert "barn" in line
+    assert "home is unknown" in told(replace(far, home=None), [pad("barn", -50, 0)])
+    assert "there are no pads" in told(far, [replace(pad("barn", -50, 0), pads=0)])
+    assert "ground height of pad barn is unknown" in told(far, [replace(pad("barn", -50, 0), elevation_m=None)])
+    flat = replace(far, home=Home(far.home.point, None))
+    assert "height of the mission's home above the sea is unknown" in told(flat, [pad("barn", -50, 0)])
+    landing = [at(0, 300), do(Command.DO_LAND_START), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
+    assert "item 2 (DO_LAND_START) cannot be cut" in told(
+        mission_of(landing), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25)
+    )
+    vtol = [at(0, 300), do(Command.DO_VTOL_TRANSITION, 4), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
+    line = told(mission_of(vtol), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25))
+    assert "DO_VTOL_TRANSITION" in line
+
+
+def longest(document, found_with):
+    """Cut a real mission with the smallest drone that flies it with a stop."""
+    for share in np.geomspace(0.02, 3.0, 40):
+        try:
+            found = found_with(float(share))
+        except InputError:
+            continue
+        return found if found.plan.stops else None
+    return None
+
+
+REAL = [
+    "ardupilot__sonoma-copter.txt",
+    "canberrauav__scrutineering-2014.txt",
+    "cubepilot__MissionPlanner.waypoints.txt",
+    "dronekit__mpmission.txt",
+    "droneicarus__test2-Petite_mission_necssitant_une_recharge.plan",
+    "harry169__copter_AVC2013_mission.txt",
+    "harry169__copter_mission.txt",
+    "kasperg3__uas_center_autonomous_flight.plan",
+    "luk8426__Mission31.plan",
+    "mavlink__qgroundcontrol_sample_with_survey.plan",
+]
