@@ -27,7 +27,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
     "Missions": {
         "mission": "mission",
         "check": "check",
-        "recharge": "recharge",
+        "recharge": "check",
         "convert": "mission",
         "show": "mission",
     },

@@ -20,6 +20,7 @@ from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
 from skyway.missions.recharge.parts import Cut, PartBuilder, completed
 from skyway.missions.recharge.work import work_of
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import height_text, probability
 from skyway.planner.fixed_route.charging_stops import charging_stops
 from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of
 from skyway.recharge.reasons import no_plan
@@ -107,7 +108,7 @@ def recharged(
         sure *= MORE_SURE
     else:
         raise InputError(
-            f"the winds of the forecast are too unlike each other: a landing keeps the reserve with probability {least:.4f} only",
+            f"the winds of the forecast are too unlike each other: a landing keeps the reserve with probability {probability(least, 1)} only",
             field="--epsilon",
             remedy="allow more, or wait for a surer forecast",
         )
@@ -149,7 +150,7 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
         ground = float(over.terrain.ground_m(np.array([home.point.lat]), np.array([home.point.lon]))[0])
         if math.isfinite(ground):
             mission = replace(mission, home=replace(home, altitude_m=round(ground, 2)))
-            notes.append(f"home is {ground:.0f} m above the sea by the terrain model")
+            notes.append(f"home is {height_text(ground)} above the sea by the terrain model")
     route = fly(mission, autopilot=families[0], laps=options.laps)
     flown = [item for item in mission.items if item.is_flown_to or item.command in TAKEOFF_COMMANDS]
     steps = route.steps

@@ -106,10 +106,10 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
     """Work out what every hop of a mission takes, to its pads and back."""
     conditions, transit = options.conditions, options.transit
     slots = slots_of(conditions)
-    at_s = slots.start_s + slots.slot_s * (np.arange(slots.length) + 0.5)
+    at_s = slots.start_s + slots.slot_s * (np.arange(slots.length, dtype=np.float64) + 0.5)
     on_work, payload = work_hops(work, conditions)
     points, pads = len(work.points), len(ways.pads)
-    carried: NDArray[np.float64] = np.append(payload, payload[-1:])
+    carried = np.concatenate((payload, payload[-1:]))
 
     def table(hops: Hops, kg: NDArray[np.float64], *shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         times, charges = times_and_charges(hops, kg, conditions, at_s)
@@ -118,7 +118,7 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
             np.ascontiguousarray(charges.reshape(len(at_s), *shape)),
         )
 
-    heaviest = np.full(pads * pads, float(carried.max()))
+    heaviest = np.full(pads * pads, float(carried.max()), dtype=np.float64)
     found = RouteHops(
         *table(on_work, payload, points - 1),
         *table(hops_to_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads),

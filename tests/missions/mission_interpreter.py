@@ -60,9 +60,7 @@ class Vehicle:
         self.elapsed_s = 0.0
 
     def state(self):
-        return tuple(
-            sorted((*self.held.items(), ("taking", (self.every_m, self.every_s)), ("speed", self.speed)), key=str)
-        )
+        return tuple(sorted((*self.held.items(), ("taking", self.every_m), ("speed", self.speed)), key=str))
 
     def go(self, place):
         length = math.dist(self.at[:2], place[:2])

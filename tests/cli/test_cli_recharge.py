@@ -1,0 +1,126 @@
+"""``skyway recharge`` as it is typed."""
+
+import json
+
+import pytest
+
+from skyway.missions import Command, Frame, Home, Mission, MissionDocument, MissionItem, read, write
+from skyway.missions.items.coordinates import Point
+
+PADS = "id,name,lat,lon,elevation_m,pads\nbarn,Barn,47.3978,8.5450,488,2\nshed,Shed,47.4045,8.5580,495,1\n"
+
+
+def place(lat, lon, command=Command.NAV_WAYPOINT, height=60.0):
+    point = Point.of_degrees(lat, lon)
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, x=point.lat_e7, y=point.lon_e7, z=height)
+
+
+@pytest.fixture
+def patrol(tmp_path):
+    """A patrol about a field, five times round, and two pads; in a folder of its own."""
+    corners = [(47.4, 8.546), (47.404, 8.546), (47.404, 8.557), (47.4, 8.557)]
+    items = [
+        place(47.398, 8.545, Command.NAV_TAKEOFF),
+        *(place(*corner) for corner in corners),
+        MissionItem(Command.DO_JUMP, Frame.MISSION, 1.0, 4.0),
+        MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION),
+    ]
+    home = Home(Point.of_degrees(47.398, 8.545), 488.0)
+    write(MissionDocument(Mission(tuple(items), home, 15.0, 8.0, 12, 2)), tmp_path / "patrol.plan")
+    (tmp_path / "pads.csv").write_text(PADS)
+    return tmp_path
+
+
+def test_a_patrol_becomes_one_mission_a_battery(skyway, patrol):
+    typed = [
+        "recharge",
+        patrol / "patrol.plan",
+        "--pads",
+        patrol / "pads.csv",
+        "--drone",
+        "m200-v2",
+        "-o",
+        patrol / "out",
+    ]
+    answer = skyway(*map(str, typed), "--wind", "6@250", "--single")
+    assert answer.code == 0
+    assert "none lost, none twice" in answer.out
+    told = json.loads((patrol / "out/recharge.json").read_text())
+    assert told["schema"] == "skyway.recharge/1"
+    assert len(told["flights"]) >= 2
+    assert told["ends_s"][1] <= told["ends_s"][0] <= told["ends_s"][2]
+    assert told["p_reserve"] >= 0.99
+    for flight in told["flights"]:
+        for file in flight["files"].values():
+            mission = read(patrol / "out" / file).mission
+            assert mission.items[0].command == Command.NAV_TAKEOFF
+            assert mission.items[-1].command in (Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH)
+        checked = skyway(
+            "check",
+            str(patrol / "out" / file),
+            "--drone",
+            "m200-v2",
+            "--wind",
+            "6@250",
+            "--soc",
+            str(100 * flight["soc_start"]),
+        )
+        assert checked.code == 0
+        assert "error" not in checked.out
+    whole = read(patrol / "out/px4/all-batteries.plan").mission
+    lands = [item.command for item in whole.items].count(Command.NAV_LAND)
+    assert lands == len(told["flights"])
+    assert "no single mission for ardupilot" in answer.out
+    assert "MPC_XY_CRUISE" in (patrol / "out/px4/vehicle.param").read_text()
+
+
+def test_nothing_is_written_where_something_is_wrong(skyway, patrol):
+    typed = ["recharge", str(patrol / "patrol.plan"), "--pads", str(patrol / "pads.csv"), "-o", str(patrol / "out")]
+    cases = {
+        ("--reserve", "97"): "no pad in reach",
+        ("--transit-speed", "90"): "--transit-speed",
+        ("--epsilon", "2"): "--epsilon",
+        ("--laps", "0"): "--laps",
+        ("--home", "here"): "--home",
+        ("--drone", "none"): "no such drone",
+        ("--wind", "strong"): "not a wind",
+        ("--pads", str(patrol / "nowhere.csv")): "no such file",
+    }
+    for extra, said in cases.items():
+        answer = skyway(*typed, *extra)
+        assert answer.code == 2, extra
+        assert said in answer.err
+        assert len(answer.err.strip().splitlines()) == 1, answer.err
+        assert not (patrol / "out").exists()
+    assert [one.name for one in patrol.iterdir() if one.name.startswith(".")] == []
+
+
+def test_a_folder_is_replaced_only_if_it_is_ours_and_that_is_asked(skyway, patrol):
+    typed = ["recharge", str(patrol / "patrol.plan"), "--pads", str(patrol / "pads.csv"), "-o", str(patrol / "out")]
+    (patrol / "out").mkdir()
+    (patrol / "out/notes.txt").write_text("mine")
+    refused = skyway(*typed, "--force")
+    assert refused.code == 2
+    assert "no folder that skyway recharge wrote" in refused.err
+    (patrol / "out/notes.txt").unlink()
+    assert skyway(*typed, "--autopilot", "px4").code == 0
+    assert not (patrol / "out/ardupilot").exists()
+    assert skyway(*typed).code == 2
+    assert skyway(*typed, "--force").code == 0
+    assert (patrol / "out/ardupilot/battery-1.plan").exists()
+
+
+def test_a_mission_without_a_home_gets_one_by_word(skyway, patrol):
+    text = [
+        "QGC WPL 110",
+        "0\t1\t3\t22\t0\t0\t0\t0\t47.398\t8.545\t60\t1",
+        "1\t0\t3\t16\t0\t0\t0\t0\t47.404\t8.557\t60\t1",
+    ]
+    (patrol / "raw.waypoints").write_text("\n".join(text) + "\n")
+    typed = ["recharge", str(patrol / "raw.waypoints"), "--pads", str(patrol / "pads.csv"), "-o", str(patrol / "out")]
+    without = skyway(*typed)
+    assert without.code == 2
+    assert "the mission's home is unknown" in without.err
+    answer = skyway(*typed, "--home", "47.398,8.545", "--home-elevation", "488")
+    assert answer.code == 0
+    assert "the mission ended in the air: it returns to launch" in answer.out
