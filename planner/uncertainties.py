@@ -79,7 +79,7 @@ def not_counted(result: PlanResult) -> list[str]:
 
 def _between_sites(answer: RobustAnswer) -> str:
     problem = answer.policy.problem
-    if not _record_days(problem.ensemble):
+    if not record_days(problem.ensemble):
         return "the error of the wind between the places it is given for"
     nodes = np.array([problem.origin, *(problem.network.head[leg.segments[-1]] for leg in answer.policy.itinerary)])
     lat, lon = problem.network.lat[nodes], problem.network.lon[nodes]
@@ -163,13 +163,13 @@ def _halved_pads(answer: RobustAnswer) -> tuple[str, Figure | None]:
 
 
 def _wind_source(wind: WindEnsemble) -> str:
-    days = _record_days(wind)
+    days = record_days(wind)
     if not days:
         return f"{len(wind)} members of the forecast" if len(wind) > 1 else "one wind, taken for certain"
     return f"{days} days of the record" if days > 1 else "one day, taken for certain"
 
 
-def _record_days(wind: WindEnsemble) -> int:
+def record_days(wind: WindEnsemble) -> int:
     """How many days of a record the members are; 0 where they are none."""
     try:
         return len([date.fromisoformat(label) for label in wind.labels])

@@ -13,7 +13,15 @@ if TYPE_CHECKING:
 
 FILES = {
     "template": ("scenario.toml", "stations.csv", "drones.toml", "load.csv", "wind.csv", "zones.geojson"),
-    "hills": ("scenario.toml", "stations.csv", "terrain.tif", "obstacles.csv", "README.md"),
+    "hills": (
+        "scenario.toml",
+        "stations.csv",
+        "terrain.tif",
+        "obstacles.csv",
+        "airspace.json",
+        "forecast.json",
+        "README.md",
+    ),
 }
 """Files of each example."""
 

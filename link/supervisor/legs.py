@@ -182,6 +182,16 @@ def cross_track_m(way: Sequence[tuple[float, float]], lat: float, lon: float) ->
     return best
 
 
+def waypoint_m(leg: Leg, lat: float, lon: float) -> float:
+    """Distance of a point from the nearest waypoint of a leg's mission, metres; infinite where it has none."""
+    items = leg.mission.document.mission.items
+    points = [one.point for one in items if one.command is Command.NAV_WAYPOINT and one.point is not None]
+    if not points:
+        return math.inf
+    north, east = geodesy.local_offsets_m([p.lat for p in points], [p.lon for p in points], lat, lon)
+    return min(map(math.hypot, north.tolist(), east.tolist()))
+
+
 def station_at(stations: Mapping[str, Place], lat: float, lon: float, within_m: float) -> str | None:
     """Name the nearest of some places within a distance, or None."""
     names = list(stations)

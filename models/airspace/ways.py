@@ -80,6 +80,25 @@ def level_flights(
     )
 
 
+def level_ways(
+    places: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike],
+    level_m: ArrayLike,
+    grounds_m: tuple[ArrayLike, ArrayLike],
+) -> Ways:
+    """Return level ways at heights above sea level, over the least and the greatest ground below each; NaN counts as any height."""
+    anywhere = at_any_height(*places)
+    level, low, high = (
+        np.broadcast_to(np.asarray(one, dtype=np.float64), anywhere.lat1.shape) for one in (level_m, *grounds_m)
+    )
+    known = np.isfinite(level + low + high)
+    return anywhere._replace(
+        low_m=np.where(known, level, -np.inf),
+        high_m=np.where(known, level, np.inf),
+        low_agl_m=np.where(known, level - high, -np.inf),
+        high_agl_m=np.where(known, level - low, np.inf),
+    )
+
+
 def columns(lat: ArrayLike, lon: ArrayLike, ground_m: ArrayLike, cruise_m: ArrayLike) -> Ways:
     """Return climbs or descents over places, between the ground and a height above it."""
     here = at_any_height(lat, lon, lat, lon)

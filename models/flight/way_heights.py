@@ -227,19 +227,38 @@ def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
     return WaySteps(up, down, above, part.knots[0][1], part.knots[-1][1])
 
 
-def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> NDArray[np.float64]:
-    """Least height at which straight ways from a place to others are flown level, shape (places,); NaN where the ground is not known.
+class StraightWays(NamedTuple):
+    """Straight ways from a place to others, shape (places,) each; NaN where the ground is not known."""
 
-    That of diverts and of turns in flight.
-    """
+    level_m: NDArray[np.float64]
+    """Least height at which they are flown level, above mean sea level."""
+    low_ground_m: NDArray[np.float64]
+    high_ground_m: NDArray[np.float64]
+    """Least and greatest ground below, seen from as far apart as the level is."""
+
+
+def straight_ways(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> StraightWays:
+    """Return what is below straight ways from a place to others, and how high they are flown: those of diverts and of turns in flight."""
     length, bearing = geodesy.inverse(*here, lat, lon)
     count = np.ceil(length / TURN_EVERY_M).astype(np.int64) + 1
     first = np.concatenate(([0], np.cumsum(count)))
     of = np.repeat(np.arange(len(length)), count)
     share = (np.arange(first[-1]) - first[of]) / np.maximum(count - 1, 1)[of]
     start = np.full(len(of), here[0]), np.full(len(of), here[1])
-    floor = _floor_m(*geodesy.ahead(*start, bearing[of], share * length[of]), over, TURN_EVERY_M)
-    return np.asarray(np.maximum.reduceat(floor, first[:-1]))
+    points = geodesy.ahead(*start, bearing[of], share * length[of])
+    top = over.terrain.top_m(*points, over.clearance.radius_m + 0.5 * TURN_EVERY_M)
+    ground = over.terrain.ground_m(*points)
+    floor = np.maximum(top + over.clearance.least_m, ground + over.cruise_height_m)
+    return StraightWays(
+        np.asarray(np.maximum.reduceat(floor, first[:-1])),
+        np.asarray(np.minimum.reduceat(ground, first[:-1])),
+        np.asarray(np.maximum.reduceat(top, first[:-1])),
+    )
+
+
+def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> NDArray[np.float64]:
+    """Least height at which straight ways from a place to others are flown level, see `straight_ways`."""
+    return straight_ways(here, lat, lon, over).level_m
 
 
 def level_within_m(corners: Sequence[Place], over: Over) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-from skyway.models.flight.way_heights import segment_heights
+from skyway.models.flight.way_heights import NO_LEAST, segment_heights
 from skyway.models.network.bends import Bends, with_bends
 from skyway.models.network.overs import joined_pairs, with_overs
 from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, least_of, raised, renumbered
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.flight.way_heights import Over, SegmentHeights
+    from skyway.models.flight.way_heights import Least, Over, SegmentHeights
     from skyway.models.network.zoned import Raised
 
 
@@ -255,6 +255,22 @@ class Network:
             return None
         pairs = np.column_stack((self.tail, self.head))
         return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over, least_of(self.stations))
+
+    def least_at(self, places: Sequence[tuple[float, float]]) -> list[Least] | None:
+        """Least heights of places of a way, those of the nodes that stand there; None where there are none."""
+        if not self._leasts:
+            return None
+        found = [self._leasts.get((float(lat), float(lon)), NO_LEAST) for lat, lon in places]
+        return found if any(one != NO_LEAST for one in found) else None
+
+    @cached_property
+    def _leasts(self) -> dict[tuple[float, float], Least]:
+        """Least heights by place, of the nodes that have some."""
+        leasts = least_of(self.stations)
+        if leasts is None:
+            return {}
+        places = zip(self.lat.tolist(), self.lon.tolist(), leasts.tolist(), strict=True)
+        return {(lat, lon): (least, agl) for lat, lon, (least, agl) in places if max(least, agl) > -math.inf}
 
     def raised(self, cruise_height_m: float) -> Raised | None:
         """Return what segments over zones are flown higher than at the cruise height; None where there are none, and over a terrain model."""

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.airspace.ways import columns
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault
 from skyway.models.base.formatting import distance_text
+from skyway.models.network.overs import USUAL_MOST_M
+from skyway.models.network.zoned import ground_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.airspace.airspace import Airspace
+    from skyway.models.airspace.ways import Ways
     from skyway.models.network.network import Network, Station
     from skyway.models.wind.history import WindSite
 
@@ -51,7 +55,7 @@ def position_faults(stations: Sequence[Station], sites: Sequence[WindSite], file
 def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str, own_file: str) -> list[Fault]:
     """Find stations inside a zone of one's own that is always closed, and zones with longitude and latitude exchanged."""
     here = _positions(stations)
-    inside = zones.holding(here[:, 0], here[:, 1])
+    inside = zones.holding(here[:, 0], here[:, 1], _climbs(stations, zones))
     faults = [
         Fault(f"lies in the no-fly zone {zone.name}", stations_file, None, f"station {stations[i].id}")
         for i, zone in sorted(inside.items())
@@ -61,20 +65,27 @@ def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str
     wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
     if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may lie anywhere
         return faults
-    remedy = "GeoJSON has longitude first, then latitude"
+    remedy = "GeoJSON has longitude first, then latitude; or lat and lon of the stations are swapped"
     sources = [zones.zones[i].source for (i, _), closed in zip(zones.volumes, zones.closed, strict=True) if closed]
     faults += [Fault(_SWAPPED, sources[i], None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
     return faults
 
 
-def zone_warnings(stations: Sequence[Station], zones: Airspace) -> list[str]:
-    """Return which stations lie in zones that are closed at some time or height, and heights that cannot be compared."""
+def _climbs(stations: Sequence[Station], zones: Airspace) -> Ways:
+    """Climbs over stations, to the greatest height that is flown where that is stated."""
     here = _positions(stations)
-    inside = zones.holding(here[:, 0], here[:, 1])
+    top_m = max(zones.cruise_height_m, zones.max_height_m if math.isfinite(zones.max_height_m) else USUAL_MOST_M)
+    return columns(here[:, 0], here[:, 1], ground_of(stations), top_m)
+
+
+def zone_warnings(stations: Sequence[Station], zones: Airspace) -> list[str]:
+    """Return which stations are closed by zones at the heights flown there, and heights that cannot be compared."""
+    here = _positions(stations)
+    inside = zones.holding(here[:, 0], here[:, 1], _climbs(stations, zones))
     found = []
     if inside:
         listed = _listed([f"{stations[i].id} in {zone.label}" for i, zone in sorted(inside.items())])
-        found.append(f"stations in zones that close them at some time or height: {listed}")
+        found.append(f"stations in zones that close them at times, or until authorized: {listed}")
     unknown = [station.id for station in stations if station.elevation_m is None]
     over_the_sea = any(
         not agl

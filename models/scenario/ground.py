@@ -85,7 +85,7 @@ def _elsewhere(network: Network, terrain: Terrain) -> Fault:
 def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
     """Tell of stations whose ground is not that of the terrain model."""
     off = network.ground_m - ground_m
-    known = np.isfinite(off)
+    known = np.isfinite(off) & np.array([not one.flyover for one in network.stations])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = network.ground_m[known] / ground_m[known]
     high = ratio[np.abs(ground_m[known]) > 2.0 * DIFFER_M]

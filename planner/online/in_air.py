@@ -134,7 +134,7 @@ class FlightDecision:
         now, _ = going_on(reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
         now = self._with_room(now, reach)
         length, bearing = geodesy.inverse(*way[0], *way[1])
-        piece_s = reach.along(way[:2], airborne.time_s).time_s[:, 0]
+        piece_s = reach.pieces(way[:2], airborne.time_s)[0].time_s[:, 0]
         wanted = float(reach.expected(np.asarray(length) / np.maximum(piece_s, 1e-3)))
         north, east = reach.winds(np.array([way[0][0]]), np.array([way[0][1]]), np.array([airborne.time_s]))
         north, east = reach.factor_at(here) * north, reach.factor_at(here) * east
@@ -181,10 +181,14 @@ class FlightDecision:
         return [] if info.here is None else self._others(info.here, self._reach(), info.time_s, info.soc)
 
     def _others(self, here: Place, reach: Reach, time_s: float, soc: float) -> list[Option]:
-        """Stations inside the fence, those ahead and those behind."""
+        """Stations inside the fence, those ahead and those behind; nobody lands at places where a way bends."""
         airborne = self._info
-        index = reach.network.index
-        names = [s for s in dict.fromkeys(airborne.diverts) if s in index and s != airborne.destination]
+        index, stations = reach.network.index, reach.network.stations
+        names = [
+            s
+            for s in dict.fromkeys(airborne.diverts)
+            if s in index and s != airborne.destination and not stations[index[s]].flyover
+        ]
         options = other_stations(reach, here, names, time_s, soc, self._floors)
         return [self._with_room(one, reach) for one in options]
 

@@ -51,7 +51,7 @@ def divert_cover(
     places = [place for place, _ in points]
     (climb_s, climb_soc), (descent_s, descent_soc) = reach.ends(way)
     begins = time_s + climb_s
-    high = reach.flying_over(float(reach.network.ground_at_m(*np.array(way).T).max()))
+    high = reach.flying_over(reach.cleared_on(way))
     flown = high.along(places, begins)
     spent, used = np.zeros((2, len(reach.wind), len(points)))
     spent[:, 1:] = flown.time_s
@@ -76,7 +76,7 @@ def divert_cover(
         sure = reach.p_below(soc, cost, floor_soc, flight.doubt) <= epsilon
         near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc, flight.doubt) <= epsilon))
         near = near[np.argsort(reach.expected(cost)[near])][:12]
-        safe[row, near[reach.clear(place, nodes[near], begins + float(mean_s[row]))]] = True
+        safe[row, near[high.clear(place, nodes[near], begins + float(mean_s[row]))]] = True
     uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
     gap = float(points[uncovered[0]][1]) if len(uncovered) else None
     most = reach.parameters.max_diverts if most is None else most

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.airspace.ways import at_any_height, columns, level_flights
+from skyway.models.airspace.ways import columns, level_flights, level_ways
 from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import above_factors, cleared_grounds_m, wind_factors
 from skyway.models.flight.kernels import airborne_times
 from skyway.models.flight.rules import air_between
-from skyway.models.flight.way_heights import level_over_m, way_steps
+from skyway.models.flight.way_heights import level_over_m, straight_ways, way_heights, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.reach.wind_ahead import slower_s
@@ -123,6 +123,16 @@ class Reach:
         same.cleared_m = max(cleared_m, self.cleared_m)
         return same
 
+    def cleared_on(self, way: Sequence[Place]) -> float:
+        """Ground that the highest part of a way of a leg clears by the cruise height, above sea level."""
+        ground_m = self.network.ground_at_m(*np.array(way).T)
+        least = self.network.least_at(way)
+        if self.network.over is None and least is None:
+            return float(ground_m.max())
+        heights = way_heights(way, ground_m.tolist(), self.rules.cruise_height_m, self.network.over, least)
+        top_m = heights.top_height_m - self.rules.cruise_height_m
+        return top_m if math.isfinite(top_m) else float(ground_m.max())
+
     def factor_at(self, place: Place) -> float:
         """Wind at a place as high as it flies there now, over that at cruise height."""
         ground_m = self.network.ground_at_m(*place)
@@ -190,7 +200,14 @@ class Reach:
         return time_s, np.nan_to_num(soc / self.power.battery_j, nan=_NEVER_SOC)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
-        """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
+        """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent but those of steps."""
+        flown, lift = self.pieces(points, time_s)
+        return Flown(*(np.cumsum(one, axis=1) for one in (flown.time_s + lift[0], flown.soc + lift[1], flown.doubt)))
+
+    def pieces(
+        self, points: Sequence[Place], time_s: float
+    ) -> tuple[Flown, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return the cruise over each piece of a way, and seconds and charge of the steps of each over terrain."""
         places = np.array(points)
         length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
         ground_m = self.network.ground_at_m(*places.T)
@@ -199,8 +216,7 @@ class Reach:
         if self.network.over is not None:
             steps = way_steps(points, self.network.over)
             factor, lift = above_factors(self.rules, steps.mean_above_m), self._lift(steps.up_m, steps.down_m)
-        flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True)
-        return Flown(*(np.cumsum(one, axis=1) for one in (flown.time_s + lift[0], flown.soc + lift[1], flown.doubt)))
+        return self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True), lift
 
     def ends(self, way: Sequence[Place]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Seconds and charge of the climb with which a way begins on the ground, and of the descent with which it ends."""
@@ -225,14 +241,14 @@ class Reach:
 
     def ground_speed_mps(self, way: Sequence[Place], distance_m: float, time_s: float) -> float:
         """Mean ground speed of the planned airspeed along a way of a length, at most the drone's greatest."""
-        cruise_s = float(self.expected(self.along(way, time_s).time_s[:, -1]))
+        cruise_s = float(self.expected(self.pieces(way, time_s)[0].time_s.sum(axis=1)))
         return min(distance_m / max(cruise_s, 1.0), self.drone.max_ground_speed_mps)
 
     def mean_load(self, way: Sequence[Place], time_s: float) -> float:
         """Power over that of the model, averaged over the cruise of a way."""
-        flown = self.along(way, time_s)
-        time_mean = float(self.expected(flown.time_s[:, -1]))
-        return float(self.expected(flown.soc[:, -1])) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0
+        flown = self.pieces(way, time_s)[0]
+        time_mean = float(self.expected(flown.time_s.sum(axis=1)))
+        return float(self.expected(flown.soc.sum(axis=1))) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0
 
     def p_below(
         self, soc: float, cost: NDArray[np.float64], floor_soc: float, doubt: ArrayLike = 0.0
@@ -285,13 +301,20 @@ class Reach:
             return free
         lat, lon, ground_m = self.network.lat[nodes], self.network.lon[nodes], self.network.ground_m[nodes]
         cruise_m = self.rules.cruise_height_m
-        ways = [at_any_height(*here, lat, lon)]  # over a terrain model a divert is as high as that asks for
         if self.network.over is None:
             above_m = np.maximum(self.network.ground_at_m(*here), self.cleared_m)
-            ways = [
+            ways = (
                 level_flights((*here, lat, lon), (above_m, ground_m), cruise_m),
                 columns(lat, lon, ground_m, cruise_m),
-            ]
+            )
+        else:
+            below = straight_ways(here, lat, lon, self.network.over)
+            level_m = np.maximum(below.level_m, self.cleared_m + cruise_m)
+            grounds = below.low_ground_m, below.high_ground_m
+            ways = (
+                level_ways((*here, lat, lon), level_m, grounds),
+                columns(lat, lon, ground_m, level_m - ground_m),
+            )
         for part in ways:
             free[[one.way for one in zones.conflicts(part, from_s, from_s + DIVERT_S)]] = False
         return free

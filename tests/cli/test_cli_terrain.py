@@ -28,8 +28,8 @@ def test_the_example_is_planned_flown_over_and_checked(skyway, tmp_path):
     over = ("--terrain", "hills/terrain.tif", "--obstacles", "hills/obstacles.csv")
     checked = skyway("check", "m.plan", *over, "--plot", "m.svg")
     assert checked.code == 0, checked.out
-    assert "least clearance 30 m over ground and obstacles" in checked.out
-    (tmp_path / "tall.csv").write_text(f"name,lat,lon,top_m\nmast,{45.0075},{-30.1335},600\n")
+    assert "least clearance 32 m over ground and obstacles" in checked.out
+    (tmp_path / "tall.csv").write_text(f"name,lat,lon,top_m\nmast,{45.00847},{-30.12957},600\n")
     wrong = skyway("check", "m.plan", "--terrain", "hills/terrain.tif", "--obstacles", "tall.csv")
     assert wrong.code == 1
     assert "touches the obstacle mast at 45.0" in wrong.out
@@ -67,4 +67,4 @@ def test_feet_and_swapped_places_are_told(skyway, tmp_path):
     (tmp_path / "hills" / "stations.csv").write_text("\n".join(swapped) + "\n")
     answer = skyway("scenario", "check", "hills")
     assert answer.code == 2
-    assert "lat and lon of the stations look swapped" in answer.err
+    assert "or lat and lon of the stations are swapped" in answer.err

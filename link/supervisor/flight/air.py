@@ -11,7 +11,7 @@ from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_fore
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
 from skyway.link.supervisor.journal.entries import Decided, GaugeNote, PadAnswered, SpeedNote
 from skyway.link.supervisor.journal.parts import Expected
-from skyway.link.supervisor.legs import cross_track_m
+from skyway.link.supervisor.legs import cross_track_m, waypoint_m
 from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import InputError, LinkError
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from skyway.planner.online.information import Decision
 
 DECIDE_EVERY_S = 10.0
-OBEYED_AFTER_S, DISOBEYED_MPS = 30.0, 2.0
-"""So long after an order it flies as fast as it was told, to so much."""
+OBEYED_AFTER_S, DISOBEYED_MPS, BRAKING_M = 30.0, 2.0, 250.0
+"""So long after an order it flies as fast as it was told, to so much; but nearer to a waypoint it may brake for a step over terrain."""
 SUDDEN_S = 15.0
 """So long a loss of charge counts as sudden."""
 LANDING_SHARE, MIN_DOUBTED_SOC = 2.0, 0.1
@@ -125,6 +125,9 @@ def _obeyed_mps(ctx: Context, leg: Leg) -> float:
     """Ground speed that it was told; what it flies where that has long been another, so that it is told again."""
     s, told_mps = ctx.observed.sample, leg.commanded_mps
     if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
+        return told_mps
+    steps = ctx.job.scenario.network.over is not None
+    if steps and ctx.place is not None and waypoint_m(leg, *ctx.place) < BRAKING_M:
         return told_mps
     flown_mps = math.hypot(s.vel_north_mps, s.vel_east_mps)
     return flown_mps if abs(flown_mps - told_mps) > DISOBEYED_MPS else told_mps

@@ -16,7 +16,7 @@ from skyway.models.base.errors import LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
-    from skyway.link.supervisor.legs import LegMission
+    from skyway.link.supervisor.legs import Leg, LegMission
 
 LAND_AGAIN_S = 5.0
 
@@ -39,7 +39,7 @@ def turn(ctx: Context, station: str, state: State) -> After:
     plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
     last = station == ctx.job.request.destination
     home_ground = s.alt_msl_m - s.height_m
-    here, speed_mps = (*ctx.place, s.height_m), _speed_mps(ctx, ctx.place, station)
+    here, speed_mps = (*ctx.place, _height_m(ctx, leg, s.height_m)), _speed_mps(ctx, ctx.place, station)
     mission = turn_leg(
         plan, station, here, home_ground, speed_mps, ctx.vehicle.family, ctx.job.options,
         last=last, home=leg.mission.document.mission.home,
@@ -60,6 +60,15 @@ def turn(ctx: Context, station: str, state: State) -> After:
     ctx.divert.done()
     ctx.note(Turned(destination=station, begun=False), f"diverted to {station}")
     return state, f"diverted to {station}"
+
+
+def _height_m(ctx: Context, leg: Leg, now_m: float) -> float:
+    """Height above home of the way to a station: over zones and terrain as high as the leg is flown, for which the way was found free."""
+    network = ctx.job.scenario.network
+    highest_m = leg.top_m - leg.home_ground_m
+    if (network.zones is None and network.over is None) or not math.isfinite(highest_m):
+        return now_m
+    return max(now_m, highest_m)
 
 
 def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:

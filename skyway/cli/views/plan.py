@@ -62,6 +62,8 @@ def print_plan(report: PlanReport) -> None:
 
 def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
     """The delivery time with the ranges of its figures, and how often the reserve and the deadline are kept."""
+    from skyway.planner.uncertainties import record_days
+
     c, a = result.composition, result.composition.arrival
     if a.delivery_mean is None or a.delivery_p50 is None or a.delivery_p95 is None:
         return
@@ -81,7 +83,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
         never = percent(1.0 - result.outcome.p_arrive, 1)
         say(f"In {never} of the deliveries the wind closes a leg until the forecast ends")
     members = len(result.problem.probability)
-    winds = "the wind given" if members == 1 else f"{members} days of wind"
+    kind = "days of wind" if record_days(result.problem.ensemble) else "courses of the forecast"
+    winds = "the wind given" if members == 1 else f"{members} {kind}"
     if result.robust is not None and members > 1:
         winds += ", each forecast from the others"
     say(

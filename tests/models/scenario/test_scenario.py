@@ -471,7 +471,7 @@ def test_a_zone_with_latitude_first_is_found(scenario_with):
     turned = "[40.62,-73.82],[40.62,-73.75],[40.66,-73.75],[40.66,-73.82],[40.62,-73.82]"
     folder = scenario_with(zones_geojson=ZONES[: ZONES.index("[[[") + 2] + turned + "]]}}]}")
     assert said_of(folder) == [
-        "zones.geojson: JFK: lat and lon look swapped (got '-73.785,40.64'); GeoJSON has longitude first, then latitude"
+        "zones.geojson: JFK: lat and lon look swapped (got '-73.785,40.64'); GeoJSON has longitude first, then latitude; or lat and lon of the stations are swapped"
     ]
 
 
