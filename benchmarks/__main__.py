@@ -25,7 +25,20 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = ("speed", "ies", "exact", "robust", "dense", "evaluate", "promises", "gap", "weather", "airspace", "terrain")
+MEASURED = (
+    "speed",
+    "ies",
+    "exact",
+    "robust",
+    "dense",
+    "decisions",
+    "evaluate",
+    "promises",
+    "gap",
+    "weather",
+    "airspace",
+    "terrain",
+)
 """Benchmarks that return figures."""
 
 

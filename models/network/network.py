@@ -17,8 +17,9 @@ from skyway.models.base.formatting import place_text
 from skyway.models.flight.way_heights import NO_LEAST, segment_heights
 from skyway.models.network.bends import Bends, with_bends
 from skyway.models.network.overs import joined_pairs, with_overs
+from skyway.models.network.site_weights import SiteWeights
 from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, least_of, raised, renumbered
-from skyway.models.wind.interpolation import site_weights, weights_at
+from skyway.models.wind.interpolation import weights_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -330,19 +331,15 @@ class Network:
         site_lon: NDArray[np.float64],
         lattice: tuple[int, int] | None = None,
     ) -> NDArray[np.float64]:
-        """Weights of wind sites half-way along each segment, shape (segments, sites), worked out once for these sites.
+        """Weights of wind sites half-way along each segment, shape (segments, sites), kept for the sites asked for last.
 
         See `models.wind.interpolation.site_weights`.
         """
-        sites = np.array((site_lat, site_lon), dtype=np.float64)
-        key = sites.tobytes(), lattice
-        if key not in self._site_weights:
-            self._site_weights[key] = np.ascontiguousarray(site_weights(*self.midpoints, site_lat, site_lon, lattice))
-        return self._site_weights[key]
+        return self._site_weights.of(site_lat, site_lon, lattice)
 
     @cached_property
-    def _site_weights(self) -> dict[tuple[bytes, tuple[int, int] | None], NDArray[np.float64]]:
-        return {}
+    def _site_weights(self) -> SiteWeights:
+        return SiteWeights(*self.midpoints)
 
     @cached_property
     def graph(self) -> nx.DiGraph:

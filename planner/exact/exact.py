@@ -154,6 +154,29 @@ class ExactSearch:
         self.complete = self.complete and self._answer is not None
         return self._answer
 
+    def bound_s(self, stations: int) -> float:
+        """Return a lower bound of the arrival on a coarse grid, in a dense network over so many stations near the straight way; POSIX seconds.
+
+        Infinite where no way is found. A fraction of what `find` takes: for comparisons.
+        """
+        p, start = self.problem, self._start()
+        until = p.depart_s + self.parameters.first_deadline * (self._extent.straight_s(12) - p.depart_s) + 600.0
+        while True:
+            until = min(until, self._latest_s)
+            part = self._near(until, stations) or self._layout(self._extent.usable(until), until)
+            needed = needed_to_land(p, self._speeds, self.queues, self._margin, until)
+            come_by = self._come_by_s(until)
+            step = min(
+                max((until - start.time_s) / self.parameters.coarse_cells, 10.0), longest_cell_s(part, self._costs)
+            )
+            cells = cells_for(part, start, step, come_by)
+            forward = run_forward(part, self._costs, start, cells, needed, come_by, after=0.0)
+            if math.isfinite(forward.arrive_s):
+                return landing_s(p, self.queues, forward.arrive_s)
+            if until >= self._latest_s:
+                return math.inf
+            until = self._longer(until)
+
     def _longer(self, until_s: float) -> float:
         """Return the next time until which to search."""
         return self.problem.depart_s + 1.6 * (until_s - self.problem.depart_s)
@@ -179,9 +202,9 @@ class ExactSearch:
         laid = subnetwork(self.problem, self.queues, self._speeds, *how, with_queues=with_queues)
         return replace(laid, has_pads=self._stops[nodes])
 
-    def _near(self, until_s: float) -> Subnetwork | None:
+    def _near(self, until_s: float, most: int) -> Subnetwork | None:
         """Lay out the stations nearest to the straight way; None where all are near, or the network is not dense."""
-        p, keep, most = self.problem, self._extent.usable(until_s), self.parameters.near_stations
+        p, keep = self.problem, self._extent.usable(until_s)
         if np.diff(p.network.first)[keep].sum() <= self.parameters.dense_segments or np.count_nonzero(keep) <= most:
             return None
         keep[:] = False
@@ -202,7 +225,7 @@ class ExactSearch:
         """
         while self._answer is None and not self._given_up:
             until_s = min(until_s, self._latest_s)
-            near = self._near(until_s)
+            near = self._near(until_s, self.parameters.near_stations)
             if near is None:
                 return
             if until_s > least_s:

@@ -16,7 +16,6 @@ from skyway.models.queues.sampling import no_queue
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.online.futures import draw_futures, flight_in
 from skyway.planner.online.turn_back import TurnBacks
-from skyway.planner.problem.flight_table import table_land
 from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.free_capacity import likely_free
 from skyway.planner.robust.required_soc_kernels import flight_energy
@@ -58,6 +57,7 @@ class Following:
     is over. Errors are gusts that no forecast tells, the belief is about the next flight. Where the wind is `measured`
     at every change, it thinks again then. A flight that is `watched` and would not keep the reserve is turned elsewhere
     while it can be: it is worth a try with what most probably is enough.
+    `quick` takes lower bounds for arrivals on large networks, of whose ways nothing else is wanted then.
     """
 
     def __init__(
@@ -69,7 +69,10 @@ class Following:
         *,
         measured: bool = True,
         watched: bool = False,
+        quick: bool = False,
     ) -> None:
+        self._large = len(problem.network) > problem.parameters.robust.large_network
+        self._quick = quick and self._large
         self.parameters = online = problem.parameters.online
         sd = math.hypot(belief.sd_between / belief.mean_ratio, online.wind_spread if watched else 0.0)
         self._relative = replace(belief, mean_ratio=1.0, sd_between=sd, sd_within=0.0)
@@ -130,7 +133,7 @@ class Following:
         if key not in self._margins:
             at = air.start_s + now * air.slot_s + into * self.parameters.phase_s
             need = self.need(rest, at) - self.problem.reserve
-            flights = [flight_in(future.table, rest, at, 0) for future in self.futures]
+            flights = [flight_in(future, rest, at, 0) for future in self.futures]
             taken = [self._taken(down - off) for off, down in flights if down < NEVER]
             known = taken and need < NEVER
             self._margins[key] = max(need / float(np.mean(taken)) - 1.0, 0.0) if known else math.inf
@@ -148,7 +151,10 @@ class Following:
 
     def _search(self, problem: Problem, future: Future, stops: NDArray[np.bool_] | None = None) -> ExactSearch:
         margin = self._later_margin * problem.soc_per_s
-        return ExactSearch(problem, future.queues, speeds=future.careful, margin_soc_per_s=margin, stops=stops)
+        return ExactSearch(
+            problem, future.queues, speeds=future.careful, margin_soc_per_s=margin, stops=stops,
+            most_labels=self.parameters.large_labels if self._large else math.inf,
+        )  # fmt: skip
 
     def _follow(self, step: Step, future: Future) -> float:
         """Arrival in a future after a step, POSIX seconds."""
@@ -181,7 +187,7 @@ class Following:
             if count < len(step.segments) and not self.likely_free_at[node]:
                 continue
             begun, down = flight_in(
-                future.table, step.segments[:count], off, 0 if p.in_flight else self.parameters.hold_slots
+                future, step.segments[:count], off, 0 if p.in_flight else self.parameters.hold_slots
             )
             if down >= NEVER:
                 continue
@@ -206,9 +212,7 @@ class Following:
         """Whether it will fly on over the last station on its way, if that would end at a time with a charge."""
         p = self.problem
         way, rest = step.segments[: step.last], step.segments[step.last :]
-        as_off = (
-            float(table_land(future.table, np.asarray(way, dtype=np.int64), off_s)) - p.air.climb_s - p.air.descent_s
-        )
+        as_off = future.lands_s(way, off_s) - p.air.climb_s - p.air.descent_s
         return soc >= p.reserve + self._margin(rest, as_off) * future.energy * self._taken(down_s - as_off)
 
     @cached_property
@@ -250,10 +254,17 @@ class Following:
     def _best_s(self, after: Problem, future: Future) -> float:
         """Best arrival in a future from a later state."""
         search = self._search(after, future)
-        if not search.find():
+        found_s = (
+            search.bound_s(self.parameters.near_stations)
+            if self._quick
+            else search.best_s
+            if search.find()
+            else math.inf
+        )
+        if math.isinf(found_s):
             return self.problem.depart_s + self.parameters.stuck_s
         self.arrives = True
-        return search.best_s
+        return found_s
 
 
 def heavier(problem: Problem, energy: float) -> Problem:

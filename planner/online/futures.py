@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -15,14 +16,20 @@ from skyway.models.flight.kernels import NEVER
 from skyway.models.queues.sampling import QueuePath
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
+from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
+    from skyway.models.flight.rules import SegmentWind
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.information_kernels import Known
+
+
+MAX_TABLE = 200_000
+"""Speeds of one future that are worked out at once, at most."""
 
 
 class SampledQueues(Mapping[int, QueuePath]):
@@ -50,15 +57,51 @@ class SampledQueues(Mapping[int, QueuePath]):
         return other
 
 
+class CarefulSpeeds:
+    """Ground speeds in one member with a gust against every flight, in the first slots; see `planner.problem.speeds.Speeds`.
+
+    Of a small network all are worked out once, of a large one those that a search asks for.
+    """
+
+    def __init__(self, air: SegmentWind, member: int, slots: int, against: float) -> None:
+        self._air, self._member, self._against = air, member, against
+        self.slots = slots
+        self._closed: list[int] = []
+
+    @cached_property
+    def _table(self) -> NDArray[np.float64] | None:
+        count = len(self._air.distance_m)
+        return self._worked_out(0, self.slots - 1, np.arange(count)) if self.slots * count <= MAX_TABLE else None
+
+    def _worked_out(self, first: int, last: int, segments: NDArray[np.int64]) -> NDArray[np.float64]:
+        return careful_speeds(self._air, self._member, np.arange(first, last + 1), segments, self._against)
+
+    def over(self, first: int, last: int, segments: NDArray[np.int64]) -> NDArray[np.float64]:
+        """See `Speeds`."""
+        table = self._table
+        found = self._worked_out(first, last, segments) if table is None else table[first : last + 1][:, segments]
+        found[:, np.isin(segments, self._closed)] = 0.0
+        return found
+
+    def fastest_mps(self, first: int, last: int) -> float:
+        """See `Speeds`."""
+        return TrueSpeeds(self._air, self._member).fastest_mps(first, last)
+
+    def close(self, segment: int) -> None:
+        """No flight leads over a segment any more."""
+        self._closed.append(segment)
+
+
 @dataclass(frozen=True, eq=False)
 class Future:
     """One course that wind, queues and the vehicle may take."""
 
-    careful: NDArray[np.float64]
-    """Shape (slots, segments). Ground speeds that later flights count on, m/s: in a mean gust of `careful_sigmas`
-    against them."""
-    table: FlightTable
-    """Its wind."""
+    air: SegmentWind
+    """The forecast."""
+    member: int
+    """Which of its winds this is."""
+    careful: CarefulSpeeds
+    """Ground speeds that later flights count on: in a mean gust of `careful_sigmas` against them."""
     queues: SampledQueues
     """By node."""
     energy: float
@@ -66,14 +109,32 @@ class Future:
     gust: float
     """Mean gust of the next flight, standard deviations against it."""
     careful_sigmas: float
+    _flights: dict[tuple[int, ...], FlightTable] = field(default_factory=dict, repr=False)
+
+    def flight(self, segments: tuple[int, ...]) -> FlightTable:
+        """Ground speeds in its wind over the segments of one flight, in their order."""
+        if segments not in self._flights:
+            way, air = np.asarray(segments, dtype=np.int64), self.air
+            speeds = ground_speeds(air, self.member, np.arange(self.careful.slots), way)
+            alone = np.zeros(1, dtype=np.int64)
+            self._flights[segments] = FlightTable(
+                air.start_s, air.slot_s, air.climb_s, air.descent_s, alone, alone, air.distance_m[way], speeds
+            )
+        return self._flights[segments]
+
+    def lands_s(self, segments: tuple[int, ...], off_s: float) -> float:
+        """When a flight lands that takes off at a time, POSIX seconds; never where it is not flyable."""
+        return float(table_land(self.flight(segments), np.arange(len(segments)), off_s))
 
     def slowed(self, segments: tuple[int, ...], off_s: float) -> float:
         """How much longer its gust makes the cruise of a flight that takes off at a time, as a share."""
-        way, slot = list(segments), int(table_slot(self.table, off_s))
-        usual, careful = self.table.speed_mps[slot, way], self.careful[slot, way]
+        table = self.flight(segments)
+        slot = int(table_slot(table, off_s))
+        usual = table.speed_mps[slot]
+        careful = self.careful.over(slot, slot, np.asarray(segments, dtype=np.int64))[0]
         if not np.all(careful > 0.0):
             return 0.0
-        distance = self.table.distance_m[way]
+        distance = table.distance_m
         return self.gust * float(np.sum(distance / careful) / np.sum(distance / usual) - 1.0) / self.careful_sigmas
 
 
@@ -86,25 +147,22 @@ def draw_futures(p: Problem, known: Known, belief: EnergyBelief, count: int) -> 
     energy = rng.permutation([belief.quantile((k + 0.5) / len(members)) for k in range(len(members))])
     gusts = rng.permutation([NormalDist().inv_cdf((k + 0.5) / len(members)) for k in range(len(members))])
     ahead_s = max(p.depart_s - air.start_s, 0.0) + p.parameters.online.hours * S_PER_H
-    slots = np.arange(min(air.north.shape[1], 1 + int(ahead_s // air.slot_s)))
-    segments = np.arange(len(air.distance_m))
+    slots = min(int(air.north.shape[1]), 1 + int(ahead_s // air.slot_s))
     against = sigmas * gust_mean(known, USUAL_FLIGHT_S)
-    found = []
     drawn = zip(members.tolist(), energy.tolist(), gusts.tolist(), strict=True)
-    for sample, (member, multiple, gust) in enumerate(drawn):
-        speeds = ground_speeds(air, member, slots, segments)
-        careful = careful_speeds(air, member, slots, segments, against)
-        first, head = p.network.first, p.network.head
-        table = FlightTable(air.start_s, air.slot_s, air.climb_s, air.descent_s, first, head, air.distance_m, speeds)
-        found.append(Future(careful, table, SampledQueues(p, sample), multiple, gust, sigmas))
-    return found
+    return [
+        Future(
+            air, member, CarefulSpeeds(air, member, slots, against), SampledQueues(p, sample), multiple, gust, sigmas
+        )
+        for sample, (member, multiple, gust) in enumerate(drawn)
+    ]
 
 
-def flight_in(table: FlightTable, segments: tuple[int, ...], off_s: float, slots: int) -> tuple[float, float]:
+def flight_in(future: Future, segments: tuple[int, ...], off_s: float, slots: int) -> tuple[float, float]:
     """When a flight takes off and lands that may be held for some slots of wind: (take-off, touch-down)."""
-    way = np.asarray(segments, dtype=np.int64)
+    table = future.flight(segments)
     for _ in range(slots + 1):
-        down = float(table_land(table, way, off_s))
+        down = future.lands_s(segments, off_s)
         if down < NEVER:
             return off_s, down
         off_s = float(table_slot_end(table, int(table_slot(table, off_s))))

@@ -65,11 +65,13 @@ class Hindsight(Following):
         measured: bool = True,
         watched: bool = False,
         left: frozenset[str] = frozenset(),
+        quick: bool = False,
     ) -> None:
         known = belief if belief is not None else errors.energy_of(problem.drone).next_flight()
         super().__init__(
-            problem, errors, known, futures or problem.parameters.online.futures, measured=measured, watched=watched
-        )
+            problem, errors, known, futures or problem.parameters.online.futures, measured=measured, watched=watched,
+            quick=quick,
+        )  # fmt: skip
         self.roomy_way = True
         """Some way leads to a station with room, as far as was looked."""
         self._kept, self._clear = kept, margin
@@ -118,7 +120,7 @@ class Hindsight(Following):
     def close(self, segment: int) -> None:
         """Look for no way over a segment any more."""
         for future in self.futures:
-            future.careful[:, segment] = 0.0
+            future.careful.close(segment)
         self._closed.add(segment)
 
     def arrival_s(self, station: str, time_s: float, soc: float) -> float:
@@ -138,7 +140,7 @@ class Hindsight(Following):
         if node == p.destination:
             return ()
         off = p.depart_s if step.charge <= p.soc + 1e-9 else self._charged_s(future, step.charge)
-        off, down = flight_in(future.table, step.segments, off, self.parameters.hold_slots)
+        off, down = flight_in(future, step.segments, off, self.parameters.hold_slots)
         if down >= NEVER:
             return ()
         soc = max(step.charge - future.energy * self._taken(down - off), p.reserve)
@@ -178,9 +180,7 @@ class Hindsight(Following):
     def _takes(self, segments: tuple[int, ...]) -> list[float]:
         """Charges that keep the reserve in half of the futures, and in more."""
         p = self.problem
-        flights = [
-            (one, *flight_in(one.table, segments, p.depart_s, self.parameters.hold_slots)) for one in self.futures
-        ]
+        flights = [(one, *flight_in(one, segments, p.depart_s, self.parameters.hold_slots)) for one in self.futures]
         used = [self._used(one, segments, off, down) for one, off, down in flights if down < NEVER]
         takes = [p.reserve + (1.0 + self._doubt) * one + self.parameters.told_soc for one in used]
         return np.quantile(takes, self.parameters.sure_quantiles, method="higher").tolist() if takes else []
@@ -198,7 +198,7 @@ class Hindsight(Following):
         how = self.turns.over(segments[0]) if may else None
         if how is None:
             return []
-        flights = [flight_in(future.table, segments[:1], p.depart_s, 0)[1] - p.depart_s for future in self.futures]
+        flights = [flight_in(future, segments[:1], p.depart_s, 0)[1] - p.depart_s for future in self.futures]
         last = self._last_sure(segments)
         charges = self.turns.charges(self._taken(float(np.median(flights))), least)
         levels = sorted({max(one, p.soc) for one in charges if one <= full})

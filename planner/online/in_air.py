@@ -32,6 +32,8 @@ from skyway.planner.online.told_plan import segments_of
 from skyway.planner.robust.free_capacity import full_on_arrival
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.planner.online.hindsight import Hindsight
     from skyway.planner.online.information import Information
     from skyway.planner.online.policy import OnlinePolicy
@@ -212,7 +214,7 @@ class FlightDecision:
             info, station=self._policy.request.destination, belief=info.belief.next_flight(), here=None, destination="",
             forecast=reach.wind, plan=None,
         )  # fmt: skip
-        return self._policy.hindsight(later, self._parameters.flight_futures, start=info.here)
+        return self._policy.hindsight(later, self._parameters.flight_futures, start=info.here, quick=True)
 
     def _turn(self, here: Place, reach: Reach, now: Option, figures: dict[str, Any]) -> Decision | None:
         """Find what keeps the reserve and delivers earliest, else the least risk; None where that is flying on."""
@@ -223,17 +225,27 @@ class FlightDecision:
         options = [*speeds, *self._others(here, reach, airborne.time_s, airborne.soc)]
         safe = [one for one in options if one.p_reserve <= min(epsilon, self._parameters.clearly * now.p_reserve)]
         if safe:
-            onward = self._onward(reach)
-            weighed = [replace(one, arrival_s=arriving(one, onward)) for one in safe]
-            best = min(weighed, key=lambda one: one.arrival_s)
-            figures |= {"options": [one.as_data() for one in sorted(weighed, key=lambda one: one.arrival_s)[:6]]}
-            return self._answer(now, best, figures)
+            weighed = self._weighed(safe, reach, self._onward(reach))
+            figures |= {"options": [one.as_data() for one in weighed[:6]]}
+            return self._answer(now, weighed[0], figures)
         best = min([now, *options], key=lambda one: one.risk)
         if best.p_empty > self._parameters.max_probable:
             return _land(airborne, figures, best.p_empty)
         if not best.risk < self._parameters.clearly * now.risk:
             return None
         return self._answer(now, best, figures)
+
+    def _weighed(
+        self, options: Sequence[Option], reach: Reach, onward: Hindsight, before_s: float = math.inf
+    ) -> list[Option]:
+        """Options with their expected arrivals, the earliest first; without those that cannot arrive before a time, or before the best."""
+        goal, found = self._policy.request.destination, list[Option]()
+        for bound_s, number in sorted((earliest_s(reach, one, goal), number) for number, one in enumerate(options)):
+            if bound_s >= before_s:
+                break
+            found.append(replace(options[number], arrival_s=arriving(options[number], onward)))
+            before_s = min(before_s, found[-1].arrival_s)
+        return sorted(found, key=lambda one: one.arrival_s)
 
     def _answer(self, now: Option, best: Option, figures: dict[str, Any]) -> Decision:
         """Tell the option that was chosen."""
@@ -260,8 +272,8 @@ class FlightDecision:
 
     def _better(self, here: Place, reach: Reach, now: Option, figures: dict[str, Any]) -> Decision | None:
         """Look from time to time for a station by which the delivery comes earlier by the margin; turned once, it stays."""
-        settings, airborne, memory, goal = self._parameters, self._info, self._memory, self._policy.request.destination
-        late = figures["left_s"] < settings.committed_s or airborne.destination == goal
+        settings, airborne, memory = self._parameters, self._info, self._memory
+        late = figures["left_s"] < settings.committed_s or airborne.destination == self._policy.request.destination
         if memory.turned or late or airborne.time_s < memory.better_s + settings.better_every_s:
             return None
         memory.better_s = airborne.time_s
@@ -273,11 +285,10 @@ class FlightDecision:
         onward = self._onward(reach)
         kept_s = arriving(now, onward)
         margin_s = self._policy.clear_gain_s(kept_s - airborne.time_s)
-        chance = [one for one in safe if earliest_s(reach, one, goal) < kept_s - margin_s]
-        found = [replace(one, arrival_s=arriving(one, onward)) for one in chance]
-        best = min(found, key=lambda one: one.arrival_s, default=None)
-        if best is None or not best.arrival_s < kept_s - margin_s:
+        found = self._weighed(safe, reach, onward, kept_s - margin_s)
+        if not found or not found[0].arrival_s < kept_s - margin_s:
             return None
+        best = found[0]
         self._memory.turned = True
         gain_s = kept_s - best.arrival_s
         reason = (

@@ -105,8 +105,10 @@ class OnlinePolicy:
             scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
         )
 
-    def hindsight(self, info: Information, futures: int | None = None, *, start: Place | None = None) -> Hindsight:
-        """Compare next steps from a station, or from over one; `start` is where the way begins whose airspeed counts."""
+    def hindsight(
+        self, info: Information, futures: int | None = None, *, start: Place | None = None, quick: bool = False
+    ) -> Hindsight:
+        """Compare next steps from a station, or from over one; `start` is where the way begins whose airspeed counts, `quick` as in `Following`."""
         now = self.problem(info)
         kept: tuple[int, ...] = ()
         in_flight = bool(info.destination)
@@ -124,7 +126,7 @@ class OnlinePolicy:
             belief = belief.times(load)
         return Hindsight(
             now, self.errors.in_forecast(info.forecast, info.time_s), belief, behind=info.behind, futures=futures, kept=kept,
-            margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left,
+            margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left, quick=quick,
         )  # fmt: skip
 
     def clear_gain_s(self, left_s: float) -> float:

@@ -95,6 +95,14 @@ class OnlineParameters(Parameters):
 
     futures: int = parameter(10, "futures drawn for each decision on the ground", 1, 1000, measured=_ROLLING)
     flight_futures: int = parameter(4, "the same in the air, where every option is followed in each", 1, 1000)
+    large_labels: int = parameter(
+        200, "labels in which the best way on is looked for in a future on large networks (`robust.large_network`)", 1, 10**9,
+        measured="`benchmarks.planners.bench_decisions`: with a proof of the best, decisions took minutes",
+    )  # fmt: skip
+    near_stations: int = parameter(
+        60, "in the air, stations near the straight way over which a way on is looked for on dense networks", 2, 10**6,
+        measured="`benchmarks.planners.bench_decisions`: 120 take twice as long",
+    )  # fmt: skip
     hours: float = parameter(
         12.0, "how far ahead the wind of a future is looked at; its last hour holds on", 1, 168, unit="h"
     )

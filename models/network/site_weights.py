@@ -1,0 +1,59 @@
+"""Weights of wind sites half-way along the segments of a network, kept for the sites that were asked for last."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.wind.interpolation import site_weights, weights_at
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MAX_KEPT, MAX_SITES = 8, 64
+"""Sets of weights, and sites whose distances are kept, at most: each drone that measures the wind is a site of its own for half a minute."""
+
+
+class SiteWeights:
+    """Weights at fixed points.
+
+    Parameters
+    ----------
+    lat, lon : ndarray, shape (points,)
+        The points, degrees.
+    """
+
+    def __init__(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> None:
+        self._lat, self._lon = lat, lon
+        self._weights: dict[tuple[bytes, tuple[int, int] | None], NDArray[np.float64]] = {}
+        self._distances: dict[tuple[float, float], NDArray[np.float64]] = {}
+
+    def of(
+        self, site_lat: NDArray[np.float64], site_lon: NDArray[np.float64], lattice: tuple[int, int] | None
+    ) -> NDArray[np.float64]:
+        """Weights of sites, shape (points, sites); see `models.wind.interpolation.site_weights`."""
+        sites = np.array((site_lat, site_lon), dtype=np.float64)
+        key = sites.tobytes(), lattice
+        if key not in self._weights:
+            if lattice is None:
+                found = weights_at(np.stack([self._distance(*site) for site in sites.T.tolist()], axis=1))
+            else:
+                found = site_weights(self._lat, self._lon, site_lat, site_lon, lattice)
+            _keep(self._weights, key, np.ascontiguousarray(found), MAX_KEPT)
+        return self._weights[key]
+
+    def _distance(self, lat: float, lon: float) -> NDArray[np.float64]:
+        """Of a site from the points, m, shape (points,)."""
+        if (lat, lon) not in self._distances:
+            distance, _ = geodesy.inverse(self._lat, self._lon, lat, lon)
+            _keep(self._distances, (lat, lon), distance, MAX_SITES)
+        return self._distances[lat, lon]
+
+
+def _keep(kept: dict[Any, NDArray[np.float64]], key: object, value: NDArray[np.float64], most: int) -> None:
+    """Add to what is kept; what was kept first is let go of where it is too much."""
+    while len(kept) >= most:
+        del kept[next(iter(kept))]
+    kept[key] = value
