@@ -80,12 +80,14 @@ def measure(trials: int = TRIALS) -> list[Figure]:
                 time_s = off_s + share * first.flight_time_s
                 here = along_way(way, share * length_m)
                 gone = [along_way(way, share * part * length_m) for part in (0.25, 0.5, 0.75, 1.0)]
-                gust = rng.normal(0.0, 1.5, (len(gone), 2))
+                wind = _mean_wind(forecast) + rng.normal(0.0, 1.5, (len(gone), 2))
                 seen = [
                     WindObservation(
                         time_s - MEASURED_S * (len(gone) - 1 - k),
-                        *gone[k],
-                        *(_mean_wind(forecast) + gust[k]).tolist(),
+                        gone[k][0],
+                        gone[k][1],
+                        float(wind[k, 0]),
+                        float(wind[k, 1]),
                         1.0,
                         forecast.height_m,
                     )

@@ -335,10 +335,11 @@ class Network:
 
         See `models.wind.interpolation.site_weights`.
         """
-        return self._site_weights.of(site_lat, site_lon, lattice)
+        return self.wind_weights.of(site_lat, site_lon, lattice)
 
     @cached_property
-    def _site_weights(self) -> SiteWeights:
+    def wind_weights(self) -> SiteWeights:
+        """Weights of wind sites half-way along each segment."""
         return SiteWeights(*self.midpoints)
 
     @cached_property
@@ -467,9 +468,7 @@ class Network:
         ):  # what is known of the old segments need not be found again
             both = (np.concatenate(parts)[order] for parts in zip(self.flown, star.flown, strict=True))
             joined.__dict__["flown"] = type(self.flown)(*both)
-        for key, weights in self._site_weights.items():  # what is known of the old segments need not be found again
-            sites = np.frombuffer(key[0]).reshape(2, -1)
-            joined._site_weights[key] = np.concatenate((weights, star.site_weights(sites[0], sites[1], key[1])))[order]
+        joined.__dict__["wind_weights"] = self.wind_weights.joined(star.wind_weights, order, joined.midpoints)
         return joined
 
     @cached_property

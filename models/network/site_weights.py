@@ -44,6 +44,17 @@ class SiteWeights:
             _keep(self._weights, key, np.ascontiguousarray(found), MAX_KEPT)
         return self._weights[key]
 
+    def joined(
+        self, more: SiteWeights, order: NDArray[np.int64], points: tuple[NDArray[np.float64], NDArray[np.float64]]
+    ) -> SiteWeights:
+        """Return weights at these points and more, in another order: what is known of these need not be found again."""
+        found = SiteWeights(*points)
+        for (sites, lattice), weights in self._weights.items():
+            lat, lon = np.frombuffer(sites).reshape(2, -1)
+            others = more.of(lat, lon, lattice)
+            found._weights[sites, lattice] = np.concatenate((weights, others))[order]
+        return found
+
     def _distance(self, lat: float, lon: float) -> NDArray[np.float64]:
         """Of a site from the points, m, shape (points,)."""
         if (lat, lon) not in self._distances:
