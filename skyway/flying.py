@@ -120,9 +120,10 @@ def terrain_of(
 def request_of(composition: Composition, scenario: Scenario) -> Request:
     """Return what was asked when the plan was made."""
     from skyway.models.composition.composition import State
-    from skyway.planner.problem.request import Request
+    from skyway.planner.problem.request import NEAREST_PAD, Request
 
     scenario.drone(composition.drone)
+    way = composition.way_back
     first = composition.stops[0].soc_from if composition.stops else 1.0
     if composition.services:
         first = composition.services[0].soc_depart
@@ -134,6 +135,9 @@ def request_of(composition: Composition, scenario: Scenario) -> Request:
         airspeed_mps=composition.airspeed_mps,
         reserve_soc=composition.reserve_soc,
         seed=composition.seed or 0,
+        return_to=NEAREST_PAD if way is None or way.plan is None else way.station,
+        dwell_s=0.0 if way is None else way.dwell_s,
+        undelivered_to=None if way is None else way.undelivered_to,
     )
 
 

@@ -48,6 +48,7 @@ OBSERVED_S, OUT_S = 51 * 60.0, 56 * 60.0
 """After the beginning of the hour an airport's wind is observed, and its report is out."""
 EARLIER_S = 2 * 3600.0
 """So long before the departure reports begin."""
+TARGET_GROUND_M = 10.0
 REPORT_SD_MPS = 1.2
 """Error that a report is taken to have, as by `skyway fly --observed`."""
 
@@ -79,18 +80,31 @@ class Story:
     reports: bool = False
     """The airports' reports are handed over, hour by hour."""
     vehicle: dict[str, Any] = field(default_factory=dict)
+    target: tuple[float, float] | None = None
+    """Place without pads to deliver to, instead of a station."""
+    asked: dict[str, Any] = field(default_factory=dict)
+    """What else is asked of the plan, see `Request`."""
+
+    def scenario(self) -> Scenario:
+        if self.target is None:
+            return newyork()
+        joined = newyork().with_target(*self.target)
+        *others, target = joined.network.stations
+        stations = (*others, replace(target, elevation_m=TARGET_GROUND_M))
+        return replace(joined, network=replace(joined.network, stations=stations))
 
     def instant(self) -> datetime:
         return datetime.fromisoformat(self.depart)
 
     def plan(self) -> tuple[Request, WindEnsemble, Composition]:
-        scenario, depart = newyork(), self.instant()
+        scenario, depart = self.scenario(), self.instant()
         request = Request(
             state=State(depart, self.start, None, self.soc),
-            destination=self.to,
+            destination=self.to if self.target is None else scenario.network.stations[-1].id,
             payload_kg=self.payload_kg,
             drone=self.drone,
             seed=self.seed,
+            **self.asked,
         )
         forecast = scenario.forecast(depart, HORIZON_H)
         return request, forecast, plan(scenario, request, planner=self.planner, forecast=forecast).composition
@@ -140,7 +154,8 @@ class Stage:
 
     def __init__(self, story: Story, folder: Path, operator: Operator | None = None) -> None:
         self.story = story
-        scenario, depart = newyork(), story.instant()
+        scenario, depart = story.scenario(), story.instant()
+        self.scenario = scenario
         self.request, self.forecast, self.composition = story.plan()
         day = (datetime.fromisoformat(story.truth) if story.truth else depart).astimezone(LOCAL).date()
         self.told = scenario.truth(day, depart - timedelta(seconds=EARLIER_S), HORIZON_H)
@@ -189,7 +204,7 @@ class Stage:
     def job(self) -> DeliveryJob:
         return DeliveryJob(
             composition=self.composition,
-            scenario=newyork(),
+            scenario=self.scenario,
             request=self.request,
             forecast=self.forecast,
             observed=self.reports if self.story.reports else nobody_observes,

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
     from skyway.models.queues.pad_service import PadService
+    from skyway.planner.problem.request import Request
 
 After = tuple[State, str]
 """The next state, and why."""
@@ -81,7 +82,17 @@ class Context:
     def policy(self) -> OnlinePolicy:
         """Make what decides on the ground and in the air, and tells what can be reached."""
         m = self.job
-        return OnlinePolicy(m.scenario, m.request, m.parameters, drag=m.drag)
+        return OnlinePolicy(m.scenario, self.request, m.parameters, drag=m.drag)
+
+    @property
+    def request(self) -> Request:
+        """What is asked now: the delivery, or from the target on what follows it."""
+        onward = self.delivery.onward
+        return self.job.request if onward is None else onward.request(self.job.request)
+
+    def delivers_at(self, station: str | None) -> bool:
+        """Whether the package is to be handed over at a station."""
+        return self.delivery.onward is None and station == self.job.request.destination
 
     # What is asked of the parts most often
 

@@ -70,15 +70,17 @@ class Outcome:
     proof: str = ""
     """What became of the package: ``delivered``, ``not delivered`` or ``unsure``; empty where it was never to be released."""
     proof_reason: str = ""
+    handed_over: bool = False
+    """The package was handed over, whatever became of the drone on its way back."""
 
     @property
     def delivered(self) -> bool:
         """Whether the package arrived."""
-        return self.state == "delivered"
+        return self.state == "delivered" or self.handed_over
 
     @property
     def exit_code(self) -> int:
-        """Of a command: 0 delivered, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
-        if self.delivered:
+        """Of a command: 0 delivered, and back where that was planned, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        if self.state == "delivered":
             return 0 if self.proof in ("", "delivered") else 1
         return 1 if self.state == "stopped-safe" else 3

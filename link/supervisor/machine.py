@@ -18,6 +18,7 @@ from skyway.link.supervisor.journal.entries import Ended, Resumed, Start, StateE
 from skyway.link.supervisor.journal.file import SCHEMA, read_journal
 from skyway.link.supervisor.journal.parts import Forecast
 from skyway.link.supervisor.progress import DeliveryProgress
+from skyway.link.supervisor.proof.evidence import Verdict
 from skyway.link.supervisor.soc.energy_learning import EnergyLearning
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
@@ -125,7 +126,9 @@ class Supervisor:
         ctx.note(Ended(outcome=str(ctx.state), station=station, flights=flights), self.reason)
         known = ctx.proof.evidence.acknowledged is not None or ctx.proof.lost
         verdict, why = ctx.proof.verdict if known else ("", "")
-        return Outcome(str(ctx.state), self.reason, station, flights, str(verdict), why)
+        onward = ctx.delivery.onward
+        handed_over = onward is not None and onward.delivered and verdict is not Verdict.NOT_DELIVERED
+        return Outcome(str(ctx.state), self.reason, station, flights, str(verdict), why, handed_over)
 
     def _let_go(self) -> None:
         """Give control back, and no longer say that we supervise the vehicle."""

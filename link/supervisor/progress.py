@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from skyway.link.supervisor.legs import Leg
+    from skyway.link.supervisor.onward import Onward
     from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
 
@@ -46,12 +47,19 @@ class DeliveryProgress:
     """It has been charged here."""
     unusable: dict[str, float] = field(default_factory=dict)
     """Stations that could not be used, and since when, POSIX seconds."""
+    onward: Onward | None = None
+    """Where it goes after the target; None until the package was handed over, or could not be."""
 
     # The plan
 
     def take_plan(self, plan: Composition | None) -> None:
         """Put a plan in force; None is none."""
         self.plan = plan
+
+    def go_on(self, onward: Onward) -> None:
+        """Go on from the target; what is thought of stations is thought anew."""
+        self.onward, self.charge_to, self.charged = onward, None, False
+        self.visited = set()
 
     def begins_at(self, station: str | None) -> bool:
         """Whether the plan in force has a leg that begins at a station."""

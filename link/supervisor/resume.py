@@ -17,9 +17,11 @@ from skyway.link.supervisor.journal.entries import (
     StartNote,
     Tracked,
     Turned,
+    WentOn,
 )
 from skyway.link.supervisor.journal.standing import restore_standing
 from skyway.link.supervisor.legs import Leg
+from skyway.link.supervisor.onward import Onward
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
@@ -51,6 +53,9 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             ctx.observed.identify(met.uid or 0)
         elif ordered := record.entry(Ordered):
             ctx.conversation.restore(ordered)
+        elif went := record.entry(WentOn):
+            delivery.go_on(Onward(went.destination or "", bool(went.loaded), bool(went.delivered), went.leave_s or 0.0))
+            delivery.take_plan(from_json(json.dumps(went.plan), file="journal") if went.plan else None)
         elif taken := record.entry(PlanTaken):
             if taken.plan:
                 delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))
@@ -141,7 +146,7 @@ def take_up(ctx: Context) -> After:
         delivery.not_begun()
         ctx.note(StartNote(), f"the flight from {leg.origin} had not begun")
     delivery.stand_at(station)
-    if station is None or station == ctx.job.request.destination:
+    if station is None or station == ctx.request.destination:
         return State.LANDED, f"the drone stands at {station or 'no known station'}"
     if not delivery.begins_at(station):
         delivery.take_plan(None)

@@ -54,6 +54,8 @@ class DepartureGate:
 
     def __init__(self, policy: OnlinePolicy, info: Information) -> None:
         self._policy, self._info = policy, info
+        self._reserve = policy.request.reserve_soc
+        """What the landing at the end of the leg that is checked keeps."""
 
     @cached_property
     def _reach(self) -> Reach:
@@ -72,11 +74,12 @@ class DepartureGate:
         sure = names[: 1 + (step.sure or len(step.segments))]
         way = self._reach.way(sure[0], sure[1:-1], sure[-1])
         reach = self._reach.where_flown(way, at_s)
+        self._reserve = self._policy.request.reserve_soc + self._policy.way_on_soc(self._info, sure[-1])
         least = self._keeps_reserve(reach, way, at_s)
         if least is None:
-            reserve = self._policy.request.reserve_soc
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
-            why = f"even fully charged it lands below {percent(reserve)} at {sure[-1]} with probability {probability(chance)}"
+            on = " (the reserve, and the way on from there)" if self._reserve > self._policy.request.reserve_soc else ""
+            why = f"even fully charged it lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         covered = self._covered(
             reach, way, at_s, max(least, step.charge if step.turn_back is not None else 0.0), sure[-1]
@@ -102,7 +105,7 @@ class DepartureGate:
 
     def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
         flown = reach.to_the_end(way, at_s, climbs=True)
-        return float(reach.p_below(soc, flown.soc[:, None], self._policy.request.reserve_soc, flown.doubt[:, None])[0])
+        return float(reach.p_below(soc, flown.soc[:, None], self._reserve, flown.doubt[:, None])[0])
 
     def later(self, step: Step, p: Problem) -> float | None:
         """How much later a leg can be begun by the forecast, s; None where never."""
@@ -118,7 +121,7 @@ class DepartureGate:
         It keeps the reserve but for epsilon. A watched leg is most probably not turned: halfway, where it is turned last, what is still unknown of
         the wind then must not break the reserve but for epsilon; what is known of it by then, the rest of the doubt now, may be worse.
         """
-        parameters, reserve = self._policy.parameters, self._policy.request.reserve_soc
+        parameters, reserve = self._policy.parameters, self._reserve
         share = parameters.p_begin if self._info.watched else parameters.epsilon
         flown = reach.to_the_end(way, at_s, climbs=True)
         cost, doubt = flown.soc[:, None], flown.doubt[:, None]

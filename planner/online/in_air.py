@@ -129,11 +129,17 @@ class FlightDecision:
         reserve = self._policy.request.reserve_soc
         return Floors(reserve, reserve * self._parameters.divert_share)
 
+    def _floors_at(self, station: str) -> Floors:
+        """Those of a landing where the drone must be able to leave again without charging."""
+        floors = self._floors
+        return replace(floors, reserve=floors.reserve + self._policy.way_on_soc(self._info, station))
+
     def _outlook(self, here: Place, reach: Reach) -> tuple[Option, dict[str, Any]]:
         """Work out time, charge at landing and wanted ground speed under the newest forecast."""
         airborne = self._info
         way = reach.way(here, airborne.via, airborne.destination)
-        now, _ = going_on(reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
+        floors = self._floors_at(airborne.destination)
+        now, _ = going_on(reach, way, airborne.destination, airborne.time_s, airborne.soc, floors)
         now = self._with_room(now, reach)
         length, bearing = geodesy.inverse(*way[0], *way[1])
         piece_s = reach.pieces(way[:2], airborne.time_s)[0].time_s[:, 0]
@@ -220,7 +226,7 @@ class FlightDecision:
         """Find what keeps the reserve and delivers earliest, else the least risk; None where that is flying on."""
         epsilon, airborne = self._parameters.epsilon, self._info
         way = reach.way(here, airborne.via, airborne.destination)
-        given = (reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
+        given = (reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors_at(airborne.destination))
         speeds = [self._with_room(one, reach) for one in other_airspeeds(*given)]
         options = [*speeds, *self._others(here, reach, airborne.time_s, airborne.soc)]
         safe = [one for one in options if one.p_reserve <= min(epsilon, self._parameters.clearly * now.p_reserve)]

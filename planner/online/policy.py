@@ -26,6 +26,8 @@ from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import Problem
 from skyway.planner.reach.reach import Reach
 from skyway.planner.reach.wind_ahead import WindAhead
+from skyway.planner.robust.charge_policy import known_at
+from skyway.planner.robust.way_on import way_on_energy
 
 if TYPE_CHECKING:
     from skyway.models.drones.drag import DragModel
@@ -38,6 +40,10 @@ if TYPE_CHECKING:
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
     from skyway.planner.reach.reach import Place
+
+
+WAY_ON_HOURS = 12
+"""So many hours of wind are looked at for a way on from a target without pads."""
 
 
 class OnlinePolicy:
@@ -104,6 +110,20 @@ class OnlinePolicy:
         return Problem(
             scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
         )
+
+    def way_on_soc(self, info: Information, station: str) -> float:
+        """Charge above the reserve that a landing at a station keeps for the way on: at a target without pads, else none.
+
+        What it takes by the forecast in all but a share epsilon; in winds that forbid it, what it takes when they let it.
+        """
+        network = self.scenario.network
+        if station != self.request.destination or not self.request.escape or network.pads[network.index[station]]:
+            return 0.0
+        p = self.problem(replace(info, station=self.request.state.station, unusable=frozenset()))
+        known = known_at(p, self.errors.in_forecast(info.forecast, info.time_s), measured=False, epsilon=p.epsilon)
+        hours = (info.time_s + self.request.dwell_s + S_PER_H * k for k in range(WAY_ON_HOURS))
+        found = (way_on_energy(p, known, time_s)[0] for time_s in hours)
+        return next((one for one in found if math.isfinite(one)), 1.0)
 
     def hindsight(
         self, info: Information, futures: int | None = None, *, start: Place | None = None, quick: bool = False

@@ -117,7 +117,8 @@ def _outcome(records: tuple[Record, ...]) -> Result:
     return Result(
         ended=end is not None,
         state=state,
-        delivered=end is not None and state == "delivered",
+        delivered=end is not None
+        and (state == "delivered" or (_handed_over_s(records) is not None and proof != "not delivered")),
         reason=_reason(records, ended=end is not None),
         station=_last_station(records) if end is None else end.station,
         time=last.time,
@@ -126,6 +127,22 @@ def _outcome(records: tuple[Record, ...]) -> Result:
         proof=proof,
         proof_reason=why,
     )
+
+
+def _handed_over_s(records: tuple[Record, ...]) -> float | None:
+    """When the drone went on after the package had been handed over; None where it did not."""
+    return next((at_s for at_s, _, entry in _of(records, entries.WentOn) if entry.delivered), None)
+
+
+def _parts(planned: dict[str, Any]) -> list[dict[str, Any]]:
+    """The delivery, and the way back where there is one."""
+    back = of.table(of.table(planned, "return"), "plan")
+    return [planned, back] if back else [planned]
+
+
+def _sum(planned: dict[str, Any], name: str) -> float | None:
+    known = [one for part in _parts(planned) if (one := of.number(part, name)) is not None]
+    return sum(known) if known else None
 
 
 def _proof(records: tuple[Record, ...]) -> tuple[str | None, str | None]:
@@ -165,7 +182,8 @@ def _planned(planned: dict[str, Any]) -> Planned:
             ground_speed_mps=of.number(leg, "ground_speed_mps"), p_reserve=of.share(leg, "p_reserve"),
             heights=planned_heights(leg),
         )
-        for leg in of.tables(planned, "legs")
+        for part in _parts(planned)
+        for leg in of.tables(part, "legs")
     ]  # fmt: skip
     stops = [
         Stop(
@@ -174,10 +192,12 @@ def _planned(planned: dict[str, Any]) -> Planned:
             charge_s=of.number(stop, "recharge_s"), soc_from=of.share(stop, "soc_from"),
             soc_to=of.share(stop, "soc_to"),
         )
-        for stop in of.tables(planned, "stops")
+        for part in _parts(planned)
+        for stop in of.tables(part, "stops")
     ]  # fmt: skip
     stations = {}
-    for name, station in of.table(planned, "stations").items():
+    places = {name: place for part in _parts(planned) for name, place in of.table(part, "stations").items()}
+    for name, station in places.items():
         if isinstance(station, dict) and (at := of.place(station.get("lat"), station.get("lon"))) is not None:
             stations[str(name)[: of.LONGEST]] = Station(*at, of.text(station, "name"))
     return Planned(
@@ -193,20 +213,23 @@ def _planned(planned: dict[str, Any]) -> Planned:
 
 def _totals(records: tuple[Record, ...], planned: dict[str, Any], legs: list[FlownLeg], stops: list[Stop]) -> Totals:
     """Return times and charges of the whole, planned and actual."""
-    last_s = of.instant_s(records[-1].time)
+    last_s = _handed_over_s(records) or of.instant_s(records[-1].time)
     took_off = legs[0].depart_s if legs else None
     flown = [leg.flight_s for leg in legs if leg.flight_s is not None]
     arrival = of.table(planned, "arrival")
     landings = {of.text(stop, "station") for stop in of.tables(planned, "stops") if "station" in stop}
+    back = [leg for part in _parts(planned)[1:] for leg in of.tables(part, "legs")]
     return Totals(
         planned=PlannedTimes(
             depart_s=of.instant_s(planned.get("depart")),
             delivery_s=of.number(planned, "delivery_time_s"),
-            flight_s=of.number(planned, "flight_time_s"),
-            wait_s=of.number(planned, "wait_time_s"),
-            charge_s=of.number(planned, "recharge_time_s"),
-            lowest_soc=of.share(planned, "min_soc"),
-            flights=len(landings) + 1 if of.tables(planned, "legs") else None,
+            flight_s=_sum(planned, "flight_time_s"),
+            wait_s=_sum(planned, "wait_time_s"),
+            charge_s=_sum(planned, "recharge_time_s"),
+            lowest_soc=min(
+                (soc for part in _parts(planned) if (soc := of.share(part, "min_soc")) is not None), default=None
+            ),
+            flights=len(landings) + 1 + len(back) if of.tables(planned, "legs") else None,
             arrive_mean_s=of.instant_s(arrival.get("mean")),
             arrive_p50_s=of.instant_s(arrival.get("p50")),
             arrive_p95_s=of.instant_s(arrival.get("p95")),

@@ -68,7 +68,7 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
         with_places(ctx.delivery.plan, job.scenario, service.diverts),
         services=(service, *ctx.delivery.plan.services[1:]),
     )
-    last = service.destination == job.request.destination
+    last = ctx.delivers_at(service.destination)
     return service, plan_leg(plan, service, ctx.vehicle.family, job.options, last=last)
 
 
@@ -177,7 +177,7 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         planned_soc=ctx.battery.soc - float(reach.expected(flown.soc)) * ctx.energy.belief.mean_ratio,
         planned_soc_sd=reach.soc_sd(flown),
         modelled=ModelledUse.by(reach),
-        last=service.destination == ctx.job.request.destination,
+        last=ctx.delivers_at(service.destination),
     )
 
 
@@ -188,7 +188,7 @@ def ready(ctx: Context) -> After:
         return State.PREFLIGHT, "the leg must be prepared again"
     job = ctx.job
     brief(ctx, leg)
-    must = job.asking == "each" or (job.asking == "once" and not ctx.conversation.asked_once)
+    must = job.asking == "each" or (job.asking == "once" and not (ctx.conversation.asked_once and _at_pads(ctx)))
     if must or (job.asking != "never" and ctx.parameters.unasked):
         if not ctx.conversation.attended:
             return (
@@ -219,6 +219,13 @@ def ready(ctx: Context) -> After:
     except LinkError as error:
         return State.STOPPED, f"a parameter that the leg to {leg.destination} needs was not set: {error}"
     return State.ARMING, f"ready to take off to {leg.destination}"
+
+
+def _at_pads(ctx: Context) -> bool:
+    """Whether it stands at a station with pads: elsewhere, in the street, nobody arms it without a word."""
+    network = ctx.job.scenario.network
+    row = network.index.get(ctx.delivery.station or "")
+    return row is not None and network.stations[row].pads > 0
 
 
 def arming(ctx: Context) -> After:

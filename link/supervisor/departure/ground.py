@@ -10,6 +10,7 @@ import numpy as np
 from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, rest, unanswered
+from skyway.link.supervisor.onward import stay_until_due
 from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base import geodesy
@@ -32,6 +33,7 @@ def replanning(ctx: Context) -> After:
     """Decide where to fly next, with how much charge, and when."""
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
+    stay_until_due(ctx)
     known = information(ctx)
     if not ctx.job.replanning:
         decision = _as_planned(ctx, known)
@@ -123,7 +125,7 @@ def _in_reach(ctx: Context, station: str) -> list[Station]:
     row = network.index.get(station)
     lat, lon = (ctx.place or (math.nan, math.nan)) if row is None else (network.lat[row], network.lon[row])
     planned = {station, *(() if plan is None else (one.destination for one in plan.services))}
-    reach_m = drone.max_ground_speed_mps / FlightPower.of(drone, job.request.payload_kg).soc_per_s
+    reach_m = drone.max_ground_speed_mps / FlightPower.of(drone, ctx.request.payload_kg).soc_per_s
     away_m = geodesy.inverse(lat, lon, network.lat, network.lon)[0]
     away_m[[row for row, one in enumerate(network.stations) if one.id in planned]] = 0.0
     nearest = np.argsort(away_m, kind="stable")[: MAX_ASKED + len(planned)]

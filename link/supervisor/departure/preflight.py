@@ -235,6 +235,9 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
 
 
 def _diverts(ctx: Context, service: DroneService) -> Check:
+    if not ctx.delivery.diverts and ctx.delivery.onward is not None and ctx.job.replanning:
+        # the gate has found a refuge for every point of the leg: without another, it is the end
+        return Check("diverts", "ok", f"none nearer than {service.destination} itself")
     if not ctx.delivery.diverts:
         return Check("diverts", "no", f"no divert station stays in reach on the way to {service.destination}")
     return Check("diverts", "ok", ", ".join(ctx.delivery.diverts))

@@ -9,6 +9,7 @@ from skyway.link.supervisor.flight.crash import crash_end
 from skyway.link.supervisor.journal.entries import Landed, ReleaseNote
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.link_watch import ask, must_answer, request_telemetry
+from skyway.link.supervisor.onward import after_failure, after_hand_over, arrived
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
 from skyway.models.base.formatting import percent, place_text
@@ -52,8 +53,11 @@ def after_landing(ctx: Context) -> After:
     ctx.delivery.visit(station)
     ctx.delivery.reach(station)
     ctx.delivery.take_leg(None)
-    if station == ctx.job.request.destination:
+    onward = ctx.delivery.onward
+    if onward is None and station == ctx.job.request.destination:
         return _deliver(ctx)
+    if onward is not None and station == onward.destination:
+        return arrived(ctx, onward)
     if ctx.conversation.stays:
         return (
             State.STOPPED,
@@ -91,23 +95,30 @@ def _deliver(ctx: Context) -> After:
     """The package is released, by the gripper or by a person who says so."""
     destination = ctx.job.request.destination
     if ctx.proof.lost:
-        return (
-            State.STOPPED,
-            f"at {destination} without the package: {ctx.proof.verdict[1]}; look for it along the track",
-        )
+        return after_failure(ctx, f"at {destination} without the package: {ctx.proof.verdict[1]}", loaded=False)
     if ctx.job.options.release == "gripper":
         refused = _release(ctx)
         if refused:
-            return (
-                State.STOPPED,
-                f"at {destination}, but the gripper did not open: {refused}. Take the package off by hand",
-            )
+            return after_failure(ctx, f"at {destination}, but the gripper did not open: {refused}", loaded=True)
         ctx.note(ReleaseNote(), "the gripper is open")
     else:
-        ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
+        if not _taken_off(ctx, destination):
+            return after_failure(ctx, f"at {destination}, but nobody took the package off", loaded=True)
         ctx.note(ReleaseNote(), "a person took the package off")
         ctx.proof.released(ctx, acknowledged=True, by_person=True)
-    return State.DELIVERED, f"delivered at {destination}; the drone stands disarmed with {percent(ctx.battery.soc)}"
+    return after_hand_over(ctx, f"delivered at {destination}")
+
+
+def _taken_off(ctx: Context, destination: str) -> bool:
+    """Wait until a person says that the package is off; or, where there is a way on for it, that nobody takes it."""
+    way = ctx.job.composition.way_back
+    if way is None or way.undelivered is None:
+        ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
+        return True
+    question = (
+        f"take the package off at {destination}, then type done; undelivered: it goes to {way.undelivered.destination}"
+    )
+    return ctx.conversation.answer(ctx, question, ("done", "undelivered")) == "done"
 
 
 def _release(ctx: Context) -> str:

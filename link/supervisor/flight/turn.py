@@ -37,7 +37,7 @@ def turn(ctx: Context, station: str, state: State) -> After:
         return State.HOLDING, f"the drone cannot be diverted to {station}: its position is not known"
     intend(ctx, station)
     plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
-    last = station == ctx.job.request.destination
+    last = ctx.delivers_at(station)
     home_ground = s.alt_msl_m - s.height_m
     here, speed_mps = (*ctx.place, _height_m(ctx, leg, s.height_m)), _speed_mps(ctx, ctx.place, station)
     mission = turn_leg(

@@ -60,6 +60,16 @@ class PlanTaken(Entry, frozen=True, kw_only=True, tag="plan"):
     standing: Standing
 
 
+class WentOn(Entry, frozen=True, kw_only=True, tag="onward"):
+    """The package was handed over, or could not be: the drone goes on from the target, by this plan, not before `leave_s`."""
+
+    destination: str | None
+    loaded: bool | None
+    delivered: bool | None
+    leave_s: float | None
+    plan: dict[str, Any] | None
+
+
 class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
     """Something was decided; `figures` are what it was decided by."""
 

@@ -1,0 +1,116 @@
+"""What follows the hand-over: the way back of the drone, or the way on of a package that could not be handed over.
+
+It is flown as the delivery is, under the same policy, from the target to a destination of its own: without the package, or with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import WentOn
+from skyway.link.supervisor.proof.evidence import Verdict
+from skyway.link.supervisor.states import State
+from skyway.models.base.formatting import duration, percent
+from skyway.models.composition.file import to_json
+from skyway.planner.problem.request import NO_RETURN
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+    from skyway.models.composition.composition import Composition
+    from skyway.planner.problem.request import Request
+
+
+@dataclass(frozen=True, slots=True)
+class Onward:
+    """Where the drone goes after the target."""
+
+    destination: str
+    """Station."""
+    loaded: bool
+    """The package is aboard."""
+    delivered: bool
+    """The package was handed over."""
+    leave_s: float
+    """It stays at the target until then, POSIX seconds."""
+
+    def request(self, asked: Request) -> Request:
+        """Return what is asked from the target on."""
+        payload_kg = asked.payload_kg if self.loaded else 0.0
+        return replace(
+            asked, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
+            undelivered_to=None, stop_at=(), escape=False,
+        )  # fmt: skip
+
+
+def after_hand_over(ctx: Context, done: str) -> After:
+    """Go on with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
+    stands = f"{done}; the drone stands disarmed with {percent(ctx.battery.soc)}"
+    back = None if ctx.job.composition.way_back is None else ctx.job.composition.way_back.plan
+    if back is None or ctx.conversation.stays:
+        return State.DELIVERED, stands
+    return _go_on(ctx, back, done, loaded=False, delivered=True)
+
+
+def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
+    """Go on after a package that could not be handed over, or was lost: with it where that was asked for, else without."""
+    way = ctx.job.composition.way_back
+    plan = None if way is None else way.undelivered if loaded else way.plan
+    if plan is None or ctx.conversation.stays:
+        return (
+            State.STOPPED,
+            f"{why}. Take the package off by hand" if loaded else f"{why}; look for it along the track",
+        )
+    return _go_on(ctx, plan, why, loaded=loaded, delivered=False)
+
+
+def _go_on(ctx: Context, plan: Composition, why: str, *, loaded: bool, delivered: bool) -> After:
+    """Put the plan from the target on in force, after the time there."""
+    way = ctx.job.composition.way_back
+    dwell_s = 0.0 if way is None else way.dwell_s
+    return _begin(ctx, Onward(plan.destination, loaded, delivered, ctx.now_s + dwell_s), plan, why)
+
+
+def _begin(ctx: Context, onward: Onward, plan: Composition | None, why: str) -> After:
+    """Write down where it goes on to, and take that for what is asked; without a plan the policy makes one."""
+    ctx.delivery.go_on(onward)
+    ctx.delivery.take_plan(plan)
+    stays_s = onward.leave_s - ctx.now_s
+    stays = f" after {duration(stays_s)}" if stays_s >= 1.0 else ""
+    reason = f"{why}; on to {onward.destination}{stays} {'with' if onward.loaded else 'without'} the package"
+    entry = WentOn(
+        destination=onward.destination, loaded=onward.loaded, delivered=onward.delivered, leave_s=onward.leave_s,
+        plan=None if plan is None else to_json(plan),
+    )  # fmt: skip
+    ctx.say(entry, reason)
+    return State.REPLANNING, reason
+
+
+def arrived(ctx: Context, onward: Onward) -> After:
+    """End where the drone was to be."""
+    stands = f"the drone stands disarmed at {onward.destination} with {percent(ctx.battery.soc)}"
+    target = ctx.job.request.destination
+    verdict, why = ctx.proof.verdict
+    if onward.delivered and verdict is Verdict.NOT_DELIVERED:
+        way = ctx.job.composition.way_back
+        goal = None if way is None else way.undelivered_to
+        if goal is not None and goal != onward.destination and not ctx.conversation.stays:
+            return _begin(
+                ctx, Onward(goal, loaded=True, delivered=False, leave_s=ctx.now_s), None, f"not delivered: {why}"
+            )
+        return State.STOPPED, f"not delivered at {target}: {why}; {stands}"
+    if onward.delivered:
+        return State.DELIVERED, f"delivered at {target}; {stands}"
+    if onward.loaded:
+        return (
+            State.STOPPED,
+            f"the package could not be handed over at {target}: it is at {onward.destination}; {stands}",
+        )
+    return State.STOPPED, f"not delivered: {why}; {stands}"
+
+
+def stay_until_due(ctx: Context) -> None:
+    """Let the time at the target pass."""
+    onward = ctx.delivery.onward
+    if onward is not None and ctx.delivery.station == ctx.job.request.destination and ctx.now_s < onward.leave_s:
+        ctx.wait_until(onward.leave_s)

@@ -1,0 +1,93 @@
+"""After the hand-over the drone flies its way back: from the street to a pad, journaled, resumed, and told."""
+
+import dataclasses
+
+import pytest
+
+from benchmarks.link.deliveries import Scripted, Stage, Story
+from skyway.link.supervisor import read_journal
+from skyway.link.supervisor.journal.entries import LegBegun, WentOn
+from skyway.report.document import flight_report
+from skyway.sim_stub.faults import parse_fault
+
+STREET = Story(
+    start="bellevue", target=(40.7480, -73.9500), traffic=False, still=True, soc=0.9, asked={"dwell_s": 40.0}
+)
+
+
+def legs(records):
+    return [begun for record in records if (begun := record.entry(LegBegun)) is not None]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_from_a_target_without_pads_it_flies_on_to_the_pad_that_was_planned(autopilot, tmp_path):
+    stage = Stage(dataclasses.replace(STREET, autopilot=autopilot), tmp_path)
+    back = stage.composition.way_back
+    outcome = stage.fly()
+    assert (outcome.state, outcome.station, outcome.delivered) == ("delivered", back.station, True), outcome
+    assert outcome.proof == "delivered", outcome.proof_reason
+    assert outcome.flights == 2
+    records = read_journal(stage.journal_path).records
+    went = next(entry for record in records if (entry := record.entry(WentOn)) is not None)
+    assert (went.destination, went.loaded, went.delivered) == (back.station, False, True)
+    out, on = legs(records)
+    assert (out.last, on.last) == (True, False)
+    landed = next(record.time_s for record in records if record.event == "landed")
+    off = next(record.time_s for record in records if record.event == "leg" and record.entry(LegBegun) == on)
+    assert off >= landed + 40.0
+    assert stage.craft.battery.soc >= 0.2
+    document = flight_report(records)
+    assert document.outcome.station == back.station
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_package_that_is_not_released_goes_back_where_that_was_asked_for(autopilot, tmp_path):
+    story = dataclasses.replace(
+        STREET, autopilot=autopilot, faults=(parse_fault("gripper-silent"),), asked={"undelivered_to": "back"}
+    )
+    stage = Stage(story, tmp_path)
+    outcome = stage.fly()
+    assert (outcome.state, outcome.station, outcome.delivered, outcome.exit_code) == (
+        "stopped-safe",
+        "bellevue",
+        False,
+        1,
+    )
+    assert outcome.proof in ("not delivered", "unsure")
+
+
+@pytest.mark.slow
+def test_nobody_arms_it_in_the_street_without_a_word(tmp_path):
+    asked = []
+
+    def answers(question, _):
+        asked.append(question)
+        return (1.0, "yes") if "take off" in question else None
+
+    stage = Stage(STREET, tmp_path)
+    stage.operator = Scripted(answers, stage.lockstep.clock.now_s)
+    outcome = stage.fly()
+    assert outcome.state == "delivered", outcome
+    assert len([one for one in asked if "take off" in one]) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", ["onward", "flying-back"])
+def test_after_a_crash_of_the_program_it_goes_on_from_the_target(moment, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    stage = Stage(STREET, tmp_path)
+
+    def kill(ctx):
+        onward = ctx.delivery.onward
+        if onward is not None and (moment == "onward" or (ctx.in_air and ctx.observed.sample.height_m > 30.0)):
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        stage.fly(on_tick=kill)
+    outcome = stage.fly(resume=True)
+    assert (outcome.state, outcome.station) == ("delivered", stage.composition.way_back.station), outcome
+    assert outcome.flights == 2
