@@ -122,6 +122,7 @@ def plan(
             )
         )
     check_objective(scenario, request, planner)
+    _check_hours(scenario, planner)
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
     scenario = fleet_in_air(scenario, forecast, request.state.time.timestamp())
     wind = forecast
@@ -213,6 +214,14 @@ def check_objective(scenario: Scenario, request: Request, planner: str) -> None:
         raise InputError(
             Fault("needs prices, and the scenario has none", field="objective", value="cost", remedy=remedy)
         )
+
+
+def _check_hours(scenario: Scenario, planner: str) -> None:
+    """Refuse opening hours for a planner that proves its answer without them."""
+    closing = [station.id for station in scenario.network.stations if station.open_hours and station.pads]
+    if closing and planner in CLAIRVOYANT_PLANNERS:
+        remedy = f"the planner {ROBUST} does; or leave the column open_hours out"
+        raise InputError(Fault("does not plan with opening hours", field="planner", value=planner, remedy=remedy))
 
 
 def _problems(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import percent
+from skyway.models.queues.opening_hours import opening_hours
 from skyway.models.queues.pad_service import DroneOnPad, PadServiceError, StationStatus
 from skyway.sim_stub.faults import AT_STATIONS
 from skyway.sim_stub.vehicle import Charge
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _WARM_UP_H = 24
 _RATES_H = 24
 _MAX_LINE = 1000
+_HOURS_D = 60  # days of opening hours
 
 
 @dataclass(eq=False, slots=True)
@@ -60,10 +62,20 @@ class _Site:
     """When the next other drone comes."""
     rates_from_s: float = -math.inf
     rates: tuple[list[float], list[float]] = ((), ())  # type: ignore[assignment]
+    shut: bool = False
+    """Whether it is closed now."""
+    closed: list[tuple[float, float]] = field(default_factory=list)
+    """Times at which it is closed, simulated instants, ascending; those that are over are dropped."""
+
+    def is_closed(self, sim_s: float) -> bool:
+        """Whether nobody is charged at an instant."""
+        return bool(self.closed) and self.closed[0][0] <= sim_s < self.closed[0][1]
 
     def next_due_s(self) -> float:
         """When somebody comes or leaves by himself."""
         due = self.next_arrival_s
+        if self.closed:
+            due = min(due, self.closed[0][1] if self.shut else self.closed[0][0])
         for customer in self.on_pads:
             due = min(due, customer.end_s)
         return due
@@ -87,6 +99,12 @@ class Pads:
         for fault in world.faults:
             if fault.kind == AT_STATIONS:
                 self.take(fault)
+        timezone = "UTC" if load is None else load.timezone
+        for site in self._sites.values():
+            begin_s = world.epoch_s + self._now
+            hours = opening_hours(site.station.open_hours)
+            closed_s = hours.closed_between(timezone, begin_s, begin_s + _HOURS_D * 86_400.0) - world.epoch_s
+            site.closed = [(begin, end) for begin, end in closed_s.tolist()]
         if load is not None:
             for site in self._sites.values():
                 if site.station.pads:
@@ -153,7 +171,25 @@ class Pads:
                 site.line.extend(_Customer(fault.end_s - fault.start_s) for _ in range(site.station.pads))
                 self._fill(site)
 
+    def _open_or_close(self, site: _Site) -> None:
+        """Close a station whose time has come: who charges stays where he is, without power; or open it again."""
+        while site.closed and site.closed[0][1] <= self._now:
+            site.closed.pop(0)
+        shut = site.is_closed(self._now)
+        if shut == site.shut:
+            return
+        site.shut = shut
+        for customer in site.on_pads:
+            vehicle = customer.vehicle
+            if vehicle is not None and shut and vehicle.charging is not None:
+                vehicle.tend()
+                vehicle.charging, customer.end_s = None, math.inf
+                vehicle.event(f"is not charged any more: {site.station.id} closes")
+            elif vehicle is not None and not shut and vehicle.battery.soc < customer.to_soc:
+                self._begin(site, customer, vehicle)
+
     def _happen(self, site: _Site) -> None:
+        self._open_or_close(site)
         if site.next_arrival_s <= self._now:
             mean_s = self._rates(site, self._now)[1]
             if len(site.line) < _MAX_LINE:
@@ -169,7 +205,7 @@ class Pads:
 
     def _fill(self, site: _Site) -> None:
         """Let those who wait onto the pads that are free."""
-        while site.line and len(site.on_pads) < site.station.pads:
+        while site.line and len(site.on_pads) < site.station.pads and not site.shut:
             customer = site.line.popleft()
             site.on_pads.append(customer)
             if customer.vehicle is not None:
@@ -286,7 +322,7 @@ class Pads:
                 vehicle.event(f"waits for a pad at {station}, place {len(site.line)} in the line")
         elif customer.to_soc != to_soc:
             customer.to_soc = to_soc
-            if customer in site.on_pads:
+            if customer in site.on_pads and not site.shut:
                 self._begin(site, customer, vehicle)
         self._reschedule()
         return self._tell(site, customer, vehicle)
@@ -303,9 +339,16 @@ class Pads:
     def _tell(self, site: _Site, customer: _Customer, vehicle: Vehicle) -> DroneOnPad:
         vehicle.tend()
         drone, epoch = str(vehicle.config.system), self.world.epoch_s
+        if site.shut and customer in site.on_pads and vehicle.battery.soc < customer.to_soc:
+            opens_s = epoch + site.closed[0][1]
+            return DroneOnPad(drone=drone, state="waiting", to_soc=customer.to_soc, place_in_line=0, pad_free_s=opens_s)
         if customer in site.line:
             place = site.line.index(customer)
             free_s = self._pad_free_s(site, place)
+            if site.shut and free_s is not None:
+                free_s = max(free_s, site.closed[0][1])
+            elif site.shut and len(site.on_pads) + place < site.station.pads:
+                free_s = site.closed[0][1]
             return DroneOnPad(
                 drone=drone,
                 state="waiting",

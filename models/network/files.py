@@ -15,6 +15,7 @@ from skyway.models.base.geodesy import coordinate_faults, line_geometry
 from skyway.models.base.json_text import json_text
 from skyway.models.network.geojson import features, read_geojson
 from skyway.models.network.network import Network, Station
+from skyway.models.queues.opening_hours import opening_hours
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -40,9 +41,10 @@ STATION_FIELDS = (
     "recharge_power_w",
     "energy_price_per_kwh",
     "pad_fee",
+    "open_hours",
 )
 """Columns of a station file; all but id, lat and lon may be absent."""
-RARE_FIELDS = ("energy_price_per_kwh", "pad_fee")
+RARE_FIELDS = ("energy_price_per_kwh", "pad_fee", "open_hours")
 """Of these, columns that are written only where they say anything."""
 MAX_PRICE = 1e6
 """Greatest price and fee, in the region's currency."""
@@ -146,6 +148,17 @@ class _Row:
         return lat, lon
 
 
+def _open_hours(row: _Row) -> str:
+    """Read the opening hours of the pads, as they are written."""
+    text = one_line(row.text("open_hours")).strip()
+    try:
+        opening_hours(text)
+    except InputError as error:
+        for fault in error.faults:
+            row.fault("open_hours", fault.problem, fault.remedy)
+    return text
+
+
 def _station(row: _Row, pads: int, holding_spots: int) -> Station:
     identity = row.text("id")
     if not identity:
@@ -164,6 +177,7 @@ def _station(row: _Row, pads: int, holding_spots: int) -> Station:
         recharge_power_w=row.number("recharge_power_w", 1, 1e6, "watts a pad delivers, 1 to 1000000"),
         energy_price_per_kwh=row.number("energy_price_per_kwh", 0, MAX_PRICE, "the price of a kWh, 0 or more"),
         pad_fee=row.number("pad_fee", 0, MAX_PRICE, "the price of each charge, 0 or more"),
+        open_hours=_open_hours(row),
     )
 
 

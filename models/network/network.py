@@ -57,6 +57,8 @@ class Station:
         Most that one pad delivers; None limits nothing.
     energy_price_per_kwh, pad_fee : float or None
         What a kWh costs there at all hours, and what each charge costs besides, in the scenario's currency; None: as the scenario says.
+    open_hours : str
+        When pads can be used, see `models.queues.opening_hours`; empty: always.
     flyover : bool
         No station but a bend of the way around a zone, or where a way over one begins or ends: nobody lands there.
     least_m, least_agl_m : float
@@ -73,6 +75,7 @@ class Station:
     recharge_power_w: float | None = None
     energy_price_per_kwh: float | None = None
     pad_fee: float | None = None
+    open_hours: str = ""
     flyover: bool = False
     least_m: float = -math.inf
     least_agl_m: float = -math.inf

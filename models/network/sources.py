@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.queues.opening_hours import opening_hours
 
 if TYPE_CHECKING:
     from skyway.models.airspace.airspace import Airspace
@@ -37,7 +39,7 @@ def network_of(
     source : Network, sequence of Station or of mappings, DataFrame, GeoDataFrame or networkx graph
         Stations. Tables and graphs name them by ``id`` (or their index, or the node), place them by ``lat`` and
         ``lon`` (or ``y`` and ``x``, or the point of the geometry), and may have ``name``, ``pads``,
-        ``holding_spots``, ``elevation_m``, ``recharge_power_w``, ``energy_price_per_kwh`` and ``pad_fee``.
+        ``holding_spots``, ``elevation_m``, ``recharge_power_w``, ``energy_price_per_kwh``, ``pad_fee`` and ``open_hours``.
     segments : pairs of station ids, ConnectionRule or None
         Directed segments, or the rule that makes them. None: the edges of a graph (both ways where it is undirected),
         else the default rule.
@@ -119,7 +121,13 @@ def _station(row: Any, faults: list[Fault]) -> Station:
         return int(read) if whole else read
 
     more = {key: number((key,), whole=key in _WHOLE) for key in (*_WHOLE, *_REAL) if key in given}
-    return Station(identity, str(given.get("name", identity)), number(_LATITUDE), number(_LONGITUDE), **more)
+    hours = str(given.get("open_hours", ""))
+    try:
+        opening_hours(hours)
+    except InputError as error:
+        faults += [replace(fault, problem=f"station {identity}: {fault.problem}") for fault in error.faults]
+    place = number(_LATITUDE), number(_LONGITUDE)
+    return Station(identity, str(given.get("name", identity)), *place, **more, open_hours=hours)
 
 
 def _missing(value: Any) -> bool:

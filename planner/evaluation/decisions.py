@@ -175,9 +175,13 @@ class _Run:
         charged_s = float(np.interp(stop_label.soc, curve_soc, curve_s))
 
         def charge_at(time_s: float) -> float:
-            return (
-                float(np.interp(charged_s + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stop_label.soc
-            )
+            if time_s <= pad_s:
+                return stop_label.soc
+            if stop_label.node in problem.closures:
+                return problem.soc_after(
+                    stop_label.node, stop_label.soc, problem.charging_s(stop_label.node, pad_s, time_s)
+                )
+            return float(np.interp(charged_s + time_s - pad_s, curve_s, curve_soc))
 
         end_s = min(wind.start_s + wind.slots * wind.slot_s, stop_label.landed_s + MAX_WAIT_S)
         while now < end_s:
@@ -200,6 +204,8 @@ class _Run:
                     at = opening
                 elif wanted <= curve_soc[-1] and pad_s < math.inf:
                     reached = pad_s + float(np.interp(wanted, curve_soc, curve_s)) - charged_s
+                    if stop_label.node in problem.closures:
+                        reached = problem.charged_at(stop_label.node, pad_s, reached - pad_s)
                     at = max(reached, at + _AGAIN_S)
                 else:
                     break

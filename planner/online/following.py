@@ -224,7 +224,7 @@ class Following:
         """When it has a charge at the station where it stands."""
         p = self.problem
         pad = float(future.queues[p.origin].pad_time(p.depart_s))
-        return pad + p.charge_time_s(p.origin, p.soc, charge)
+        return p.charged_at(p.origin, pad, p.charge_time_s(p.origin, p.soc, charge))
 
     def _stay(self, future: Future) -> float:
         """Arrival if it lands here, or stays where it stands until the next wind."""
@@ -240,7 +240,7 @@ class Following:
         pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
         soc = p.soc
         if until > pad:
-            soc = p.soc_after(p.origin, soc, until - pad)
+            soc = p.soc_after(p.origin, soc, p.charging_s(p.origin, pad, until))
             queue = no_queue()
         after = p.standing_at(p.origin, until, soc)
         return self._best_s(after, replace(future, queues=future.queues.with_path(p.origin, queue)))

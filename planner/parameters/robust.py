@@ -119,6 +119,9 @@ class RobustParameters(Parameters):
         1,
         100,
     )
+    closing_late_s: float = parameter(
+        900.0, "routes are looked for with stations that close met so much later, too", 0, 86_400, unit="s"
+    )
     sparing_labels: int = parameter(4000, "labels in which they are looked for", 1, 10**6)
     sparing_labels_large: int = parameter(400, "the same on large networks", 1, 10**6)
     reasons_s: float = parameter(

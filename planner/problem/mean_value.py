@@ -41,7 +41,9 @@ class ExpectedQueues(AskedQueues):
             padded = [node for node in missing if has_pads(node)]
             points = waits.need(padded, until_s)
             wait_s = waits.wait_s[padded, :points]
-            self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, wait_s), strict=True)
+            expected = expected_paths(waits.start_s, waits.step_s, wait_s)
+            while_open = self._problem.while_open
+            self._found |= {node: while_open(node, path) for node, path in zip(padded, expected, strict=True)}
             self._found |= {node: no_queue() for node in missing if not has_pads(node)}
             self._until |= dict.fromkeys(missing, until_s)
         return [self._found[node] for node in wanted]

@@ -17,8 +17,9 @@ from skyway.models.flight.closures import parts_of_slots
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
+from skyway.models.queues.opening_hours import Closures, closed_path, opening_hours
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, sampled_waits
-from skyway.models.queues.waiting_times import STEP_S, forecast_waits
+from skyway.models.queues.waiting_times import STEP_S, TAIL_H, forecast_waits
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.ways_on import return_node, undelivered_node, ways_on
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 HORIZON_H = 48
 """Hours of wind and queues that are looked at; a delivery takes less."""
+DAY_S = 86_400.0
 MIN_EPSILON = 1e-6
 """Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
 MIN_KMH = 30.0
@@ -222,6 +224,35 @@ class Problem:
         """Whether energy and cost of deliveries are worked out."""
         return self.scenario.tariff is not None or self.request.objective.beside_time
 
+    @cached_property
+    def closures(self) -> dict[int, Closures]:
+        """When stations with opening hours are closed, from a day before the departure on, by node; none for those that never close."""
+        begin_s, end_s = self.depart_s - DAY_S, self.depart_s + (HORIZON_H + TAIL_H) * S_PER_H
+        found: dict[int, Closures] = {}
+        for node, station in enumerate(self.network.stations):
+            if station.open_hours and station.pads:
+                closed_s = opening_hours(station.open_hours).closed_between(self.load.timezone, begin_s, end_s)
+                found |= {node: Closures(closed_s)} if len(closed_s) else {}
+        return found
+
+    def while_open(self, node: int, path: QueuePath) -> QueuePath:
+        """Return the queue of a station within its opening hours."""
+        closures = self.closures.get(node)
+        if closures is None:
+            return path
+        return closed_path(path, closures.closed_s, spots=self.network.stations[node].holding_spots)
+
+    def charged_at(self, node: int, pad_s: float, lasts_s: float) -> float:
+        """When a drone on a pad of a station has been charged for so long, which it is only while that is open."""
+        closures = self.closures.get(node)
+        return pad_s + lasts_s if closures is None else float(closures.past(np.array(pad_s), np.array(pad_s + lasts_s)))
+
+    def charging_s(self, node: int, pad_s: float, until_s: float) -> float:
+        """For how long a drone on a pad of a station is charged until a time."""
+        closures = self.closures.get(node)
+        shut = 0.0 if closures is None else float(closures.within(np.array(pad_s), np.array(until_s)))
+        return until_s - pad_s - shut
+
     def has_pads(self, node: int) -> bool:
         """Return whether a drone can recharge there."""
         return self.network.stations[node].pads > 0
@@ -270,7 +301,7 @@ class Problem:
                 self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy, self.pads_free_s
             )
             for number, paths in zip(lacking, found, strict=True):
-                kept[number].update({node: paths.get(node) or no_queue() for node in missing})
+                kept[number].update({node: self.while_open(node, paths.get(node) or no_queue()) for node in missing})
         return [{node: paths[node] for node in wanted} for paths in kept]
 
     @cached_property

@@ -34,6 +34,7 @@ from skyway.planner.schedule.schedule_kernels import (
     sampled_pad,
     to_next_stop,
 )
+from skyway.planner.schedule.shut_kernels import closed_for, held_off, past_closures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from skyway.planner.robust.information_kernels import Known
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.schedule_kernels import Legs, Queues
+    from skyway.planner.schedule.shut_kernels import Shut
 
 _CHANGES = 500  # times a stay is looked at again
 
@@ -86,6 +88,7 @@ def _leave(
     curve: tuple[NDArray[np.float64], NDArray[np.float64]],
     room: tuple[FreeCapacity, int, Queues, Present, int],
     table: NDArray[np.float64],
+    shut: Shut,
 ) -> tuple[float, float, float, float, float, float]:
     """Find when the drone leaves a stop by the rule: (pad or landing, ready, take-off, charge, need, held for room).
 
@@ -103,10 +106,16 @@ def _leave(
         F, shape (points,) each.
     room : (FreeCapacity, leg, Queues, Present, entry)
         Who is at the next station, see `planner.robust.free_capacity_kernels.next_look`.
+    shut : Shut
+        When this station and the next one are closed: places leg and leg + 1.
     """
     curve_s, curve_soc = curve
     # F^-1 of the charge on landing; `at` is the time considered.
     u = interpolate(stop.soc, curve_soc, curve_s)
+    here = room[1]
+    least = truth.climb_s + truth.descent_s
+    for segment in segments:
+        least += truth.distance_m[segment] / truth.max_ground_speed_mps
     at = stop.now_s
     ready = at
     for_room = 0.0
@@ -121,7 +130,7 @@ def _leave(
         # The charge by now.
         level = stop.soc
         if charging and at > stop.pad_s:
-            level = interpolate(u + at - stop.pad_s, curve_s, curve_soc)
+            level = interpolate(u + at - stop.pad_s - closed_for(shut, here, stop.pad_s, at), curve_s, curve_soc)
         if level >= wanted - 1e-9 or stop.at_once:
             # Enough: leave, unless the wind or the next station is closed; then try again when that may have changed.
             opening = next_opening(truth, member, segments, at)
@@ -129,8 +138,12 @@ def _leave(
                 break
             flight = max(base - cost[1], 0.0) / cost[0]
             looks, leg, queues, there, entry = room
+            begin = held_off(shut, here + 1, at, least, max(flight, least))
             if opening > at + 1e-6:
                 at = opening
+            elif begin > at + 1e-6 and not stop.at_once:
+                for_room += begin - at
+                at = begin
             elif (
                 looks.most < 1.0
                 and not stop.at_once
@@ -147,6 +160,7 @@ def _leave(
         reached = NEVER
         if wanted <= curve_soc[-1] and stop.pad_s < NEVER:
             reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
+            reached = past_closures(shut, here, stop.pad_s, reached)
             ready = max(reached, at)
             for_room = 0.0  # what it held before, it charged in
         edge = slot_end(truth, slot_of(truth, at))
@@ -241,6 +255,7 @@ def fly_by_required_soc(
                 curve,
                 (room, leg, queues, there, entry + 1),
                 tables[member[run], leg],
+                legs.shut,
             )
             out[run, leg, ROOM] = for_room
             if off == NEVER:

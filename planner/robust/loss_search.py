@@ -3,7 +3,8 @@
 A label is a landing: station, time, charge, and the loss so far, a weighted sum of time, energy and cost. From it the
 drone flies to any station in reach on the way that takes least time in the wind of then, charged as a `ChargePolicy` charges: enough for
 the flight with its margin, or full. A label is dropped where another at the same station is no later, has no less charge and
-has lost no more; where prices change with the hour, one of the same hour. Routes come in the order of their loss.
+has lost no more; where prices change with the hour, one of the same hour; where stations close, one that has been at the same of these, for
+how sure they are to be open when the drone comes, the mean-value problem does not tell. Routes come in the order of their loss.
 
 Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is not looked at:
 the routes are only candidates, which are judged by simulation (`planner.robust.robust`).
@@ -75,6 +76,8 @@ class LossSearch:
         What is to be small.
     most_labels : int
         It ends after so many labels.
+    late_s : float
+        The drone is taken to come so much later to each station as it closes: one that is reached shortly before it closes often is not.
     """
 
     def __init__(
@@ -87,11 +90,12 @@ class LossSearch:
         weights: Weights,
         *,
         most_labels: int,
+        late_s: float = 0.0,
     ) -> None:
         self.problem, self.weights, self.speeds = problem, weights, speeds
         self.labels_expanded = 0
         """Labels continued so far."""
-        self._queues, self._most_labels = queues, most_labels
+        self._queues, self._most_labels, self._late_s = queues, most_labels, late_s
         network = problem.network
         self._margin_soc_per_s = margin * problem.soc_per_s
         self._stops = (network.pads > 0) & allowed
@@ -101,7 +105,7 @@ class LossSearch:
         self._flown: dict[tuple[int, int], tuple[Floats, NDArray[np.int32]]] = {}
         self._graphs: dict[int, Any] = {}
         tariff = problem.tariff
-        self._by_hour = tariff is not None and tariff.by_hour
+        self._by_hour = (tariff is not None and tariff.by_hour) or bool(problem.closures)
         drone = problem.drone
         wear_per_s = drone.wear_per_flight_h / S_PER_H + drone.wear_per_cycle * problem.soc_per_s
         self._rate = weights.per_h / S_PER_H + weights.per_kwh * self._kwh * problem.soc_per_s
@@ -113,7 +117,7 @@ class LossSearch:
         p = self.problem
         begin = Landing(p.origin, p.depart_s, p.soc, 0.0, 0, None, 0)
         heap: list[tuple[float, int, Landing]] = [(0.0, 0, begin)]
-        known: dict[tuple[int, int, int], list[Landing]] = {}
+        known: dict[tuple[int, int, int, frozenset[int]], list[Landing]] = {}
         found: set[tuple[tuple[int, ...], ...]] = set()
         pushed = 0
         while heap and self.labels_expanded < self._most_labels and len(found) < count:
@@ -126,7 +130,8 @@ class LossSearch:
                 continue
             self.labels_expanded += 1
             for after in self._onward(label):
-                key = after.node, after.stage, int(after.time_s // S_PER_H) if self._by_hour else 0
+                hour = int(after.time_s // S_PER_H) if self._by_hour else 0
+                key = after.node, after.stage, hour, self._passed(after)
                 others = known.setdefault(key, [])
                 if any(_covers(one, after) for one in others):
                     continue
@@ -135,6 +140,16 @@ class LossSearch:
                 pushed += 1
                 bound = after.loss + self._rate * float(self._least[after.node])
                 heapq.heappush(heap, (bound, pushed, after))
+
+    def _passed(self, label: Landing) -> frozenset[int]:
+        """Stations that close, of those on the way: labels with others of them are not compared."""
+        found = set()
+        before = label.before
+        while before is not None:
+            if before.node in self.problem.closures:
+                found.add(before.node)
+            before = before.before
+        return frozenset(found)
 
     def _onward(self, label: Landing) -> Iterator[Landing]:
         """Yield all flights that may follow."""
@@ -145,7 +160,8 @@ class LossSearch:
             yield from self._flights(label, label.time_s, None)
         if waits or not p.has_pads(node) or (label.before is not None and not self._stops[node]):
             return
-        pad_s = float(self._queues.at([node], self._until_s)[0].pad_time(label.time_s))
+        late_s = self._late_s if node in p.closures and label.before is not None else 0.0
+        pad_s = float(self._queues.at([node], self._until_s)[0].pad_time(label.time_s + late_s))
         half = p.charge_time_s(node, label.soc, 0.5 * (label.soc + 1.0))
         if math.isfinite(pad_s):
             yield from self._flights(label, pad_s + half, pad_s)
@@ -154,6 +170,7 @@ class LossSearch:
         """Yield flights in the wind of a time: at once, or charged for from a pad at `pad_s`."""
         p, node, weights = self.problem, label.node, self.weights
         slot = self._slot(wind_s)
+        waits = p.in_flight and label.before is None
         cruise_s = self._times(slot, node)[0][self._targets]
         flight_s = cruise_s + p.air.climb_s + p.air.descent_s
         takes = p.soc_fixed + p.soc_per_s * flight_s
@@ -172,12 +189,18 @@ class LossSearch:
             open_ &= (need > label.soc) & (need <= curve_soc[-1] + 1e-12)
             level = np.where(open_, need, label.soc)
             leave = pad_s + np.interp(level, curve_soc, curve_s) - np.interp(label.soc, curve_soc, curve_s)
+            if node in p.closures:
+                leave = p.closures[node].past(np.full(len(need), pad_s), leave)
             if p.tariff is not None and weights.cost and open_.any():
                 socs = np.full(len(need), label.soc), level
                 energy = charge_price(p, node, np.full(len(need), pad_s), leave, socs)
                 paid = self._kwh * energy + float(p.tariff.pad_fee[node])
         for number in np.flatnonzero(open_).tolist():
             target, lands_s = int(self._targets[number]), float(leave[number] + flight_s[number])
+            if target in p.closures and not p.network.stations[target].holding_spots:
+                if waits:
+                    continue
+                lands_s = float(p.closures[target].put_off(np.array(lands_s), np.array(lands_s)))
             soc = float(level[number] - takes[number])
             loss = label.loss + weights.per_h / S_PER_H * (lands_s - label.time_s)
             loss += weights.per_kwh * self._kwh * float(takes[number])

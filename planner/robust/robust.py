@@ -14,6 +14,7 @@ import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ from skyway.models.wind.ensemble import evenly
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.mean_value import ExpectedQueues
+from skyway.planner.problem.objective import Weights
 from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
@@ -226,16 +228,18 @@ class RobustSearch:
         return [candidates[number] for number in ranked]
 
     def _sparing(self, allowed: NDArray[np.bool_], *, quick: bool) -> Iterator[Itinerary]:
-        """Routes that spare what the objective counts beside time; none where it counts nothing else."""
+        """Routes that spare what the objective counts beside time, and early ones where stations close while drones charge; else none."""
         p = self.problem
-        for weights in p.request.objective.searched:
+        early = (Weights(per_h=1.0),) if p.closures else ()
+        late = (0.0, self.parameters.closing_late_s) if p.closures and not quick else (0.0,)
+        for weights, late_s in product((*p.request.objective.searched, *early), late):
             for margin in self._margins[: 1 if quick or self._large else None]:
                 if self._late():
                     return
                 speeds, _ = self._mean_value
                 labels = self.parameters.sparing_labels_large if self._large else self.parameters.sparing_labels
                 queues = self._expected_queues
-                search = LossSearch(p, queues, speeds, margin, allowed, weights, most_labels=labels)
+                search = LossSearch(p, queues, speeds, margin, allowed, weights, most_labels=labels, late_s=late_s)
                 yield from search.routes(1 if quick else self.parameters.sparing_routes)
                 self.labels_expanded += search.labels_expanded
 

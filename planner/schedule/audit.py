@@ -25,6 +25,7 @@ from skyway.models.base.errors import AuditError
 from skyway.models.drones.charging import ChargingCurve
 from skyway.models.flight.weather_closures import weather_closures
 from skyway.models.network.zoned import flown_ways
+from skyway.models.queues.opening_hours import opening_hours
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS, height_factor
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from skyway.models.composition.composition import Composition, DroneService, Stop
+    from skyway.models.network.network import Station
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary, Leg
@@ -169,12 +171,22 @@ class _Audit:
             raise self._differ(number, "recharge, s", stop.recharge_s, f"no pads at {station.id}")
         if self.realization.queues is not None:
             free_s = max(landed[0], float(self.realization.queues[node].pad_time(landed[1])))
-            self._near(number, "wait, s", stop.wait_s, free_s - landed[0], TIME_TOLERANCE_S)
+            closed_s = self._closed_s(station, free_s, landed[0] + stop.wait_s + stop.recharge_s)
+            self._near(number, "wait, s", stop.wait_s, free_s - landed[0] + closed_s, TIME_TOLERANCE_S)
         drone, power_w = self.problem.drone, station.recharge_power_w
         curve = ChargingCurve(drone.recharge_full_s, math.inf if power_w is None else power_w / drone.battery_j)
         charged = float(curve.soc(curve.time_from_empty_s(stop.soc_from) + stop.recharge_s))
         straight = stop.soc_to <= curve.knee_soc
         self._near(number, "charge, SoC", stop.soc_to, charged, SOC_TOLERANCE if straight else CURVE_TOLERANCE)
+
+    def _closed_s(self, station: Station, begin_s: float, end_s: float) -> float:
+        """For how long a station is closed between two times; it must be open at the first."""
+        if not station.open_hours or end_s <= begin_s:
+            return 0.0
+        closed = opening_hours(station.open_hours).closed_between(self.problem.load.timezone, begin_s, end_s)
+        if len(closed) and closed[0, 0] <= begin_s + TIME_TOLERANCE_S and closed[0, 1] > begin_s + TIME_TOLERANCE_S:
+            raise self._differ(None, "pad, POSIX s", begin_s, f"{station.id} is closed")
+        return float((closed[:, 1] - closed[:, 0]).sum())
 
     def _flight(self, number: int, service: DroneService, leg: Leg, node: int) -> float:
         """Compare a leg; returns when it joins the queue of the stop it ends at."""

@@ -27,6 +27,7 @@ from skyway.models.wind.triangle import speed_from
 from skyway.planner.reach.diverts import divert_cover
 from skyway.planner.reach.reach import Reach
 from skyway.planner.schedule.airspace_notes import airspace_notes
+from skyway.planner.schedule.opening_notes import opening_notes
 from skyway.planner.schedule.schedule_kernels import (
     PAD,
     ROOM,
@@ -107,6 +108,7 @@ def compose(
             *notes,
             *(() if network.over is None else network.over.notes),
             *airspace_notes(problem, services, [stop for stop in stops if stop is not None]),
+            *opening_notes(problem, services, [stop for stop in stops if stop is not None]),
         ),
         terrain=None if network.over is None else TerrainUse.of(network.over.terrain, network.over.clearance),
         authorized=() if network.zones is None else tuple(sorted(network.zones.authorized)),
@@ -254,20 +256,26 @@ def _stop(problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64],
     if number == 0 and (problem.in_flight or leave <= arrive + 5e-4):
         return None
     charges = soc_to > soc_from + 1e-12
-    charged = min(pad + problem.charge_time_s(node, soc_from, soc_to), leave) if charges else pad
+    charged = pad + problem.charge_time_s(node, soc_from, soc_to) if charges else pad
+    closures, closed_s, p_open = problem.closures.get(node), 0.0, 1.0
+    if closures is not None and charges:
+        charged = float(closures.past(np.array(pad), np.array(charged)))
+        closed_s = float(closures.within(np.array(pad), np.array(min(charged, leave))))
+        p_open = float(closures.put_off(np.array(arrive), np.array(arrive)) <= arrive)
+    charged = min(charged, leave)
     marks = [round(1000.0 * time) for time in (arrive, pad, max(charged, pad), leave)]
     held_s = max(marks[3] - marks[2], 0) / 1000.0
     _, p_free = problem.waits.at(node, arrive)
     return Stop(
         station=problem.network.stations[node].id,
         arrive=from_posix(marks[0] / 1000.0),
-        wait_s=(marks[1] - marks[0]) / 1000.0,
-        recharge_s=(marks[2] - marks[1]) / 1000.0,
+        wait_s=(marks[1] - marks[0] + round(1000.0 * closed_s)) / 1000.0,
+        recharge_s=(marks[2] - marks[1] - round(1000.0 * closed_s)) / 1000.0,
         hold_s=held_s,
         hold_room_s=min(round(float(schedule[number, ROOM]), 3), held_s),
         soc_from=soc_from,
         soc_to=soc_to,
-        p_pad_free=min(max(p_free, 0.0), 1.0),
+        p_pad_free=min(max(p_free, 0.0), 1.0) * p_open,
     )
 
 

@@ -22,6 +22,7 @@ from skyway.planner.schedule.schedule_kernels import (
     fly_under,
     no_queues,
 )
+from skyway.planner.schedule.shut_kernels import Shut
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -134,6 +135,18 @@ def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
         curve_s=curve_s[kinds],
         curve_soc=curve_soc[kinds],
         has_pads=np.array([problem.has_pads(node) for node in stops], dtype=np.bool_),
+        shut=shut_at(problem, place_nodes(problem, itinerary)),
+    )
+
+
+def shut_at(problem: Problem, nodes: Sequence[int]) -> Shut:
+    """Lay out for kernels when some places are closed."""
+    closed = [problem.closures[node].closed_s if node in problem.closures else np.empty((0, 2)) for node in nodes]
+    spots = [problem.network.stations[node].holding_spots for node in nodes]
+    return Shut(
+        np.cumsum([0, *map(len, closed)]).astype(np.int64),
+        np.ascontiguousarray(np.concatenate(closed)),
+        np.array([not count for count in spots], dtype=np.bool_),
     )
 
 

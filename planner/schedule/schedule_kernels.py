@@ -11,6 +11,7 @@ from skyway.models.flight.kernels import NEVER, flown_part, next_opening, segmen
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.schedule.gust_kernels import gusty_land
 from skyway.planner.schedule.profile_kernels import interpolate
+from skyway.planner.schedule.shut_kernels import Shut, closed_for, opens, past_closures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,6 +40,8 @@ class Legs(NamedTuple):
     """Shape (legs, points) each. Charging curve at the stop before; rows padded by repeating the last point."""
     has_pads: NDArray[np.bool_]
     """Shape (legs,). Whether there is a pad at the stop before at all."""
+    shut: Shut
+    """When the stations are closed."""
 
 
 class Queues(NamedTuple):
@@ -157,6 +160,7 @@ def fly_under(
 
         ready    r = p + F^-1(charge_to) - F^-1(s), p the time it gets a pad; not before not_before
         take-off t = first opening of the wind from r on, with the charge F(F^-1(s) + t - p)
+        where both r and the charge leave out what the station is closed after p
         landing  a = end of the flight in gusts, with e (k + c (a - t)) less
         hovering until there is a holding spot, at e c a second
 
@@ -202,16 +206,21 @@ def fly_under(
             charges = legs.has_pads[leg] and legs.charge_to[leg] > soc  # not where it is NaN either
             u = 0.0
             if charges:
-                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, leg, now)
+                if sampled:
+                    pad = max(now, sampled_pad(queues, entry, joined))
+                else:
+                    pad = opens(legs.shut, leg, expected_pad(waits, leg, now))
                 u = interpolate(soc, legs.curve_soc[leg], legs.curve_s[leg])
                 ready = pad + interpolate(legs.charge_to[leg], legs.curve_soc[leg], legs.curve_s[leg]) - u
+                ready = past_closures(legs.shut, leg, pad, ready)
             ready = max(ready, legs.not_before_s[leg])
             # Take-off, with what it has charged until then.
             off = next_opening(air, members[run], segments, ready)
             if off == NEVER:
                 break
             if charges:
-                soc = interpolate(u + off - pad, legs.curve_s[leg], legs.curve_soc[leg])
+                without = closed_for(legs.shut, leg, pad, off)
+                soc = interpolate(u + off - pad - without, legs.curve_s[leg], legs.curve_soc[leg])
             out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, 0.0
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, soc
             # Landing.

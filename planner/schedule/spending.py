@@ -111,10 +111,12 @@ def charge_price(
         return np.asarray(prices[0] * (high - low))
     curve_s, curve_soc = problem.curve(node)
     from_empty = np.interp(low, curve_soc, curve_s)
+    closures = problem.closures.get(node)
     level, total = low, np.zeros(len(pad_s))
     for hour, price in enumerate(prices.tolist()):
         end_s = np.clip(first_s + (hour + 1) * S_PER_H, pad_s, leave_s)
-        reached = np.clip(np.interp(from_empty + (end_s - pad_s), curve_s, curve_soc), level, high)
+        charged_s = end_s - pad_s - (closures.within(pad_s, end_s) if closures is not None else 0.0)
+        reached = np.clip(np.interp(from_empty + charged_s, curve_s, curve_soc), level, high)
         total += price * (reached - level)
         level = reached
     return total

@@ -1,6 +1,7 @@
 """Pads: charging by the curve, waiting in line, other drones, and what the service says."""
 
 import math
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -148,3 +149,31 @@ def test_the_wire_form_is_one_json_line_each_and_garbage_is_named():
         decode_answer(b"no")
     assert StationStatus.__struct_fields__[0] == "station"
     assert not math.isnan(request.to_soc)
+
+
+def test_a_station_that_closes_charges_nobody_until_it_opens():
+    """Charged until the closing, kept without power, and charged on when it opens; who comes while it is closed waits."""
+    begin = datetime.fromtimestamp(pads_stage()[0].world.epoch_s, UTC)
+    closes, opens = begin + timedelta(minutes=31), begin + timedelta(minutes=91)
+    hours = f"00:00-{closes:%H:%M},{opens:%H:%M}-24:00"
+    if closes.day != begin.day or opens.day != begin.day:
+        hours = f"{opens:%H:%M}-{closes:%H:%M}"
+    stage, pads = pads_stage(open_hours=hours)
+    curve = stage.vehicle.airframe.drone.charging_curve()
+    open_s = closes.replace(second=0, microsecond=0).timestamp() - stage.world.epoch_s
+    pads.charge("here", "1", 0.95)
+    stage.lockstep.run_for(open_s + 600.0)
+    told = pads.status("here").drones[0]
+    assert told.state == "waiting"
+    assert told.pad_free_s == pytest.approx(opens.replace(second=0, microsecond=0).timestamp())
+    at_closing = float(curve.soc(curve.time_from_empty_s(0.4) + open_s))
+    stage.vehicle.tend()
+    assert at_closing - 0.012 < stage.vehicle.battery.soc <= at_closing + 0.002, "it only stands by"
+    stage.lockstep.run_for(3600.0 - 601.0)
+    stage.vehicle.tend()
+    at_opening = stage.vehicle.battery.soc
+    stage.lockstep.run_for(901.0)
+    stage.vehicle.tend()
+    assert pads.status("here").drones[0].state == "charging"
+    expected = float(curve.soc(curve.time_from_empty_s(at_opening) + 900.0))
+    assert stage.vehicle.battery.soc == pytest.approx(expected, abs=3e-3)

@@ -1,0 +1,67 @@
+"""Kernels of opening hours: for how long a pad is without power, and when a station can be landed at.
+
+A station is closed at times (`models.queues.opening_hours`). A drone on its pads is not charged meanwhile; who would get a pad
+gets it when it opens, which queue paths tell. Where there are no holding spots nobody lands while it is closed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from skyway.models.jit.compiled import compiled_lean
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Shut(NamedTuple):
+    """Closures of the places of an itinerary: the stop before each leg, and last where it ends."""
+
+    offset: NDArray[np.int64]
+    """Shape (places + 1,). Closures of place i are rows ``offset[i] : offset[i + 1]`` of the next."""
+    closed_s: NDArray[np.float64]
+    """Shape (closures, 2). From when and until when, POSIX seconds, ascending for each place."""
+    no_landing: NDArray[np.bool_]
+    """Shape (places,). Whether nobody lands there while it is closed."""
+
+
+@compiled_lean
+def opens(shut: Shut, place: int, time_s: float) -> float:
+    """When a place is open from a time on, POSIX seconds."""
+    for k in range(shut.offset[place], shut.offset[place + 1]):
+        if shut.closed_s[k, 0] <= time_s < shut.closed_s[k, 1]:
+            time_s = shut.closed_s[k, 1]
+    return time_s
+
+
+@compiled_lean
+def closed_for(shut: Shut, place: int, begin_s: float, end_s: float) -> float:
+    """For how long it is closed between two times, s."""
+    total = 0.0
+    for k in range(shut.offset[place], shut.offset[place + 1]):
+        total += max(min(end_s, shut.closed_s[k, 1]) - max(begin_s, shut.closed_s[k, 0]), 0.0)
+    return total
+
+
+@compiled_lean
+def past_closures(shut: Shut, place: int, begin_s: float, end_s: float) -> float:
+    """When it has been open since one time for as long as from that to another, POSIX seconds."""
+    for k in range(shut.offset[place], shut.offset[place + 1]):
+        if shut.closed_s[k, 1] > begin_s and shut.closed_s[k, 0] < end_s:
+            end_s += shut.closed_s[k, 1] - max(shut.closed_s[k, 0], begin_s)
+    return end_s
+
+
+@compiled_lean
+def held_off(shut: Shut, place: int, time_s: float, least_s: float, most_s: float) -> float:
+    """When a flight to a place can begin, from a time on, POSIX seconds, so that it does not end while nobody lands there.
+
+    It lasts some time between two, both in seconds.
+    """
+    if not shut.no_landing[place]:
+        return time_s
+    for k in range(shut.offset[place], shut.offset[place + 1]):
+        if shut.closed_s[k, 0] < time_s + most_s and time_s + least_s < shut.closed_s[k, 1]:
+            time_s = shut.closed_s[k, 1] - least_s
+    return time_s
