@@ -72,6 +72,24 @@ def scenario_of(
     return scenario
 
 
+def refuse_closed(scenario: Scenario, destination: str) -> None:
+    """Raise an `InputError` where a zone always closes the place of delivery."""
+    from skyway.models.airspace.ways import columns
+
+    network = scenario.network
+    if network.zones is None or destination not in network.index:
+        return
+    node = network.index[destination]
+    here = network.lat[node : node + 1], network.lon[node : node + 1]
+    climb = columns(*here, network.ground_m[node : node + 1], scenario.rules.cruise_height_m)
+    zone = network.zones.holding(*here, climb).get(0)
+    if zone is not None and zone.activation.is_permanent:
+        problem = (
+            f"the place of delivery, {destination}, lies in the zone {zone.label}, or nearer to it than the margin"
+        )
+        raise InputError(problem, zone.source, remedy="plan to another place, or with --authorized where that opens it")
+
+
 def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
     """Files of zones that are named, else those that a plan was made with; an `InputError` says that these are not there."""
     files = named or [Path(one) for one in composition.zones]

@@ -154,8 +154,8 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
     return list(newest.values()), notes
 
 
-def _check(one: Weather, region: Region) -> None:
-    """Raise an `InputError` where a series cannot be planned with."""
+def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> None:
+    """Raise an `InputError` where a series cannot be planned with at some places, at whatever time."""
     if one.form == "METAR":
         raise InputError(
             "is an observation, not a forecast",
@@ -164,10 +164,15 @@ def _check(one: Weather, region: Region) -> None:
         )
     if not len(one.places):
         raise InputError(
-            f"does not cover the region ({Box.around(region.lat, region.lon)}): its grid ({one.places.kind}) lies elsewhere", one.name,
+            f"does not cover the region ({Box.around(lat, lon)}): its grid ({one.places.kind}) lies elsewhere", one.name,
             remedy="ask for a forecast of this region, or see whether its lat and lon are swapped",
         )  # fmt: skip
     one.needs_wind()
+
+
+def _check(one: Weather, region: Region) -> None:
+    """Raise an `InputError` where a series cannot be planned with."""
+    check_place(one, region.lat, region.lon)
     first, last = float(one.times_s[0]), float(one.times_s[-1])
     step = one.step_s if math.isfinite(one.step_s) else LONGEST_SLOT_S
     if not first - min(step, LONGEST_SLOT_S) <= region.depart_s <= last + (step if one.holds or first == last else 0.0):

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.units import from_posix
-from skyway.models.weather.forecasting import forecast_ensemble
+from skyway.models.weather.forecasting import check_place, forecast_ensemble
 from skyway.models.weather.lead_error import PUBLISHED, read_lead_error
+from skyway.models.weather.placing import Placing
 from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.region import Region
 from skyway.models.weather.weather import Box
@@ -59,6 +60,25 @@ def read_region(
         later=later if scenario.history is not None else None,
     )  # fmt: skip
     return forecast_ensemble(weathers, region, PUBLISHED if error is None else read_lead_error(Path(error)))
+
+
+def check_files(scenario: Scenario, files: Sequence[Path], near: datetime) -> None:
+    """Raise an `InputError` where weather files can be no forecast for a region, whenever it is asked for."""
+    paths = listed(files)
+    if len(paths) == 1 and is_table(paths[0]):
+        return
+    lat, lon, places = scenario.network.lat, scenario.network.lon, tuple(station_places(scenario.wind_sites).items())
+    near_s = round(near.timestamp() / DAY_S) * DAY_S
+    faults: list[InputError] = []
+    weathers = _read(_stamped(paths), Box.around(lat, lon), near_s, places, scenario.measured_at_m)
+    for one in weathers:
+        try:
+            check_place(one, lat, lon)
+            Placing(one, lat, lon, Box.around(lat, lon))
+        except InputError as error:
+            faults.append(error)
+    if faults and len(faults) == len(weathers):
+        raise InputError([fault for error in faults for fault in error.faults])
 
 
 def listed(files: Sequence[Path]) -> list[Path]:

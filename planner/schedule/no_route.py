@@ -75,10 +75,11 @@ def _parted(problem: Problem, start: str, goal: str) -> str:
     lat, lon = (np.array([getattr(station, name) for station in network.stations]) for name in ("lat", "lon"))
     gaps = np.array([coarse_distance_m(float(lat[node]), float(lon[node]), lat[far], lon[far]) for node in near])
     a, b = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    ground = "" if network.over is None or not network.over.notes else f"; {'; '.join(network.over.notes)}"
     return (
         f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts; {len(near)} stations can be "
         f"reached from {start}, {len(far)} are beyond); the gap is least from {network.stations[int(near[a])].id} to "
-        f"{network.stations[int(far[b])].id}, {distance_text(gaps[a, b])}"
+        f"{network.stations[int(far[b])].id}, {distance_text(gaps[a, b])}{ground}"
     )
 
 

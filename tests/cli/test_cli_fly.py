@@ -60,6 +60,38 @@ def test_what_is_typed_wrongly_is_refused_before_anything_is_opened(planned, tmp
     assert not (tmp_path / "recordings").exists()
 
 
+def test_forecasts_of_elsewhere_and_a_closed_destination_are_refused_before_anything_is_opened(planned, tmp_path):
+    def told(*arguments):
+        answer = planned("fly", "plan.json", *NOBODY, *arguments)
+        assert answer.code == 2, answer
+        assert answer.err.count("\n") == 1
+        return answer.err
+
+    where = {"latitude": 40.7, "longitude": -73.9, "utc_offset_seconds": 0}
+    hourly = {
+        "time": ["2013-07-10T18:00", "2013-07-10T19:00"],
+        "wind_speed_80m": [5.0, 5.0],
+        "wind_direction_80m": [270, 270],
+    }
+    units = {"time": "iso8601", "wind_speed_80m": "m/s", "wind_direction_80m": "°"}
+    found = {"hourly_units": units, "hourly": hourly}
+    (tmp_path / "away.json").write_text(json.dumps({**where, **found, "latitude": 52.3, "longitude": 4.9}))
+    (tmp_path / "swapped.json").write_text(json.dumps({**where, **found, "latitude": -73.9, "longitude": 40.7}))
+    del hourly["wind_direction_80m"]
+    (tmp_path / "speed.json").write_text(json.dumps({**where, **found}))
+    assert "away.json: does not cover the region" in told("--forecast", "away.json")
+    assert "look swapped" in told("--forecast", "swapped.json")
+    assert "no direction: unusable for planning" in told("--forecast", "speed.json")
+    ring = [[-74.02, 40.70], [-73.99, 40.70], [-73.99, 40.73], [-74.02, 40.73], [-74.02, 40.70]]
+    zone = {
+        "type": "Feature",
+        "properties": {"id": "HALL", "kind": "prohibited"},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
+    (tmp_path / "zone.json").write_text(json.dumps({"type": "FeatureCollection", "features": [zone]}))
+    assert "zone.json: the place of delivery, city-hall, lies in the zone HALL" in told("--zones", "zone.json")
+
+
 def test_what_only_a_person_could_answer_is_refused_where_nobody_is_listened_to(skyway, tmp_path):
     longer = list(PLAN)
     longer[longer.index("city-hall")] = "jacobi"

@@ -117,6 +117,7 @@ def fly(
     from skyway.models.composition.file import load
     from skyway.models.drones.drag_file import read_drag
     from skyway.models.scenario.air import fleet_in_air
+    from skyway.models.weather.region_files import check_files
 
     _refuse_together(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
@@ -131,6 +132,9 @@ def fly(
     _check_words(planner, wind, forecast)
     service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     request = flying.request_of(composition, region)
+    flying.refuse_closed(region, composition.destination)
+    if forecast:
+        check_files(region, forecast, composition.depart)
     how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation), over=region.network.over)
     drag_model = None if drag is None else read_drag(drag)
 
