@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.weather.readers import triangles
 from skyway.models.weather.readers.grib_messages import MAX_POINTS, messages, plain
+from skyway.models.weather.readers.pressure_levels import ALTITUDE, GEOPOTENTIAL, LOWEST_HPA, WINDS, level_key_m
 from skyway.models.weather.readers.series import Record
 from skyway.models.weather.readers.turning import lambert_angle_deg, polar_angle_deg, rotated_angle_deg
 from skyway.models.weather.weather import (
@@ -45,7 +47,7 @@ NAMES = {
     "u": EAST, "v": NORTH, "ws": SPEED, "si": SPEED, "wdir": FROM, "dd": FROM,
     "gust": GUST, "fg": GUST, "i10fg": GUST, "fg10": GUST, "10fg": GUST, "10fg3": GUST, "10fg6": GUST, "i100fg": GUST,
     "max_i10fg": GUST, "fgust": GUST, "wsmax": GUST, "t": "temperature", "d": "dewpoint", "dpt": "dewpoint", "r": "humidity",
-    "prate": "rain", "tprate": "rain", "vis": "visibility", "sp": "pressure",
+    "prate": "rain", "tprate": "rain", "vis": "visibility", "sp": "pressure", "gh": ALTITUDE, "orog": ALTITUDE, "h": ALTITUDE, "z": GEOPOTENTIAL,
 }  # fmt: skip
 """Quantities by ecCodes' short names, without the height before them."""
 NEAR_GROUND = ("heightAboveGround", "surface")
@@ -83,14 +85,20 @@ class _Kind:
     note: str
 
 
-def read_grib(data: bytes, file: str, box: Box | None = None) -> list[Record]:
-    """Read the fields of a GRIB file, cut to a region, for `series.assembled`; an `InputError` names the message that is wrong."""
-    return _Reader(file, box).read(data)
+def read_grib(
+    data: bytes, file: str, box: Box | None = None, grids: triangles.TriangleGrids | None = None
+) -> list[Record]:
+    """Read the fields of a GRIB file, cut to a region, for `series.assembled`; an `InputError` names the message that is wrong.
+
+    Places that other files tell of their grids are in `grids`, and those of this file are added.
+    """
+    return _Reader(file, box, triangles.TriangleGrids() if grids is None else grids).read(data)
 
 
 class _Reader:
-    def __init__(self, file: str, box: Box | None) -> None:
+    def __init__(self, file: str, box: Box | None, grids: triangles.TriangleGrids) -> None:
         self.ec: Any = loaded_eccodes()
+        self.triangles = grids
         self.file, self.box = file, box
         self.grids: dict[str, _Grid] = {}
         self.kinds: dict[bytes, _Kind] = {}
@@ -98,16 +106,22 @@ class _Reader:
         self.records: list[Record] = []
 
     def read(self, data: bytes) -> list[Record]:
+        unplaced: triangles.UnknownPlacesError | None = None
         for message in messages(data, self.file):
             try:
                 known = plain(message)
                 if known is None or known.kind not in self.kinds or not self._quickly(message, known):
                     self._slowly(message, known)
             except (self.ec.CodesInternalError, ValueError, ArithmeticError, MemoryError) as error:
+                if isinstance(error, triangles.UnknownPlacesError):
+                    unplaced = error  # the places may come in a later message
+                    continue
                 if isinstance(error, InputError):
                     raise
                 problem = f"message {message.number}, byte {message.begin}: {str(error).strip().rstrip('.')}"
                 raise InputError(problem, self.file, remedy="download the file again") from error
+        if unplaced is not None:
+            raise unplaced
         return self.records
 
     def _quickly(self, message: Message, known: Plain) -> bool:
@@ -134,6 +148,9 @@ class _Reader:
                 self.ec.codes_release(handle)
 
     def _field(self, handle: int, message: Message, known: Plain | None) -> None:
+        on_triangles = self._get(handle, "gridType") == triangles.KIND
+        if on_triangles and self.triangles.take(self.ec, handle):
+            return
         kind = self._described(handle, message)
         issued_s = self._instant(handle, "dataDate", "dataTime", message)
         valid_s = self._instant(handle, "validityDate", "validityTime", message)
@@ -197,7 +214,11 @@ class _Reader:
         quantity = NAMES.get(name) or (NAMES.get(parts[2]) if parts else None)
         height = float(parts[1]) if parts and parts[1] and name not in NAMES else level
         note = ""
-        if level_kind not in NEAR_GROUND:
+        if level_kind == "isobaricInhPa" and level >= LOWEST_HPA and quantity in (*WINDS, ALTITUDE, GEOPOTENTIAL):
+            height = level_key_m(level)
+        elif quantity in (ALTITUDE, GEOPOTENTIAL):
+            quantity, height = (quantity, 0.0) if level_kind == "surface" else (None, height)
+        elif level_kind not in NEAR_GROUND:
             quantity = None
         elif (
             quantity in (NORTH, EAST, SPEED, FROM, GUST)
@@ -246,6 +267,9 @@ class _Reader:
         ec, kind = self.ec, str(self._get(handle, "gridType"))
         points = int(self._get(handle, "numberOfDataPoints") or self._get(handle, "numberOfPoints") or 0)
         where = f"message {message.number}"
+        if kind == triangles.KIND:
+            places, chosen = self.triangles.cut(ec, handle, self.box, self.file)
+            return _Grid(key, places, chosen, np.zeros(len(chosen)))
         if kind not in TURNED_GRIDS + STRAIGHT_GRIDS:
             remedy = "hand over the file on a latitude-longitude, Gaussian, Lambert or polar stereographic grid"
             raise InputError(

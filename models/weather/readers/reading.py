@@ -15,6 +15,7 @@ from skyway.models.base.files import read_bytes
 from skyway.models.weather.readers.bulletins import is_bulletin, read_bulletin, unwrapped
 from skyway.models.weather.readers.open_meteo import is_open_meteo, read_open_meteo
 from skyway.models.weather.readers.series import assembled
+from skyway.models.weather.readers.triangles import TriangleGrids, UnknownPlacesError
 from skyway.models.weather.weather import EAST, NORTH, FieldKey, Places, Weather, joined
 
 if TYPE_CHECKING:
@@ -60,11 +61,37 @@ def read_weather(
     near = time.time() if near_s is None else near_s
     known = dict(stations or {})
     parts: list[Weather] = []
-    records: list[Record] = []
+    grib = _Grib(box)
     for path in paths:
-        found = _read(path, box, near, known, height_m, records)
-        parts += found
+        parts += _read(path, box, near, known, height_m, grib)
+    records = grib.finished()
     return joined([*parts, *assembled(records, "GRIB")])
+
+
+class _Grib:
+    """GRIB files, read in any order: one whose grid another file tells the places of is read again after all."""
+
+    def __init__(self, box: Box | None) -> None:
+        self._box, self._grids = box, TriangleGrids()
+        self._records: list[Record] = []
+        self._waiting: list[tuple[bytes, str]] = []
+
+    def read(self, data: bytes, file: str) -> None:
+        """Read one."""
+        from skyway.models.weather.readers.grib import read_grib
+
+        try:
+            self._records += read_grib(data, file, self._box, self._grids)
+        except UnknownPlacesError:
+            self._waiting.append((data, file))
+
+    def finished(self) -> list[Record]:
+        """Return the fields of all; an `InputError` names a file whose places nobody told."""
+        from skyway.models.weather.readers.grib import read_grib
+
+        for data, file in self._waiting:
+            self._records += read_grib(data, file, self._box, self._grids)
+        return self._records
 
 
 def _read(
@@ -73,7 +100,7 @@ def _read(
     near_s: float,
     stations: dict[str, tuple[float, float]],
     height_m: float,
-    records: list[Record],
+    grib: _Grib,
 ) -> list[Weather]:
     file = str(path)
     data = read_bytes(path, max_bytes=MAX_BYTES)
@@ -86,9 +113,7 @@ def _read(
 
         return read_netcdf(data, file, box)
     if re.search(rb"GRIB...[\x01\x02]", data[:4096], re.DOTALL):
-        from skyway.models.weather.readers.grib import read_grib
-
-        records += read_grib(data, file, box)
+        grib.read(data, file)
         return []
     if len(data) > MAX_TEXT or b"\0" in data[:4096]:
         raise InputError("is of no form that is read here", file, remedy=f"hand over {FORMS}")

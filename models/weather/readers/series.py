@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.weather.readers.pressure_levels import at_heights
 from skyway.models.weather.readers.turning import turned
 from skyway.models.weather.weather import EAST, MAX_CELLS, NORTH, FieldKey, Weather, with_components
 
@@ -96,8 +97,9 @@ def _series(records: Sequence[Record], form: str, issued_s: float, *, analysed: 
     _turn(fields, angles, file)
     if ("rain", 0.0) in fields:
         fields[FieldKey("rain", 0.0)] *= 3600.0  # kg/m2/s is mm/s
-    others = tuple(dict.fromkeys(one.name for one in records if one.quantity is None))
-    notes = tuple(dict.fromkeys(one.note for one in records if one.note))
+    fields, left_out, told = at_heights(fields)
+    others = tuple(dict.fromkeys([*(one.name for one in records if one.quantity is None), *left_out]))
+    notes = tuple(dict.fromkeys([*(one.note for one in records if one.note), *told]))
     return Weather(
         tuple(dict.fromkeys(one.file for one in records)), form, records[0].model, issued_s, places, members, times, with_components(fields),
         observed=analysed, others=others, notes=notes,

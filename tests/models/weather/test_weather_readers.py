@@ -9,6 +9,7 @@ import pytest
 import weather_files as wf
 
 from skyway.models.base.errors import InputError
+from skyway.models.weather.placing import Placing
 from skyway.models.weather.readers.grib import loaded_eccodes
 from skyway.models.weather.readers.reading import read_weather
 from skyway.models.weather.weather import EAST, GUST, NORTH, Box, FieldKey
@@ -353,3 +354,90 @@ def test_era5_is_read_as_it_is_delivered(tmp_path, form):
     assert found.times_s.tolist() == [wf.ISSUED_S + 3600.0 * hour for hour in hours]
     np.testing.assert_allclose(wind_of(found, 100.0)[0][0].reshape(3, 2, 3), u + 10.0)
     assert (found.issued_s == wf.ISSUED_S) is steps
+
+
+def write_triangles(folder, *, places=True, count=600):
+    """10 m wind on points that no formula gives, and the files of their latitudes and longitudes."""
+    ec = loaded_eccodes()
+    rng = np.random.default_rng(5)
+    lat, lon = rng.uniform(39.5, 41.8, count), rng.uniform(-75.2, -72.6, count)
+    wind = {"v.grib2": (0, 2, 3, 2.0 + 3.0 * (lat - 40.7)), "u.grib2": (0, 2, 2, -4.0 + 2.0 * (lon + 74.0))}
+    axes = {"clon.grib2": (0, 191, 2, lon), "clat.grib2": (0, 191, 1, lat)}
+    paths = []
+    for name, (discipline, category, number, values) in {**wind, **(axes if places else {})}.items():
+        handle = ec.codes_grib_new_from_samples("GRIB2")
+        keys = {"gridType": "unstructured_grid", "numberOfDataPoints": count, "numberOfGridUsed": 26, "uuidOfHGrid": bytes(range(16)).hex(),
+                "centre": "edzw", "discipline": discipline, "parameterCategory": category, "parameterNumber": number, "dataDate": 20130710,
+                "dataTime": 1200, "bitsPerValue": 24}  # fmt: skip
+        for key, value in keys.items():
+            ec.codes_set(handle, key, value)
+        if category == 2:
+            ec.codes_set(handle, "typeOfFirstFixedSurface", 103)
+            ec.codes_set(handle, "scaledValueOfFirstFixedSurface", 10)
+            ec.codes_set(handle, "scaleFactorOfFirstFixedSurface", 0)
+        ec.codes_set_values(handle, values)
+        paths.append(folder / name)
+        with paths[-1].open("wb") as stream:
+            ec.codes_write(handle, stream)
+        ec.codes_release(handle)
+    return paths
+
+
+def test_triangles_are_placed_by_their_latitudes_and_longitudes_in_whatever_order_files_come(tmp_path):
+    pytest.importorskip("eccodes")
+    for order in (slice(None), slice(None, None, -1)):
+        (found,) = read_weather(write_triangles(tmp_path)[order], NY)
+        at = found.places
+        np.testing.assert_allclose(wind_of(found)[0][0, 0], -4.0 + 2.0 * (at.lon + 74.0), atol=1e-4)
+        np.testing.assert_allclose(wind_of(found)[1][0, 0], 2.0 + 3.0 * (at.lat - 40.7), atol=1e-4)
+        assert 0 < len(at) < 600
+        assert 3_000.0 < at.spacing_m < 15_000.0  # 600 points on 56,000 km2
+        placed = Placing(found, np.array([40.7]), np.array([-73.9]), NY)
+        np.testing.assert_allclose(placed(wind_of(found)[1])[0, 0], [2.0], atol=1e-3)
+    (tmp_path / "one.grib2").write_bytes(b"".join(path.read_bytes() for path in write_triangles(tmp_path)))
+    assert len(read_weather([tmp_path / "one.grib2"], NY)) == 1
+    with pytest.raises(InputError, match="hand over the files CLAT and CLON"):
+        read_weather(write_triangles(tmp_path, places=False), NY)
+
+
+def write_levels(path, *, geopotential, near=False):
+    """Wind at 1000, 950, 900 hPa, with the geopotential of these and of the ground, or without."""
+    ec = loaded_eccodes()
+    fields = [("isobaricInhPa", hpa, name, 0.02 * (1000 - hpa) + 5.0) for hpa in (1000, 950, 900, 500) for name in "uv"]
+    if geopotential:
+        fields += [("isobaricInhPa", hpa, "z", 9.80665 * (250.0 + 9.0 * (1000 - hpa))) for hpa in (1000, 950, 900)]
+        fields += [("surface", 0, "z", 9.80665 * 150.0)]
+    if near:
+        fields += [("heightAboveGround", 10, name, 3.0) for name in ("10u", "10v")]
+    with path.open("wb") as stream:
+        for kind, level, name, value in fields:
+            handle = ec.codes_grib_new_from_samples("regular_ll_pl_grib2" if level > 100 else "regular_ll_sfc_grib2")
+            wf._set_grid(ec, handle, "regular_ll")
+            for key, given in (
+                ("dataDate", 20130710),
+                ("dataTime", 1200),
+                ("typeOfLevel", kind),
+                ("level", level),
+                ("shortName", name),
+            ):
+                ec.codes_set(handle, key, given)
+            ec.codes_set_values(handle, np.full(117, value) + np.linspace(0.0, 1e-3, 117))
+            ec.codes_write(handle, stream)
+            ec.codes_release(handle)
+    return path
+
+
+@pytest.mark.parametrize("geopotential", [True, False])
+def test_winds_at_pressure_levels_become_winds_at_heights_and_say_so(tmp_path, geopotential):
+    pytest.importorskip("eccodes")
+    (found,) = read_weather([write_levels(tmp_path / "p.grib2", geopotential=geopotential)])
+    if geopotential:
+        assert found.wind_heights_m == pytest.approx((100.0, 550.0, 1000.0), abs=0.2)
+        assert "by the geopotential in the file, above the model's ground" in found.notes[-1]
+    else:  # ISO 2533: 1000 hPa at 110.9 m, 950 at 540.3 m, 900 at 988.5 m
+        assert found.wind_heights_m == pytest.approx((110.9, 540.3, 988.5), abs=0.5)
+        assert "by the standard atmosphere, above sea level" in found.notes[-1]
+    east, _ = wind_of(found, found.wind_heights_m[1])
+    assert east.mean() == pytest.approx(6.0, abs=0.01)
+    (near,) = read_weather([write_levels(tmp_path / "n.grib2", geopotential=geopotential, near=True)])
+    assert near.wind_heights_m == (10.0,)
