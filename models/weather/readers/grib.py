@@ -239,7 +239,7 @@ class _Reader:
         if quantity not in (None, GUST, "rain") and step not in ("instant", "diff"):
             quantity, note = None, f"{name} over an interval ({step}) is left out"
         told = name if quantity else f"{name} at {level_kind} {level:g}"
-        relative = quantity in (NORTH, EAST) and bool(self._get(handle, "uvRelativeToGrid"))
+        relative = quantity in (NORTH, EAST) and self._along_grid(handle)
         analysis = str(self._get(handle, "dataType")) == "an"
         grid = self._grid(handle, message)
         if relative and grid.angle_deg is None:
@@ -248,6 +248,11 @@ class _Reader:
                 f"its winds are along a grid ({grid.places.kind}) whose direction is not known, and left out",
             )
         return _Kind(quantity, height, told, self._model(handle), grid, relative, analysis, note)
+
+    def _along_grid(self, handle: int) -> bool:
+        """Whether winds are along the grid: flag table 3.3, bit 5; ecCodes names it for all grids but the polar stereographic one of GRIB 2."""
+        named = self._get(handle, "uvRelativeToGrid")
+        return bool(named if named is not None else int(self._get(handle, "resolutionAndComponentFlags") or 0) & 0x08)
 
     def _model(self, handle: int) -> str:
         centre, process = str(self._get(handle, "centre")), self._get(handle, "generatingProcessIdentifier")

@@ -35,10 +35,9 @@ class TriangleGrids:
 
     def take(self, ec: Any, handle: int) -> bool:
         """Take a field that tells places; whether it is one."""
-        found = tuple(
-            int(ec.codes_get(handle, name)) for name in ("discipline", "parameterCategory", "parameterNumber")
-        )
-        axis = COORDINATES.get(found)  # type: ignore[call-overload]
+        names = ("discipline", "parameterCategory", "parameterNumber")
+        discipline, category, number = (int(ec.codes_get(handle, name)) for name in names)
+        axis = COORDINATES.get((discipline, category, number))
         if axis is None:
             return False
         self._told.setdefault(_identity(ec, handle), {})[axis] = np.asarray(
@@ -73,5 +72,6 @@ def _apart_m(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> float:
     if len(lat) < 2:
         return float("nan")
     north, east = 111_195.0 * lat, 111_195.0 * lon * np.cos(np.radians(lat))
-    apart, _ = cKDTree(np.column_stack((north, east))).query(np.column_stack((north, east))[:20_000], k=2)
+    points = np.column_stack((north, east))
+    apart = np.asarray(cKDTree(points).query(points[:20_000], k=2)[0])
     return float(np.median(apart[:, 1]))

@@ -67,11 +67,13 @@ def test_the_sea_wind_agrees_with_the_speed_and_direction_in_its_own_file(shared
     assert np.isnan(east).mean() == pytest.approx(0.71, abs=0.01)
 
 
-@pytest.mark.parametrize("grid", ["lambert", "rotated_ll"])
+@pytest.mark.parametrize("grid", ["lambert", "rotated_ll", "stereo_north", "stereo_south"])
 def test_turned_grids_of_our_own_making_give_the_wind_that_was_put_in(tmp_path, grid):
     crs = "+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=262.5 +R=6371229"
     if grid == "rotated_ll":
         crs = "+proj=ob_tran +o_proj=longlat +o_lon_p=0 +o_lat_p=49.3 +lon_0=-73.9 +R=6371229 +to_meter=0.0174532925199433"
+    if grid.startswith("stereo"):
+        crs = f"+proj=stere +lat_0={-90 if grid == 'stereo_south' else 90} +lon_0=249 +R=6371229"
     path = wf.write_grib(
         tmp_path / "a.grib2", lambda _m, hour, h, lat, lon: (3.0 + hour + 0 * lat, h / 10.0 + 0 * lat), grid=grid
     )

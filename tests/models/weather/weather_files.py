@@ -42,7 +42,17 @@ def write_grib(
                     handle = ec.codes_grib_new_from_samples(f"regular_ll_sfc_grib{edition}")
                     _set_grid(ec, handle, grid)
                     ec.codes_set_values(
-                        handle, np.arange({"regular_ll": 117, "rotated_ll": 63, "lambert": 120}[grid], dtype=np.float64)
+                        handle,
+                        np.arange(
+                            {
+                                "regular_ll": 117,
+                                "rotated_ll": 63,
+                                "lambert": 120,
+                                "stereo_north": 120,
+                                "stereo_south": 120,
+                            }[grid],
+                            dtype=np.float64,
+                        ),
                     )
                     _set(ec, handle, dataDate=20130710, dataTime=100 * issued_h, bitsPerValue=16, centre="ecmf")
                     if member is not None:
@@ -82,8 +92,15 @@ def _set_grid(ec, handle, grid):
             jDirectionIncrementInDegrees=0.25,
         )  # fmt: skip
         return
-    _set(ec, handle, gridType=grid)
-    if grid == "rotated_ll":
+    _set(ec, handle, gridType="polar_stereographic" if grid.startswith("stereo") else grid)
+    if grid.startswith("stereo"):
+        south = grid == "stereo_south"
+        _set(
+            ec, handle, Nx=12, Ny=10, latitudeOfFirstGridPointInDegrees=-70 if south else 60, longitudeOfFirstGridPointInDegrees=200,
+            LaDInDegrees=-60 if south else 60, orientationOfTheGridInDegrees=249, DxInMetres=30_000, DyInMetres=30_000, jScansPositively=1,
+            resolutionAndComponentFlags=56, shapeOfTheEarth=6, projectionCentreFlag=128 if south else 0,
+        )  # fmt: skip
+    elif grid == "rotated_ll":
         _set(
             ec, handle, Ni=9, Nj=7, latitudeOfFirstGridPointInDegrees=-3, latitudeOfLastGridPointInDegrees=3,
             longitudeOfFirstGridPointInDegrees=356, longitudeOfLastGridPointInDegrees=4, iDirectionIncrementInDegrees=1,
