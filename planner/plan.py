@@ -35,7 +35,7 @@ from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_le
 from skyway.planner.schedule.outcome import later, outcome
 from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
 from skyway.planner.time_limit import cut_off_note, with_gap
-from skyway.planner.way_back import plan_there_and_back
+from skyway.planner.way_back import plan_there_and_back, with_way_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -448,7 +448,11 @@ def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
     """Return up to `count` different plans, the given one first, none beaten in time, lateness, risk and energy at once."""
     if result.robust is None:
         return [result]
-    plans = [result]
+    plans, wind, parameters = [result], result.problem.forecast, result.problem.parameters
+
+    def compose(scenario: Scenario, request: Request) -> PlanResult:
+        return _compose(scenario, request, ROBUST, wind, math.inf, None, parameters)
+
     for candidate in alternatives(result.robust, count)[1:]:
         started = time.perf_counter()
         others = [one for one in result.robust.candidates if one is not candidate]
@@ -456,5 +460,9 @@ def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
             answer = RobustSearch(result.problem).finish([candidate, *others])
         except NoRouteError:  # with its margin calibrated it never leaves
             continue
-        plans.append(_told(answer, time.perf_counter() - started, result.labels_expanded, {}))
+        told = _told(answer, time.perf_counter() - started, result.labels_expanded, {})
+        try:
+            plans.append(with_way_back(told, compose))
+        except NoRouteError:  # nobody would come back from it
+            continue
     return plans

@@ -62,7 +62,7 @@ def plan_there_and_back(scenario: Scenario, request: Request, compose: Compose) 
                 raise error from None
             raise
         try:
-            return _with_way_back(result, compose)
+            return with_way_back(result, compose)
         except NoWayBackError as found:
             error = found
             fresh = found.by - set(asked.not_back_by)
@@ -74,7 +74,7 @@ def plan_there_and_back(scenario: Scenario, request: Request, compose: Compose) 
     raise error
 
 
-def _with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
+def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
     """Return a delivery with its way back; a `NoWayBackError` says that there is none."""
     problem, c = result.problem, result.composition
     request = problem.request

@@ -94,7 +94,7 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
     network = scenario.network
     start, goal = (int(node) for node in rng.choice(len(network), 2, replace=False))
     destination = network.stations[goal].id
-    if rng.random() < 0.15:  # a target without pads, beside the goal
+    if rng.random() < 0.25:  # a target without pads, beside the goal
         one = network.stations[goal]
         place = one.lat + rng.normal(0.0, 0.01), one.lon + rng.normal(0.0, 0.01)
         with suppress(InputError):  # in a no-fly zone: the station itself, then
@@ -115,6 +115,9 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
     fleet = [drone.id for drone in scenario.drones]
     airspeed = _pick(rng, (0.85, None), (0.1, float(rng.uniform(5.0, 25.0))), (0.03, 1.0), (0.02, 150.0))
     deadline = depart + timedelta(minutes=float(rng.uniform(1.0, 300.0)))
+    goal_id = network.stations[int(rng.integers(len(network)))].id
+    back = _pick(rng, (0.6, "nearest-pad"), (0.2, "home"), (0.2, goal_id)) if position is None else "nearest-pad"
+    undelivered = _pick(rng, (0.8, None), (0.1, "back"), (0.1, goal_id)) if position is None else None
     objective = _pick(rng, (0.7, Objective()), (0.15, Objective("p95")), (0.15, Objective("on-time", deadline)))
     return scenario, Request(
         state=state,
@@ -133,6 +136,9 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
         escape=bool(rng.random() < 0.9),
         seed=int(rng.integers(0, 1000)),
         objective=cast("Objective", objective),
+        return_to=str(back),
+        dwell_s=float(cast("float", _pick(rng, (0.7, 0.0), (0.3, float(rng.uniform(0.0, 3600.0)))))),
+        undelivered_to=cast("str | None", undelivered),
     )
 
 
