@@ -194,7 +194,7 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
         weights.append(probability)
     if not times:
         return None
-    bound = float(np.average(times, weights=weights))
+    bound = max(float(np.average(times, weights=weights)), problem.earliest_s - problem.depart_s)
     return WaitAndSee(bound, answer.outcome.mean_s - problem.depart_s, len(times))
 
 

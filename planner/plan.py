@@ -122,7 +122,7 @@ def plan(
             )
         )
     check_objective(scenario, request, planner)
-    _check_hours(scenario, planner)
+    _check_hours(scenario, request, planner)
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
     scenario = fleet_in_air(scenario, forecast, request.state.time.timestamp())
     wind = forecast
@@ -216,8 +216,13 @@ def check_objective(scenario: Scenario, request: Request, planner: str) -> None:
         )
 
 
-def _check_hours(scenario: Scenario, planner: str) -> None:
-    """Refuse opening hours for a planner that proves its answer without them."""
+def _check_hours(scenario: Scenario, request: Request, planner: str) -> None:
+    """Refuse opening hours, and an earliest delivery, for a planner that proves its answer without them; and that for a drone in the air."""
+    if request.not_before is not None and (planner in CLAIRVOYANT_PLANNERS or request.state.position is not None):
+        who = f"the planner {planner}" if request.state.position is None else "a drone in the air"
+        remedy = f"plan from a station with {ROBUST}"
+        value = request.not_before.isoformat()
+        raise InputError(Fault(f"{who} cannot wait for it", field="not_before", value=value, remedy=remedy))
     closing = [station.id for station in scenario.network.stations if station.open_hours and station.pads]
     if closing and planner in CLAIRVOYANT_PLANNERS:
         remedy = f"the planner {ROBUST} does; or leave the column open_hours out"
@@ -326,7 +331,7 @@ def _solve(
             problem.waits.need(np.arange(len(problem.network)))
         search = forecast_planner(planner)(problem)
         started = time.perf_counter()
-        itinerary = search.solve()
+        itinerary = _waiting(problem, search.solve())
         spent = time.perf_counter() - started
         same = problem.thinned(
             problem.parameters.robust.members
@@ -361,6 +366,15 @@ def _solve(
     return PlanResult(
         composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, complete=clairvoyant.complete
     )
+
+
+def _waiting(problem: Problem, itinerary: Itinerary) -> Itinerary:
+    """Return an itinerary whose last flight does not end before the earliest delivery, however fast it is."""
+    if not math.isfinite(problem.earliest_s):
+        return itinerary
+    last = itinerary[-1]
+    begins_s = problem.earliest_s - problem.fastest_s(last.segments)
+    return (*itinerary[:-1], replace(last, not_before_s=max(last.not_before_s, begins_s)))
 
 
 def _exact(problem: Problem, queues: SampledQueues, time_limit_s: float) -> ExactSearch:

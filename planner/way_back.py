@@ -124,7 +124,7 @@ def _request_on(result: PlanResult, end: str, payload_kg: float) -> Request:
     state = State(off, c.destination, None, min(soc + _ROUNDING_SOC, 1.0), visited=problem.request.state.visited)
     return replace(
         problem.request, state=state, destination=end, payload_kg=payload_kg, drone=c.drone, stop_at=(), return_to=NO_RETURN,
-        dwell_s=0.0, undelivered_to=None, not_back_by=(), escape=False, objective=Objective(),
+        dwell_s=0.0, undelivered_to=None, not_back_by=(), escape=False, objective=Objective(), not_before=None,
     )  # fmt: skip
 
 

@@ -156,6 +156,7 @@ def request_of(composition: Composition, scenario: Scenario) -> Request:
         return_to=NEAREST_PAD if way is None or way.plan is None else way.station,
         dwell_s=0.0 if way is None else way.dwell_s,
         undelivered_to=None if way is None else way.undelivered_to,
+        not_before=composition.not_before,
     )
 
 

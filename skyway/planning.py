@@ -40,6 +40,7 @@ class Delivery:
     recharge: str = "enough"
     seed: int = 0
     stop_at: list[str] | None = None
+    not_before: str | None = None
     return_to: str = "nearest-pad"
     dwell: str | None = None
     if_undelivered: str | None = None
@@ -63,6 +64,9 @@ class Delivery:
                 recharge=cast("RechargeMode", self.recharge),
                 seed=self.seed,
                 objective=typed_values.parse_objective(objective),
+                not_before=None
+                if self.not_before is None
+                else typed_values.parse_time(self.not_before, "--not-before"),
                 stop_at=tuple(_station(scenario, one, "--stop-at") for one in self.stop_at or ()),
                 return_to=_goal(scenario, self.return_to, (HOME, NEAREST_PAD, NO_RETURN), "--return"),
                 dwell_s=0.0 if self.dwell is None else typed_values.parse_duration(self.dwell, "--dwell"),

@@ -47,6 +47,7 @@ TYPED = {
     "objective": "--objective",
     "authorized": "--authorized",
     "stop_at": "--stop-at",
+    "not_before": "--not-before",
 }
 """Option behind each field that a fault may name."""
 
@@ -152,6 +153,14 @@ def parse_depart(text: str | None) -> datetime:
         remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
         raise InputError("out of range", field="--depart", value=text, remedy=remedy)
     return instant
+
+
+def parse_time(text: str, option: str) -> datetime:
+    """Return a time as typed, with its offset from UTC."""
+    from skyway.models.base.units import parse_instant
+
+    with named(option):
+        return parse_instant(text)
 
 
 def parse_duration(text: str, option: str) -> float:

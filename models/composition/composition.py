@@ -309,6 +309,8 @@ class Composition:
         Zones for which the plan counts on an authorization.
     zones : tuple of str
         Files of zones that were handed over besides those of the scenario.
+    not_before : datetime or None
+        Before this the package does not arrive; None: it may at any time.
     energy : EnergyDistribution or None
         Where the scenario has prices, or the objective counts energy.
     costs : DeliveryCosts or None
@@ -350,6 +352,7 @@ class Composition:
     terrain: TerrainUse | None = None
     authorized: tuple[str, ...] = ()
     zones: tuple[str, ...] = ()
+    not_before: datetime | None = None
     energy: EnergyDistribution | None = None
     costs: DeliveryCosts | None = None
     way_back: WayBack | None = None

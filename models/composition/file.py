@@ -64,7 +64,7 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
 }
 """What each class is in the file."""
 _CLASSES = {struct: kind for kind, struct in _STRUCTS.items()}
-_INSTANTS = ("depart", "arrive", "mean", "p50", "p95", "time")
+_INSTANTS = ("depart", "arrive", "mean", "p50", "p95", "time", "not_before")
 T = TypeVar("T")
 
 
@@ -85,7 +85,7 @@ def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
                 document["return"][name] = _tidy(document["return"][name], plan)
         if back.undelivered_to is None:
             del document["return"]["undelivered_to"], document["return"]["undelivered"]
-    for name in ("conditions", "terrain", "authorized", "zones", "energy", "costs"):
+    for name in ("conditions", "terrain", "authorized", "zones", "not_before", "energy", "costs"):
         if not document[name]:
             del document[name]
     for leg in document["legs"]:

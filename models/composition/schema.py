@@ -253,6 +253,7 @@ class Composition(
     terrain: TerrainUse | None = None
     authorized: list[str] = []
     zones: list[str] = []
+    not_before: str | None = None
     energy: EnergyDistribution | None = None
     costs: DeliveryCosts | None = None
     """All left out where there are none."""

@@ -8,11 +8,13 @@ from functools import cached_property
 from itertools import pairwise
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.formatting import distance_text, percent, probability, speed_text
+from skyway.models.base.formatting import distance_text, percent, probability, speed_text, zone_clock
+from skyway.models.base.units import from_posix
 from skyway.planner.online.options import along_way
 from skyway.planner.reach.diverts import divert_cover
 
@@ -88,7 +90,7 @@ class DepartureGate:
             why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         soc, diverts = covered
-        held, figures = self._held(way, at_s, sure[-1])
+        held, figures = self._not_landed_at(p, step, at_s) or self._held(way, at_s, sure[-1])
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
         return Gated(names, soc, diverts, held=held, figures=figures, hopeless=hopeless)
 
@@ -157,6 +159,18 @@ class DepartureGate:
             gap_m = cover.gap_m
             soc = soc + parameters.more_soc if soc + parameters.more_soc < 1.0 or soc >= 1.0 else 1.0
         return gap_m
+
+    def _not_landed_at(self, p: Problem, step: Step, at_s: float) -> tuple[str, dict[str, Any]] | None:
+        """Why the leg would end, at its fastest, while nobody lands there: before the earliest delivery, or at a station that is closed; else None."""
+        segments = step.segments[: step.sure or len(step.segments)]
+        node = int(p.network.head[segments[-1]])
+        barred, lands_s = p.no_landing(node), at_s + p.fastest_s(segments)
+        opens_s = lands_s if barred is None else float(barred.put_off(np.array(lands_s), np.array(lands_s)))
+        if opens_s <= lands_s + 1.0:
+            return None
+        opens = zone_clock(from_posix(opens_s), ZoneInfo(p.load.timezone))
+        end = p.network.stations[node].id
+        return f"wait: nobody is to land at {end} before {opens}", {"opens_posix_s": opens_s}
 
     def _held(self, way: list[Place], at_s: float, end: str) -> tuple[str, dict[str, Any]]:
         """Why the wind most probably forbids to leave now."""

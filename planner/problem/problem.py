@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 HORIZON_H = 48
 """Hours of wind and queues that are looked at; a delivery takes less."""
 DAY_S = 86_400.0
+NEVER_S = 1e12
+"""Before all times, with a minus."""
 MIN_EPSILON = 1e-6
 """Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
 MIN_KMH = 30.0
@@ -236,11 +238,40 @@ class Problem:
         return found
 
     def while_open(self, node: int, path: QueuePath) -> QueuePath:
-        """Return the queue of a station within its opening hours."""
+        """Return the queue of a station within its opening hours; at the target also from the earliest delivery on."""
         closures = self.closures.get(node)
-        if closures is None:
-            return path
-        return closed_path(path, closures.closed_s, spots=self.network.stations[node].holding_spots)
+        if closures is not None:
+            path = closed_path(path, closures.closed_s, spots=self.network.stations[node].holding_spots)
+        if node == self.awaiting and math.isfinite(self.earliest_s):
+            path = closed_path(path, np.array([[-NEVER_S, self.earliest_s]]), spots=0)
+        return path
+
+    @cached_property
+    def awaiting(self) -> int:
+        """Node of the target that the request names, whatever a search is bound for."""
+        return self.network.index[self.request.destination]
+
+    @property
+    def earliest_s(self) -> float:
+        """Before this the package does not arrive, POSIX seconds; -inf where it may at any time."""
+        return -math.inf if self.request.not_before is None else self.request.not_before.timestamp()
+
+    def no_landing(self, node: int) -> Closures | None:
+        """When nobody lands at a node: while it is closed and has no holding spots, and at the target before the earliest delivery."""
+        closures = self.closures.get(node)
+        closed_s = np.empty((0, 2))
+        if closures is not None and not self.network.stations[node].holding_spots:
+            closed_s = closures.closed_s
+        if node == self.awaiting and math.isfinite(self.earliest_s):
+            later = closed_s[closed_s[:, 1] > self.earliest_s]
+            begins_s = self.earliest_s if not len(later) or later[0, 0] > self.earliest_s else float(later[0, 1])
+            closed_s = np.concatenate(([[-NEVER_S, begins_s]], later[later[:, 0] > self.earliest_s]))
+        return Closures(closed_s) if len(closed_s) else None
+
+    def fastest_s(self, segments: Sequence[int]) -> float:
+        """No flight over segments is shorter, take-off to touch-down."""
+        air = self.air
+        return air.climb_s + air.descent_s + float(air.distance_m[list(segments)].sum()) / air.max_ground_speed_mps
 
     def charged_at(self, node: int, pad_s: float, lasts_s: float) -> float:
         """When a drone on a pad of a station has been charged for so long, which it is only while that is open."""

@@ -12,6 +12,8 @@ from skyway.models.base.ranges import MIN_PERCENT, divided, fraction_faults, ran
 from skyway.planner.problem.objective import Objective
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from skyway.models.composition.composition import Recharge, State
 
 DEFAULT_RESERVE_SOC = 0.2
@@ -71,6 +73,8 @@ class Request:
     objective : Objective
         Of the planner ``robust``; the others know the mean only. Text is read: ``"p95"``,
         ``"on-time 2013-07-10T16:00-04:00"``.
+    not_before : datetime or None
+        Aware; the package does not arrive before. The drone waits on the ground, at its last stop or at its origin.
     stop_at : tuple of str
         Stations at which the drone must stop on its way, in this order; only the planner ``robust`` can.
     """
@@ -87,6 +91,7 @@ class Request:
     seed: int = 0
     objective: Objective = field(default_factory=Objective)
     stop_at: tuple[str, ...] = ()
+    not_before: datetime | None = None
     return_to: str = NEAREST_PAD
     dwell_s: float = 0.0
     undelivered_to: str | None = None
@@ -96,7 +101,7 @@ class Request:
         objective: object = self.objective
         if isinstance(objective, str):
             object.__setattr__(self, "objective", Objective.parse(objective))
-        faults = [*_check_state(self.state), *_check_objective(self)]
+        faults = [*_check_state(self.state), *_check_objective(self), *_check_earliest(self)]
         payload = "kilograms, 0 or more"
         faults += range_faults(
             "payload_kg", self.payload_kg, 0.0, 1000.0, payload, divided(self.payload_kg, 1000.0, 1000.0)
@@ -153,6 +158,24 @@ def _check_state(state: State) -> list[Fault]:
             remedy = "POSIX seconds, one for each busy pad at most"
             faults.append(Fault("not times", field=f"state.pads_free_s[{station!r}]", value=times, remedy=remedy))
     return faults
+
+
+def _check_earliest(request: Request) -> list[Fault]:
+    """Check the time before which the package is not to arrive."""
+    earliest, time = request.not_before, request.state.time
+    deadline = request.objective.deadline if isinstance(request.objective, Objective) else None
+    if earliest is None or time.tzinfo is None:
+        return []
+    value = earliest.isoformat()
+    if earliest.tzinfo is None:
+        return [Fault("the time has no UTC offset", field="not_before", value=value, remedy="give it a time zone")]
+    if (earliest - time).total_seconds() > LATEST_DEADLINE_H * 3600.0:
+        what = f"is more than {LATEST_DEADLINE_H} h after the departure"
+        return [Fault(what, field="not_before", value=value, remedy=f"the departure is at {time.isoformat()}")]
+    if deadline is not None and deadline.tzinfo is not None and deadline <= earliest:
+        remedy = f"the deadline is at {deadline.isoformat()}"
+        return [Fault("is not before the deadline", field="not_before", value=value, remedy=remedy)]
+    return []
 
 
 def _check_objective(request: Request) -> list[Fault]:

@@ -64,6 +64,8 @@ class Stop(NamedTuple):
         Multiple of the model's energy to expect of the flight; see `planner.robust.information_kernels.energy_belief_after`.
     at_once, first : bool
         It cannot stay; it is where the delivery begins.
+    not_before_s : float
+        It is not left before; -inf: at any time.
     """
 
     now_s: float
@@ -74,6 +76,7 @@ class Stop(NamedTuple):
     deviation: float
     at_once: bool
     first: bool
+    not_before_s: float
 
 
 @compiled_lean
@@ -116,7 +119,7 @@ def _leave(
     least = truth.climb_s + truth.descent_s
     for segment in segments:
         least += truth.distance_m[segment] / truth.max_ground_speed_mps
-    at = stop.now_s
+    at = max(stop.now_s, stop.not_before_s)
     ready = at
     for_room = 0.0
     charging = False
@@ -209,7 +212,7 @@ def fly_by_required_soc(
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
     legs, queues, start, cost
-        As there; of `Legs` the segments, curves and pads are read.
+        As there; of `Legs` all but the charges are read.
     room, there : FreeCapacity, Present
         Of the stations at the ends of the legs, and who is at those before them.
     tables : ndarray, shape (members, legs, points)
@@ -242,7 +245,9 @@ def fly_by_required_soc(
                 pad = max(now, sampled_pad(queues, entry, joined))
             first = leg == 0
             expected, deviation = energy_belief_after(known, seen / max(leg, 1), leg)
-            stop = Stop(now, soc, pad, landing[leg], expected, deviation, at_once and first, first)
+            stop = Stop(
+                now, soc, pad, landing[leg], expected, deviation, at_once and first, first, legs.not_before_s[leg]
+            )
             curve = legs.curve_s[leg], legs.curve_soc[leg]
             pad, ready, off, level, base, for_room = _leave(
                 known,

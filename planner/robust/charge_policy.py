@@ -89,6 +89,8 @@ class ChargePolicy:
     """The rule."""
     most_full: float = 1.0
     """A flight is begun when the chance to find its station full is at most this."""
+    first_s: float = -math.inf
+    """The drone waits at its origin until then, POSIX seconds."""
 
     def __len__(self) -> int:
         return len(self.itinerary)
@@ -127,7 +129,9 @@ class ChargePolicy:
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
-        legs = legs_of(truth, self.itinerary)
+        first_s = np.full(len(self), -math.inf)
+        first_s[0] = self.first_s
+        legs = legs_of(truth, self.itinerary)._replace(not_before_s=first_s)
         realizations = len(truth.air.north)
         if not paths:
             raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))

@@ -104,6 +104,8 @@ class LossSearch:
         self._kwh = problem.drone.battery_j / J_PER_KWH
         self._flown: dict[tuple[int, int], tuple[Floats, NDArray[np.int32]]] = {}
         self._graphs: dict[int, Any] = {}
+        barred = {int(node): problem.no_landing(int(node)) for node in self._targets}
+        self._barred = {node: found for node, found in barred.items() if found is not None}
         tariff = problem.tariff
         self._by_hour = (tariff is not None and tariff.by_hour) or bool(problem.closures)
         drone = problem.drone
@@ -197,10 +199,11 @@ class LossSearch:
                 paid = self._kwh * energy + float(p.tariff.pad_fee[node])
         for number in np.flatnonzero(open_).tolist():
             target, lands_s = int(self._targets[number]), float(leave[number] + flight_s[number])
-            if target in p.closures and not p.network.stations[target].holding_spots:
+            barred = self._barred.get(target)
+            if barred is not None:
                 if waits:
                     continue
-                lands_s = float(p.closures[target].put_off(np.array(lands_s), np.array(lands_s)))
+                lands_s = float(barred.put_off(np.array(lands_s), np.array(lands_s)))
             soc = float(level[number] - takes[number])
             loss = label.loss + weights.per_h / S_PER_H * (lands_s - label.time_s)
             loss += weights.per_kwh * self._kwh * float(takes[number])

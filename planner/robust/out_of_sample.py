@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.statistics import weighted_quantile
 from skyway.models.wind.ensemble import evenly
 from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 CHOOSING, PROMISING = range(2)
 """Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in."""
 _GUSTS = 0x47
+_NEARLY_NONE = 0.05
 
 
 def _queues(problem: Problem) -> tuple[int, int]:
@@ -142,6 +144,14 @@ class OutOfSample(Runs):
         """Whether room at the next station holds any run that never leaves; most of them are held by their charge alone."""
         held_s = self.schedule[:, :, ROOM][np.isinf(self.schedule[:, :, TAKE_OFF])]
         return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
+
+    @property
+    def held_before_last(self) -> float:
+        """For how long nearly all deliveries are held before the last flight, s: until it may end."""
+        arrives = np.isfinite(self.schedule[:, -1, TOUCH_DOWN])
+        if not arrives.any():
+            return 0.0
+        return weighted_quantile(self.schedule[arrives, -1, ROOM], self.weight[arrives], _NEARLY_NONE)
 
     @property
     def charging(self) -> NDArray[np.float64]:

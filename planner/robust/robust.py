@@ -65,6 +65,10 @@ class RobustAnswer:
     """All that were compared, best first."""
 
 
+MIN_HOLD_S = 60.0
+"""A shorter wait is not moved to another station."""
+
+
 class RobustSearch:
     """One search.
 
@@ -99,7 +103,7 @@ class RobustSearch:
 
     def solve(self) -> RobustAnswer:
         """Search; a `NoRouteError` says that there is no route even without margin."""
-        candidates = self.finalists(self.candidates())
+        candidates = self._with_other_waits(self.finalists(self.candidates()))
         try:
             return self._first_to_finish(candidates)
         except NoRouteError:  # shorter flights may
@@ -108,6 +112,23 @@ class RobustSearch:
             if not _flying(found):
                 raise
             return self._first_to_finish([*sorted(_flying(found), key=Candidate.order), *candidates])
+
+    def _with_other_waits(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Where the package is not to arrive early, let the best routes wait at the origin, too, instead of at the last stop."""
+        p = self.problem
+        if not math.isfinite(p.earliest_s):
+            return candidates
+        found = list(candidates)
+        for one in candidates[: self.parameters.finalists]:
+            hold_s = one.out_of_sample.held_before_last
+            if len(one.policy.itinerary) < 2 or not hold_s > MIN_HOLD_S:
+                continue
+            policy = replace(one.policy, first_s=p.depart_s + hold_s)
+            runs = len(one.out_of_sample.weight)
+            screened = None if runs > self.parameters.screen_runs * 2 else self.parameters.screen_members
+            again = policy.simulate(self.errors, runs, max_realizations=screened, before=one.out_of_sample)
+            found.append(self._candidate(policy, again))
+        return self._ranked(found)
 
     def _first_to_finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Finish the first that can be: looked at closely, the drone may never leave, or run empty."""

@@ -113,6 +113,7 @@ def compose(
         terrain=None if network.over is None else TerrainUse.of(network.over.terrain, network.over.clearance),
         authorized=() if network.zones is None else tuple(sorted(network.zones.authorized)),
         zones=() if network.zones is None else network.zones.handed,
+        not_before=request.not_before,
         energy=_energy(result),
         costs=_costs(problem, result),
     )

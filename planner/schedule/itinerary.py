@@ -142,11 +142,12 @@ def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
 def shut_at(problem: Problem, nodes: Sequence[int]) -> Shut:
     """Lay out for kernels when some places are closed."""
     closed = [problem.closures[node].closed_s if node in problem.closures else np.empty((0, 2)) for node in nodes]
-    spots = [problem.network.stations[node].holding_spots for node in nodes]
+    barred = [problem.no_landing(node) for node in nodes]
+    closed = [one if bar is None else bar.closed_s for one, bar in zip(closed, barred, strict=True)]
     return Shut(
         np.cumsum([0, *map(len, closed)]).astype(np.int64),
         np.ascontiguousarray(np.concatenate(closed)),
-        np.array([not count for count in spots], dtype=np.bool_),
+        np.array([bar is not None for bar in barred], dtype=np.bool_),
     )
 
 

@@ -1,11 +1,11 @@
-"""Notes of a plan on opening hours: where its typical schedule waits for a station to open."""
+"""Notes of a plan on waits for a time: where its typical schedule waits for a station to open, or for the earliest delivery."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from skyway.models.base.formatting import clock
+from skyway.models.base.formatting import clock, duration
 from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
@@ -23,6 +23,12 @@ def opening_notes(problem: Problem, services: Sequence[DroneService], stops: Seq
     index, stations = problem.network.index, problem.network.stations
     depart, zone = problem.request.state.time, ZoneInfo(problem.load.timezone)
     after = {leg.origin: leg for leg in services}
+    earliest = problem.request.not_before
+    if earliest is not None:
+        waits = [(stop.station, stop.hold_s) for stop in stops if stop.hold_s > SHOWN_S]
+        at = ", ".join(f"{duration(held_s)} at {station}" for station, held_s in waits)
+        told = f"the package does not arrive before {clock(earliest, zone, depart)}"
+        yield told + (f": the drone holds {at}" if at else "")
     for stop in stops:
         here, leg = index[stop.station], after.get(stop.station)
         ends_s = stop.arrive.timestamp() + stop.wait_s + stop.recharge_s
@@ -34,7 +40,11 @@ def opening_notes(problem: Problem, services: Sequence[DroneService], stops: Seq
             continue
         there = index[leg.destination]
         for begin_s, end_s in _closed(problem, there):
-            if not stations[there].holding_spots and begin_s <= leg.arrive.timestamp() - stop.hold_room_s < end_s:
+            if (
+                not stations[there].holding_spots
+                and stations[there].pads
+                and begin_s <= leg.arrive.timestamp() - stop.hold_room_s < end_s
+            ):
                 opens = clock(from_posix(end_s), zone, depart)
                 hours = stations[there].open_hours
                 yield f"waits at {stop.station} for {leg.destination} to open at {opens} (open {hours}; nobody can wait there)"

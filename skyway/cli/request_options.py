@@ -38,6 +38,12 @@ class RequestOptions(Delivery):
         str, typer.Option(help="At each stop charge to 100 % (full) or to what the next flight needs (enough).")
     ] = "enough"
     seed: Annotated[int, typer.Option(help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
+    not_before: Annotated[
+        str | None,
+        typer.Option(
+            help="The package does not arrive before, with UTC offset: the drone waits on the ground (planners with a forecast)."
+        ),
+    ] = None
     stop_at: Annotated[
         list[str] | None,
         typer.Option(

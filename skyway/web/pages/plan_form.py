@@ -50,6 +50,9 @@ class PlanForm:
             self.deadline = Field(
                 "Deadline", self._takes_time("deadline"), kind="datetime-local", hint="Empty: as soon as possible"
             )
+            self.not_before = Field(
+                "Not before", self._takes_time("not_before"), kind="datetime-local", hint="Empty: at any time"
+            )
             self.aim = Field(
                 "Aim",
                 self._takes("aim"),
@@ -87,7 +90,7 @@ class PlanForm:
         for name in ("start", "to", "payload", "drone", "window", "planner", "aim", "reserve", "soc", "wind"):
             getattr(self, name).show(getattr(question, name))
         self.others.show(question.others[0] if question.others else "")
-        for name in ("depart", "deadline"):
+        for name in ("depart", "deadline", "not_before"):
             field: Field = getattr(self, name)
             field.show("" if self._zone is None else from_instant(getattr(question, name), self._zone))
 

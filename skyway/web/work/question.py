@@ -27,6 +27,8 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Choose the best departure within this time: 90min, 2h."""
     deadline: str = ""
     """With UTC offset: the plan is the one most probably on time; empty is the soonest on average."""
+    not_before: str = ""
+    """With UTC offset: the package does not arrive before; empty is at any time."""
     aim: str = ""
     """Objective as it is typed on a command line; a deadline goes before it. Empty is the soonest on average."""
     drone: str = ""
@@ -57,7 +59,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         """Return what is carried; an `InputError` names what is no number."""
         return Delivery(
             start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
-            drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
+            not_before=self.not_before.strip() or None, drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
             airspeed=number(self.airspeed, "--airspeed") if self.airspeed.strip() else None,
         )  # fmt: skip
 
@@ -78,6 +80,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             "--depart": self.depart, "--depart-window": self.window, "--drone": self.drone, "--airspeed": _point(self.airspeed),
             "--wind": self.wind,
         }  # fmt: skip
+        given["--not-before"] = self.not_before
         for option, value in given.items():
             words += [option, value.strip()] if value.strip() else []
         for option, value, usual in (("--reserve", self.reserve, "20"), ("--soc", self.soc, "100")):
