@@ -109,14 +109,18 @@ def onward(
     reserve_soc: float,
     tau_soc: NDArray[np.float64],
     tau_s: NDArray[np.float64],
+    curves: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]],
     best_s: float,
 ) -> NDArray[np.float64]:
-    """Ways on from a stop, rows (bound of the end, position, pad), those only that may end before `best_s`; unsorted.
+    """Ways on from a stop, rows of shape (5,), those only that may end before `best_s`; unsorted.
 
-    `g` is the departure profile there. Pad -1 is the end of the route; `left_at` and `pad` are -1 at its start.
+    `g` is the departure profile there; `left_at` and `pad` are -1 at the start of the route. `curves` are the kind of each pad, and of
+    each kind seconds and SoC. A row is a bound of the end, position, pad (-1: the end of the route), and bounds of what is there: the
+    earliest arrival, and the greatest charging potential (`planner.schedule.profile_kernels`).
     """
     positions, pads = left.shape
-    out = np.empty(((positions + 1) * pads + 1, 3))
+    kind_of, curve_s, curve_soc = curves
+    out = np.empty(((positions + 1) * pads + 1, 5))
     size = 0
     start = pad < 0
     if not start:
@@ -127,7 +131,11 @@ def onward(
             soc = hops.between_soc[0, pad, to_pad]
             bound = _bound(g, time_s, soc, ratios, reserve_soc, tau_soc, tau_s) + left[left_at, to_pad]
             if bound < best_s:
+                kind = kind_of[to_pad]
                 out[size, 0], out[size, 1], out[size, 2] = bound, left_at, to_pad
+                out[size, 3], out[size, 4] = _there(
+                    g, time_s - least_wait_s[to_pad], soc, ratios, reserve_soc, curve_soc[kind], curve_s[kind]
+                )
                 size += 1
     seconds = 0.0 if start else hops.from_s[0, left_at, pad]
     soc = 0.0 if start else hops.from_soc[0, left_at, pad]
@@ -142,6 +150,7 @@ def onward(
             bound = _bound(g, seconds, soc, ratios, reserve_soc, tau_soc, tau_s)
             if bound < best_s:
                 out[size, 0], out[size, 1], out[size, 2] = bound, until, -1
+                out[size, 3], out[size, 4] = -math.inf, math.inf
                 size += 1
         if until <= left_at or not can_leave[until]:
             continue
@@ -152,7 +161,11 @@ def onward(
             energy = soc + hops.to_soc[0, until, to_pad]
             bound = _bound(g, time_s, energy, ratios, reserve_soc, tau_soc, tau_s) + left[until, to_pad]
             if bound < best_s:
+                kind = kind_of[to_pad]
                 out[size, 0], out[size, 1], out[size, 2] = bound, until, to_pad
+                out[size, 3], out[size, 4] = _there(
+                    g, time_s - least_wait_s[to_pad], energy, ratios, reserve_soc, curve_soc[kind], curve_s[kind]
+                )
                 size += 1
     return out[:size].copy()
 
@@ -183,3 +196,33 @@ def _bound(
             t = g[i - 1, 0] + part * (t - g[i - 1, 0])
             best = min(best, t - interpolate(need - ratios[0] * soc, tau_soc, tau_s))
     return best + seconds + interpolate(reserve_soc, tau_soc, tau_s)
+
+
+@compiled
+def _there(
+    g: NDArray[np.float64],
+    seconds: float,
+    soc: float,
+    ratios: tuple[float, float],
+    reserve_soc: float,
+    curve_soc: NDArray[np.float64],
+    curve_s: NDArray[np.float64],
+) -> tuple[float, float]:
+    """Earliest arrival after a way and greatest charging potential there, for hops that take the least they take in any slot.
+
+    The potential F^-1(s) - t is convex in t on each piece of g, so that it is greatest at a point of g, or where the way begins to be
+    possible.
+    """
+    need = reserve_soc + ratios[1] * soc - 1e-12
+    first, most = math.inf, -math.inf
+    for i in range(len(g)):
+        t, charge = g[i, 0], g[i, 1]
+        if charge < need:
+            continue
+        most = max(most, interpolate(charge - ratios[0] * soc, curve_soc, curve_s) - t)
+        if i > 0 and g[i - 1, 1] < need and t > g[i - 1, 0]:
+            part = (need - g[i - 1, 1]) / (charge - g[i - 1, 1])
+            t = g[i - 1, 0] + part * (t - g[i - 1, 0])
+            most = max(most, interpolate(need - ratios[0] * soc, curve_soc, curve_s) - t)
+        first = min(first, t)
+    return first + seconds, most - seconds

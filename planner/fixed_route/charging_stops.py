@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import heapq
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.planner.fixed_route.bound_kernels import onward, remaining
-from skyway.planner.fixed_route.way_kernels import NOWHERE, flown, pieces_of, waited, way
-from skyway.planner.schedule.leg_profile_kernels import stop_profile
-from skyway.planner.schedule.profile_kernels import covers, departure_profile, interpolate, profile_at
+from skyway.planner.fixed_route.way_kernels import NOWHERE, flown, landed, pieces_of, way
+from skyway.planner.schedule.profile_kernels import covers, interpolate, profile_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from skyway.models.flight.kernels import Slots
     from skyway.planner.fixed_route.way_kernels import Hops
 
-_NOBODY = np.empty(0)
-_AT_ONCE = np.array([-math.inf])
-_NO_DELAY = np.zeros(1)
 _TIE_S = 1e-7
 """Ends closer than this are the same."""
 
@@ -124,7 +121,10 @@ class _Search:
             route.can_leave, self.least_wait_s, self.ratios, route.reserve_soc, self.tau_soc, self.tau_s
         )  # fmt: skip
         self.left = remaining(self.least, *self.bounds)
+        self.curves = packed(route.curves)
         self.known: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
+        self.reached: dict[tuple[int, int], list[tuple[list[float], list[float]]]] = {}
+        self.queue: list[tuple[float, int, int, _Label, Iterator[list[float]], int, int]] = []
         self.labels = 0
         self.best_s = math.inf
         self.best: tuple[_Label, float] | None = None
@@ -133,31 +133,35 @@ class _Search:
         """Take the ways on in the order of their bounds until none may end before the best."""
         start = np.array([[self.route.start_s, self.route.soc_start]])
         none = np.empty((0, 3))
-        queue: list[tuple[float, int, int, _Label, Iterator[tuple[float, int, int]], int, int]] = []
-        self._queue(queue, _Label(NOWHERE, NOWHERE, start, none, none, None))
-        while queue:
-            bound, _, _, label, ways, position, pad = heapq.heappop(queue)
+        self._go_on_from(_Label(NOWHERE, NOWHERE, start, none, none, None))
+        while self.queue:
+            bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
             if bound >= self.best_s - _TIE_S:
                 break
-            self._queue_next(queue, label, ways)
+            self._queue_next(label, ways)
             if pad == NOWHERE:
                 self._end(label, position)
             elif (reached := self._land(label, position, pad)) is not None:
-                self._queue(queue, reached)
+                self._go_on_from(reached)
         return None if self.best is None else self._traced(*self.best)
 
-    def _queue(self, queue: list, label: _Label) -> None:  # type: ignore[type-arg]
-        rows = onward(
-            label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.best_s
-        )  # fmt: skip
+    def _go_on_from(self, label: _Label) -> None:
+        """Queue the best way on from a label; the others wait in its iterator."""
+        rows = onward(label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s)
         order = np.lexsort((-rows[:, 1], rows[:, 0]))
-        self._queue_next(queue, label, iter([(float(b), int(k), int(p)) for b, k, p in rows[order]]))
+        self._queue_next(label, (rows[number].tolist() for number in order))
 
-    def _queue_next(self, queue: list, label: _Label, ways: Iterator[tuple[float, int, int]]) -> None:  # type: ignore[type-arg]
-        """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first."""
-        for bound, position, pad in ways:
+    def _queue_next(self, label: _Label, ways: Iterator[list[float]]) -> None:
+        """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first.
+
+        Ways to where a label is known that surely has as much charge at any time are left out.
+        """
+        for bound, until, to_pad, first_s, potential_s in ways:
+            place = int(until), int(to_pad)
+            if any(_surely_covers(z, first_s, potential_s) for z in self.reached.get(place, ())):
+                continue
             self.labels += 1
-            heapq.heappush(queue, (bound, -position, self.labels, label, ways, position, pad))
+            heapq.heappush(self.queue, (bound, -place[0], self.labels, label, ways, *place))
             return
 
     def _pieces(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
@@ -171,35 +175,24 @@ class _Search:
             )
         )  # fmt: skip
 
-    def _arrivals(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
-        route = self.route
-        pieces = self._pieces(label, position, pad)
-        return np.asarray(flown(label.g, pieces, route.mean_ratio, route.sure_ratio, route.reserve_soc))
-
     def _end(self, label: _Label, position: int) -> None:
-        rows = self._arrivals(label, position, NOWHERE)
+        pieces = self._pieces(label, position, NOWHERE)
+        rows = np.asarray(flown(label.g, pieces, *self.ratios, self.route.reserve_soc))
         if len(rows) and float(rows[:, 0].min()) < self.best_s:
             first = int(rows[:, 0].argmin())
             self.best_s = float(rows[first, 0])
             self.best = (label, float(rows[first, 2]))
 
     def _land(self, label: _Label, position: int, pad: int) -> _Label | None:
-        rows = self._arrivals(label, position, pad)
-        if not len(rows):
-            return None
+        """Fly to a pad; None where nobody can, or no more can come of it than of a label that is known."""
         route = self.route
-        curve = route.curves[pad]
-        wait = route.waits[pad]
-        waiting = rows if not wait[:, 1].any() else np.asarray(waited(rows, wait))
-        queue_of_none = (0.0, 0.0, -math.inf, _NOBODY, _AT_ONCE, _AT_ONCE, _NO_DELAY)
-        z, h = stop_profile(rows, len(rows), *queue_of_none, *curve)
-        if waiting is not rows:
-            z, _ = stop_profile(waiting, len(waiting), *queue_of_none, *curve)
-        g = np.asarray(departure_profile(z, h, *curve))
+        pieces = self._pieces(label, position, pad)
+        z, h, g = landed(label.g, pieces, self.ratios, route.reserve_soc, route.waits[pad], *route.curves[pad])
         known = self.known.setdefault((position, pad), [])
-        if any(covers(other, g, 1e-12) for other in known):
+        if not len(g) or any(covers(other, g, 1e-12) for other in known):
             return None
         known.append(g)
+        self.reached.setdefault((position, pad), []).append((z[:, 0].tolist(), z[:, 1].tolist()))
         return _Label(position, pad, g, z, h, label)
 
     def _traced(self, label: _Label, depart_s: float) -> ChargingPlan:
@@ -242,6 +235,26 @@ class _Search:
         route = self.route
         _, soc, _ = way(route.hops, route.slots, before.position, before.pad, label.position, label.pad, leave_s)
         return route.mean_ratio * float(soc)
+
+
+def _surely_covers(z: tuple[list[float], list[float]], first_s: float, potential_s: float) -> bool:
+    """Whether a profile of charging potential is as high at a time as another one that begins then ever is."""
+    at = bisect_right(z[0], first_s) - 1
+    return at >= 0 and z[1][at] >= potential_s - 1e-9
+
+
+def packed(
+    curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the kind of each pad, and seconds and SoC of each kind, filled up with their last points."""
+    kinds: dict[tuple[bytes, bytes], int] = {}
+    kind_of = np.array([kinds.setdefault((s.tobytes(), q.tobytes()), len(kinds)) for s, q in curves], dtype=np.int64)
+    points = max(len(seconds) for seconds, _ in curves)
+    filled = np.empty((2, len(kinds), points))
+    for (seconds, soc), kind in zip(curves, kind_of.tolist(), strict=True):
+        for values, row in zip((seconds, soc), filled[:, kind], strict=True):
+            row[: len(values)], row[len(values) :] = values, values[-1]
+    return kind_of, filled[0], filled[1]
 
 
 def charge_at(label: _Label | None, time_s: float) -> float:

@@ -14,11 +14,16 @@ import numpy as np
 
 from skyway.models.flight.kernels import Slots, slot_number, slot_until
 from skyway.models.jit.compiled import compiled
-from skyway.planner.schedule.leg_profile_kernels import fly_profile
+from skyway.planner.schedule.leg_profile_kernels import fly_profile, stop_profile
+from skyway.planner.schedule.profile_kernels import departure_profile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+NO_OTHERS = np.empty(0)
+AT_ONCE = np.array([-math.inf])
+NO_DELAY = np.zeros(1)
+"""A queue of nobody, as `stop_profile` takes it."""
 NOWHERE = -1
 """Instead of a pad: the start of the route, or its end."""
 
@@ -162,3 +167,31 @@ def waited(rows: NDArray[np.float64], wait: NDArray[np.float64]) -> NDArray[np.f
             at = end
             k += 1
     return out[:size].copy()
+
+
+@compiled
+def landed(
+    g: NDArray[np.float64],
+    pieces: NDArray[np.float64],
+    ratios: tuple[float, float],
+    reserve_soc: float,
+    wait: NDArray[np.float64],
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Take a departure profile over a way and onto its pad: the profiles z and h there, and that of the next departure.
+
+    All are empty where no take-off is possible. Takes what `flown` and `waited` take, and a curve that ascends.
+    """
+    rows = flown(g, pieces, ratios[0], ratios[1], reserve_soc)
+    if len(rows) == 0:
+        return np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2))
+    z, h = stop_profile(
+        rows, len(rows), 0.0, 0.0, -math.inf, NO_OTHERS, AT_ONCE, AT_ONCE, NO_DELAY, curve_s, curve_soc
+    )
+    if wait[:, 1].max() > 0.0:
+        later = waited(rows, wait)
+        z, _ = stop_profile(
+            later, len(later), 0.0, 0.0, -math.inf, NO_OTHERS, AT_ONCE, AT_ONCE, NO_DELAY, curve_s, curve_soc
+        )
+    return z, h, departure_profile(z, h, curve_s, curve_soc)

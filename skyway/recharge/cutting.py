@@ -42,6 +42,8 @@ LOW_TAKEOFF_M = 10.0
 MAX_ROUNDS = 6
 """So often flights are given more charge where the winds of a forecast ask for more than their mean."""
 MORE_SURE = 1.02
+ROUNDED = 1.003
+"""What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 _OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
 """Findings of a whole mission that its flights may not have."""
 
@@ -95,7 +97,7 @@ def recharged(
     ground = pad_grounds_m(usable, home_m, options.transit.over, level=options.level_ground)
     ways = pad_ways(work, document, usable, ground, options.transit, families)
     problem = problem_of(work, ways, options)
-    sure = sure_ratio_of(options)
+    sure = ROUNDED * sure_ratio_of(options)
     for _ in range(MAX_ROUNDS):
         plan = charging_stops(problem.route(sure))
         if plan is None:
@@ -210,10 +212,11 @@ def _flights(
     builder = PartBuilder(problem.work, problem.ways, transit, family)
     missions = builder.flights(list(cuts))
     begins = [(plan.depart_s, conditions.soc_start), *((stop.leave_s, stop.soc_leave) for stop in plan.stops)]
+    used = tuple(problem.ways.pads[number] for number in sorted({stop.pad for stop in plan.stops}))
     found = []
     for mission, (depart_s, soc) in zip(missions, begins, strict=True):
         part = MissionDocument(mission, document.fence, document.rally)
-        flown_by = replace(conditions, soc_start=soc, stations=problem.ways.pads)
+        flown_by = replace(conditions, soc_start=soc, stations=used)
         report = check(
             part,
             dialect=family,

@@ -1,6 +1,7 @@
 """Missions cut at pads: another program flies them before and after, and compares."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,13 +18,17 @@ from skyway.missions import (
     MissionDocument,
     MissionItem,
     family_named,
+    read,
 )
+from skyway.missions.checks.route import fly as route_of
 from skyway.missions.checks.weather import SteadyWind
 from skyway.missions.items.coordinates import Point
 from skyway.missions.recharge.item_roles import role_of, roles
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base.errors import InputError
+from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
+from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
 from skyway.recharge.cutting import recharged
 from skyway.recharge.problem import RechargeOptions
@@ -247,7 +252,7 @@ def test_what_cannot_be_cut_is_told_in_one_line():
     assert "DO_VTOL_TRANSITION" in line
 
 
-def longest(document, found_with):
+def longest(found_with):
     """Cut a real mission with the smallest drone that flies it with a stop."""
     for share in np.geomspace(0.02, 3.0, 40):
         try:
@@ -270,3 +275,60 @@ REAL = [
     "luk8426__Mission31.plan",
     "mavlink__qgroundcontrol_sample_with_survey.plan",
 ]
+
+
+def real(shared_data, name):
+    """A real mission, the pads that are put about it, and the speed that it begins with."""
+    document = read(shared_data / "missions" / name)
+    mission = document.mission
+    steps = route_of(mission).steps
+    home = mission.home or Home(steps[0].point)
+    mission = replace(mission, home=replace(home, altitude_m=400.0 if home.altitude_m is None else home.altitude_m))
+    places = [home.point, *(steps[len(steps) * part // 4].point for part in (1, 2, 3))]
+    pads = [Station(f"p{number}", "", one.lat, one.lon, pads=2) for number, one in enumerate(places)]
+    return replace(document, mission=mission), pads
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+def test_real_missions_do_the_same_work_before_and_after(shared_data, name):
+    document, pads = real(shared_data, name)
+
+    def found_with(share):
+        chosen = RechargeOptions(FlightConditions(small(share), weather=WIND), TransitRules(10.0), level_ground=True)
+        return recharged(document, pads, FAMILIES, chosen)
+
+    found = longest(found_with)
+    assert found is not None, name
+    mission = found.problem.work.mission  # completed, as it was told
+    print(f"{name}: {len(found.plan.stops)} stops, for {', '.join(found.flights)}, {len(found.problem.work.pictures)} pictures")
+    for family, flights in found.flights.items():
+        assert_same_work(
+            mission,
+            [flight.document.mission for flight in flights],
+            [0.0] * len(flights),
+            speed=mission.hover_speed_mps or 5.0,
+            ardupilot=family == "ardupilot" and mission.firmware == 3,
+        )
+
+
+@pytest.mark.slow
+def test_the_planner_that_lands_on_lakes_takes_no_less_time_than_we_do(shared_data):
+    """Their settings: 20 minutes in the air, an hour to charge, 30 km/h, the order kept; their pad: the lake that they chose."""
+    name = "droneicarus__test2-Petite_mission_necssitant_une_recharge"
+    ours = read(shared_data / f"missions/{name}.plan").mission
+    theirs = read(shared_data / f"missions/{name}-generated.plan").mission
+    lake = next(item for item in theirs.items if item.command == Command.NAV_LAND).point
+    drone = replace(small(1.0), endurance_empty_s=1200.0, endurance_full_s=1200.0, recharge_full_s=3600.0, energy_belief=EXACT)
+    speed = 30.0 / 3.6
+    ours = replace(ours, hover_speed_mps=speed)
+    conditions = FlightConditions(drone, reserve_soc=0.0, climb_rate_mps=5.0, descent_rate_mps=5.0)
+    options = RechargeOptions(conditions, TransitRules(speed), level_ground=True)
+    found = recharged(MissionDocument(ours), [Station("lake", "", lake.lat, lake.lon)], FAMILIES, options)
+    # theirs as it is flown, their heights (degrees of latitude) left out: ground distance at 30 km/h, their delay, and our own climbs
+    flown = route_of(replace(theirs, hover_speed_mps=speed)).steps
+    places = [ours.home.point, *(step.point for step in flown)]
+    metres = sum(geodesy.distance_m(a.lat, a.lon, b.lat, b.lon) for a, b in pairwise(places))
+    delay = sum(item.param1 for item in theirs.items if item.command == Command.NAV_DELAY)
+    print(f"ours {found.plan.end_s:.0f} s with {len(found.plan.stops)} stops, theirs {metres / speed + delay:.0f} s, {metres:.0f} m")
+    assert found.plan.end_s <= metres / speed + delay
