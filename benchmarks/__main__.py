@@ -38,6 +38,7 @@ MEASURED = (
     "weather",
     "airspace",
     "terrain",
+    "recharge",
 )
 """Benchmarks that return figures."""
 

@@ -112,8 +112,10 @@ class Work:
         return found
 
 
-def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1) -> Work:
-    """Return the work of a mission, endless jumps followed `laps` times.
+def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1, only: bool = True) -> Work:
+    """Return the work of a mission as a family of autopilots flies it, endless jumps followed `laps` times.
+
+    `only`: no other one flies it, too; else it is not left where they go different ways.
 
     An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
     """
@@ -133,14 +135,14 @@ def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1) ->
         if math.isnan(step.height_m):
             remedy = "set the altitude of the planned home: heights above sea level count from it (--home-elevation)"
             raise InputError(f"the height of item {step.item} above home is unknown", remedy=remedy)
-    return _Reading(mission, route, steps).work()
+    return _Reading(mission, route, steps, only=only).work()
 
 
 class _Reading:
     """One pass over the steps of a mission."""
 
-    def __init__(self, mission: Mission, route: Route, steps: tuple[Step, ...]) -> None:
-        self.mission, self.route, self.steps = mission, route, steps
+    def __init__(self, mission: Mission, route: Route, steps: tuple[Step, ...], *, only: bool) -> None:
+        self.mission, self.route, self.steps, self.only = mission, route, steps, only
         firsts = {id(leg.steps[0]): leg.start for leg in route.legs if leg.steps}
         places: list[Place] = []
         heights: list[float] = []
@@ -261,6 +263,9 @@ class _Reading:
         begin = self.mission.items[before.item]
         if begin.command in LAND_COMMANDS or begin.command == Command.NAV_SPLINE_WAYPOINT:
             return False
+        aside_m = geodesy.distance_m(*self.places[number - 1], *self.places[number])
+        if not self.only and begin.command in TAKEOFF_COMMANDS and aside_m > 1.0:
+            return False  # who climbs where it stands flies another way from there
         run = [self.mission.items[one] for one in self.route.order[before.taken + 1 : self.steps[number].taken]]
         if any(role_of(one) == "condition" for one in run):
             return False

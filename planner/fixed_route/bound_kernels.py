@@ -3,7 +3,7 @@
 Let tau(s) be the time from empty to charge s where every percent comes from the fastest pad there is. Stops of any plan take at
 least the sum of tau(leaving) - tau(arriving). Put together by ways, not by stops, each way of energy E that is begun with charge d
 adds tau(d) - tau(d - E), which grows with d, for tau is convex: it is least for the d that the way needs. So a way costs its time
-and that, whatever comes before and behind it, and the least sum is a shortest path. It is no bound only but the answer where all
+and that, whatever comes before and behind it, the last one tau(d), and the least sum is a shortest path. It is no bound only but the answer where all
 pads are alike and each way is begun with what it needs.
 """
 
@@ -55,24 +55,33 @@ def remaining(
     """
     positions, pads = hops.to_s.shape[1], hops.to_s.shape[2]
     left = np.full((positions, pads), math.inf)
+    least_on = np.full(positions, math.inf)  # from each position, over any pad
+    done_s, done_soc = np.zeros(positions), np.zeros(positions)
+    for position in range(positions - 1):
+        done_s[position + 1] = done_s[position] + hops.work_s[0, position]
+        done_soc[position + 1] = done_soc[position] + hops.work_soc[0, position]
     for position in range(positions - 1, -1, -1):
         if not can_leave[position]:
             continue
+        first = hops.resume[position]
         for pad in range(pads):
-            best = math.inf
-            seconds, soc = hops.from_s[0, position, pad], hops.from_soc[0, position, pad]
-            if not seconds < math.inf:
+            begin_s, begin_soc = hops.from_s[0, position, pad], hops.from_soc[0, position, pad]
+            if not begin_s < math.inf:
                 continue
-            first = hops.resume[position]
-            for until in range(first, positions):
-                if until > first:
-                    seconds += hops.work_s[0, until - 1]
-                    soc += hops.work_soc[0, until - 1]
-                if reserve_soc + ratios[1] * soc > 1.0 + 1e-12 or not seconds < math.inf:
+            last = first
+            while last + 1 < positions and done_s[last + 1] - done_s[first] < math.inf:
+                if reserve_soc + ratios[1] * (begin_soc + done_soc[last + 1] - done_soc[first]) > 1.0 + 1e-12:
                     break
+                last += 1
+            best = math.inf
+            for until in range(last, first - 1, -1):  # the farthest first: it is nearly the best
+                seconds = begin_s + done_s[until] - done_s[first]
+                soc = begin_soc + done_soc[until] - done_soc[first]
                 if until == positions - 1:
-                    best = min(best, way_cost(seconds, soc, ratios, reserve_soc, tau_soc, tau_s))
-                if until <= position or not can_leave[until]:
+                    need = reserve_soc + ratios[1] * soc
+                    if need <= 1.0 + 1e-12:  # what is left at the end is of no use
+                        best = min(best, seconds + interpolate(need, tau_soc, tau_s))
+                if until <= position or not can_leave[until] or seconds + least_on[until] >= best:
                     continue
                 for to_pad in range(pads):
                     time_s = seconds + hops.to_s[0, until, to_pad] + least_wait_s[to_pad]
@@ -93,6 +102,10 @@ def remaining(
                     if cost + left[position, to_pad] < left[position, pad] - 1e-9:
                         left[position, pad] = cost + left[position, to_pad]
                         changed = True
+        for pad in range(pads):
+            least_on[position] = min(
+                least_on[position], hops.to_s[0, position, pad] + least_wait_s[pad] + left[position, pad]
+            )
     return left
 
 
@@ -123,6 +136,11 @@ def onward(
     out = np.empty(((positions + 1) * pads + 1, 5))
     size = 0
     start = pad < 0
+    # what a way costs at least: charge is worth no less than where the fastest curve is the fastest
+    per_soc = ratios[0] * (tau_s[1] - tau_s[0]) / (tau_soc[1] - tau_soc[0])
+    base_s = math.inf
+    for i in range(len(g)):
+        base_s = min(base_s, g[i, 0] - interpolate(g[i, 1], tau_soc, tau_s))
     if not start:
         for to_pad in range(pads):
             if to_pad == pad or not left[left_at, to_pad] < math.inf:
@@ -147,7 +165,7 @@ def onward(
         if reserve_soc + ratios[1] * soc > 1.0 + 1e-12 or not seconds < math.inf:
             break
         if until == positions - 1:
-            bound = _bound(g, seconds, soc, ratios, reserve_soc, tau_soc, tau_s)
+            bound, _ = _there(g, seconds, soc, ratios, reserve_soc, tau_soc, tau_s)
             if bound < best_s:
                 out[size, 0], out[size, 1], out[size, 2] = bound, until, -1
                 out[size, 3], out[size, 4] = -math.inf, math.inf
@@ -156,9 +174,9 @@ def onward(
             continue
         for to_pad in range(pads):
             time_s = seconds + hops.to_s[0, until, to_pad] + least_wait_s[to_pad]
-            if not g[0, 0] + time_s + left[until, to_pad] < best_s:
-                continue
             energy = soc + hops.to_soc[0, until, to_pad]
+            if not base_s + per_soc * energy + time_s + left[until, to_pad] < best_s:
+                continue
             bound = _bound(g, time_s, energy, ratios, reserve_soc, tau_soc, tau_s) + left[until, to_pad]
             if bound < best_s:
                 kind = kind_of[to_pad]
@@ -180,7 +198,7 @@ def _bound(
     tau_soc: NDArray[np.float64],
     tau_s: NDArray[np.float64],
 ) -> float:
-    """Least t + seconds - tau(g(t) - E) + tau(reserve) over take-offs t with the charge that is needed.
+    """Least t + seconds - tau(g(t) - E) over take-offs t with the charge that is needed.
 
     g is linear and tau convex, so that the least is at a point of g, or where there is charge enough for the first time.
     """
@@ -195,7 +213,7 @@ def _bound(
             part = (need - g[i - 1, 1]) / (charge - g[i - 1, 1])
             t = g[i - 1, 0] + part * (t - g[i - 1, 0])
             best = min(best, t - interpolate(need - ratios[0] * soc, tau_soc, tau_s))
-    return best + seconds + interpolate(reserve_soc, tau_soc, tau_s)
+    return best + seconds
 
 
 @compiled

@@ -133,7 +133,11 @@ class _Search:
         """Take the ways on in the order of their bounds until none may end before the best."""
         start = np.array([[self.route.start_s, self.route.soc_start]])
         none = np.empty((0, 3))
-        self._go_on_from(_Label(NOWHERE, NOWHERE, start, none, none, None))
+        begin = _Label(NOWHERE, NOWHERE, start, none, none, None)
+        self._dive(begin)
+        self.known.clear()
+        self.reached.clear()
+        self._go_on_from(begin)
         while self.queue:
             bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
             if bound >= self.best_s - _TIE_S:
@@ -145,9 +149,30 @@ class _Search:
                 self._go_on_from(reached)
         return None if self.best is None else self._traced(*self.best)
 
+    def _dive(self, label: _Label) -> None:
+        """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""
+        for _ in range(len(self.route.can_leave) * len(self.route.curves)):
+            rows = self._ways_on(label)
+            reached = None
+            for number in np.lexsort((-rows[:, 1], rows[:, 0]))[:20]:
+                _, position, pad = rows[number, :3].tolist()
+                if int(pad) == NOWHERE:
+                    self._end(label, int(position))
+                    return
+                reached = self._land(label, int(position), int(pad))
+                if reached is not None:
+                    break
+            if reached is None:
+                return
+            label = reached
+
+    def _ways_on(self, label: _Label) -> NDArray[np.float64]:
+        at = (label.g, label.position, label.pad)
+        return np.asarray(onward(*at, self.least, self.left, *self.bounds, self.curves, self.best_s))
+
     def _go_on_from(self, label: _Label) -> None:
         """Queue the best way on from a label; the others wait in its iterator."""
-        rows = onward(label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s)
+        rows = self._ways_on(label)
         order = np.lexsort((-rows[:, 1], rows[:, 0]))
         self._queue_next(label, (rows[number].tolist() for number in order))
 

@@ -186,9 +186,7 @@ def landed(
     rows = flown(g, pieces, ratios[0], ratios[1], reserve_soc)
     if len(rows) == 0:
         return np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2))
-    z, h = stop_profile(
-        rows, len(rows), 0.0, 0.0, -math.inf, NO_OTHERS, AT_ONCE, AT_ONCE, NO_DELAY, curve_s, curve_soc
-    )
+    z, h = stop_profile(rows, len(rows), 0.0, 0.0, -math.inf, NO_OTHERS, AT_ONCE, AT_ONCE, NO_DELAY, curve_s, curve_soc)
     if wait[:, 1].max() > 0.0:
         later = waited(rows, wait)
         z, _ = stop_profile(

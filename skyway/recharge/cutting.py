@@ -92,7 +92,9 @@ def recharged(
     usable = tuple(pad for pad in pads if pad.pads > 0 and not pad.flyover)
     if not usable:
         raise InputError("there are no pads", field="--pads", remedy="give stations with one pad or more")
-    work = work_of(mission, families[0] if len(families) == 1 else family_of(mission.firmware), laps=options.laps)
+    only = len(families) == 1
+    by = families[0] if only else family_of(mission.firmware)
+    work = work_of(mission, by, laps=options.laps, only=only)
     home_m = None if mission.home is None else mission.home.altitude_m
     ground = pad_grounds_m(usable, home_m, options.transit.over, level=options.level_ground)
     ways = pad_ways(work, document, usable, ground, options.transit, families)

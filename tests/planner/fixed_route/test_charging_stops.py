@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from frvcp_instances import as_fixed_route
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.planners.bench_recharge import fixed_route as as_fixed_route
 from skyway.models.flight.kernels import Slots
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.way_kernels import Hops
