@@ -147,21 +147,23 @@ def fixed_route(instance: dict[str, Any], route: list[int]) -> FixedRoute:
         for kind in (kinds[station["cs_type"]] for station in instance["css"])
     )
     at, on = np.array(route), np.array([*route[1:], route[-1]])
-    hops = (
-        times[at[:-1], at[1:]] + process[at[1:]],
-        energies[at[:-1], at[1:]],
-        times[at][:, nodes],
-        energies[at][:, nodes],
-        times[nodes][:, on].T + process[on][:, None],
-        energies[nodes][:, on].T,
-        times[np.ix_(nodes, nodes)],
-        energies[np.ix_(nodes, nodes)],
+    work_s, work_soc = times[at[:-1], at[1:]] + process[at[1:]], energies[at[:-1], at[1:]]
+    back_s, back_soc = times[nodes][:, on].T + process[on][:, None], energies[nodes][:, on].T
+    hops = Hops(
+        np.ascontiguousarray(work_s[None]),
+        np.ascontiguousarray(work_soc[None]),
+        np.ascontiguousarray(times[at][:, nodes][None]),
+        np.ascontiguousarray(energies[at][:, nodes][None]),
+        np.ascontiguousarray(back_s[None]),
+        np.ascontiguousarray(back_soc[None]),
+        np.ascontiguousarray(times[np.ix_(nodes, nodes)][None]),
+        np.ascontiguousarray(energies[np.ix_(nodes, nodes)][None]),
+        np.minimum(np.arange(len(route)) + 1, len(route) - 1),
     )
-    resume = np.minimum(np.arange(len(route)) + 1, len(route) - 1)
     can_leave = np.arange(len(route)) < len(route) - 1
     nobody = tuple(np.zeros((1, 2)) for _ in nodes)
     return FixedRoute(
-        Hops(*(np.ascontiguousarray(values[None]) for values in hops), resume),
+        hops,
         Slots(0.0, 1.0, 1),
         can_leave,
         curves,

@@ -167,8 +167,10 @@ class _Search:
             label = reached
 
     def _ways_on(self, label: _Label) -> NDArray[np.float64]:
-        at = (label.g, label.position, label.pad)
-        return np.asarray(onward(*at, self.least, self.left, *self.bounds, self.curves, self.best_s))
+        found = onward(
+            label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s
+        )  # fmt: skip
+        return np.asarray(found)
 
     def _go_on_from(self, label: _Label) -> None:
         """Queue the best way on from a label; the others wait in its iterator."""
