@@ -7,7 +7,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
-from fastapi import Request, Response  # noqa: TC002  FastAPI reads annotations at run time
+from fastapi import Request, Response
 from fastapi.responses import JSONResponse
 from starlette.staticfiles import StaticFiles
 
@@ -74,7 +74,15 @@ def add(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/fleet")
     async def fleet() -> Response:
-        return JSONResponse(await site.fleet.digest(), headers={"cache-control": "no-store"})
+        return Response(
+            await site.fleet.document(), media_type="application/json", headers={"cache-control": "no-store"}
+        )
+
+    @app.get("/api/positions")
+    async def positions(request: Request) -> Response:
+        since = request.query_params.get("since", "0")
+        told = await site.fleet.positions(int(since) if since.isdecimal() and len(since) < 16 else 0)
+        return Response(msgspec.json.encode(told), media_type="application/json", headers={"cache-control": "no-store"})
 
     @app.get("/api/flight")
     async def flight(request: Request) -> Response:

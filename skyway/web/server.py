@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import socket
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import InputError
 from skyway.web.guard import LOOPBACK, Guard
+from skyway.web.work.weather_and_zones import Given
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +38,8 @@ class ServeOptions:
     token: str | None = None
     demo: bool = False
     """A simulated delivery is flown from the start on."""
+    given: Given = field(default_factory=Given)
+    """Weather and pads of now, terrain, zones."""
     outline: Path | None = None
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 

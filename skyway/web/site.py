@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.web.folder import Folder
 from skyway.web.live.fleet import Fleet
 from skyway.web.live.flights import Flights
+from skyway.web.work.weather_and_zones import give
 from skyway.web.workers import Workers
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ class Site:
     def __init__(self, options: ServeOptions) -> None:
         self.options = options
         self.folder = Folder(options.folder)
-        self.workers = Workers()
+        give(options.given)  # the commands that are shown name it
+        self.workers = Workers(options.given)
         self.fleet = Fleet(self)
         self.flights = Flights(self.folder)
 

@@ -6,10 +6,13 @@ import asyncio
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
-from skyway.web.work.calls import call, prepare
+from skyway.web.work.calls import begin, call, prepare
+
+if TYPE_CHECKING:
+    from skyway.web.work.weather_and_zones import Given
 
 PROCESSES = 2
 """One plans while the other reads files."""
@@ -18,7 +21,8 @@ PROCESSES = 2
 class Workers:
     """A pool of processes; a call that kills its process is told, and the next one finds a new pool."""
 
-    def __init__(self) -> None:
+    def __init__(self, given: Given) -> None:
+        self._given = given
         self._pool: ProcessPoolExecutor | None = None
 
     def start(self, scenario: str | None) -> None:
@@ -46,7 +50,9 @@ class Workers:
 
     def _opened(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(PROCESSES, mp_context=multiprocessing.get_context("spawn"))
+            self._pool = ProcessPoolExecutor(
+                PROCESSES, mp_context=multiprocessing.get_context("spawn"), initializer=begin, initargs=(self._given,)
+            )
         return self._pool
 
 

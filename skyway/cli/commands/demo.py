@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skyway.cli import options
 from skyway.cli.options import FamilyName
+from skyway.cli.request_options import ERROR_HELP, FORECAST_HELP, OBSERVED_HELP
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import InputError, refuse
 from skyway.models.base.ranges import range_faults
 from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 def demo(
@@ -81,6 +85,16 @@ def serve(
     show_demo: Annotated[
         bool, typer.Option("--demo", help="Fly a simulated delivery, ten times faster than life, and show it.")
     ] = False,
+    forecast: Annotated[list[Path] | None, typer.Option(help=FORECAST_HELP)] = None,
+    forecast_error: Annotated[Path | None, typer.Option(help=ERROR_HELP)] = None,
+    observed: Annotated[list[str] | None, typer.Option(help=OBSERVED_HELP)] = None,
+    pads: Annotated[
+        str | None, typer.Option(help="Pads of now: tcp:HOST:PORT of their service, or a file; see skyway plan.")
+    ] = None,
+    terrain: options.TerrainFiles = None,
+    obstacles: options.ObstacleFiles = None,
+    zones: options.Zones = None,
+    authorized: options.Authorized = None,
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")
     ] = None,
@@ -96,11 +110,29 @@ def serve(
     """
     from skyway.web.server import ServeOptions
     from skyway.web.server import serve as run
+    from skyway.web.work.weather_and_zones import Given
 
+    known = Given(
+        forecast=_absolute(forecast), forecast_error="" if forecast_error is None else str(forecast_error.resolve()),
+        observed=tuple(str(Path(one).resolve()) if Path(one).exists() else one for one in observed or ()), pads=pads or "",
+        terrain=_absolute(terrain), obstacles=_absolute(obstacles), zones=_absolute(zones), authorized=tuple(authorized or ()),
+    )  # fmt: skip
     given = ServeOptions(
-        scenario=scenario, host=host, port=port, token=token, folder=folder, outline=outline, demo=show_demo
+        scenario=scenario,
+        host=host,
+        port=port,
+        token=token,
+        folder=folder,
+        outline=outline,
+        demo=show_demo,
+        given=known,
     )
     run(given, lambda words: typer.echo(words, err=True))
+
+
+def _absolute(files: Sequence[str | Path] | None) -> tuple[str, ...]:
+    """Paths as other processes find them."""
+    return tuple(str(Path(one).resolve()) for one in files or ())
 
 
 def _prove(path: Path, payload: float | None, *, force: bool) -> None:

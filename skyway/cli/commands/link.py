@@ -281,6 +281,9 @@ def watch(
     lasting: Annotated[
         float | None, typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.")
     ] = None,
+    every: Annotated[
+        float, typer.Option(help="Line by line, tell what is new so often, s, 0.05 to 1; all is told each second.")
+    ] = 1.0,
     as_json: options.AsJson = False,
 ) -> None:
     """Watch all vehicles on a connection: position, charge, wind, mode, link. Ctrl-C ends it.
@@ -296,11 +299,13 @@ def watch(
 
     if lasting is not None and not 0.0 < lasting < math.inf:
         raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
+    if not 0.05 <= every <= 1.0:
+        raise InputError("out of range", field="--every", value=every, remedy="0.05 to 1 seconds")
     with link.opened() as connection:
         watched = Watched(connection)
         begun_s = connection.clock.now_s()
         try:
-            show(watched, math.inf if lasting is None else begun_s + lasting, as_json=as_json)
+            show(watched, math.inf if lasting is None else begun_s + lasting, as_json=as_json, every_s=every)
         except KeyboardInterrupt:
             typer.echo("", err=True)
         if not watched.vehicles:

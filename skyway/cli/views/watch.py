@@ -140,6 +140,7 @@ class Watched:
         if connection.forwarder is not None:
             connection.forwarder.tell = lambda note: self._of_clients.append(note.said)
         self._asked_s: dict[int, float] = {}
+        self._told: dict[int, float] = {}
 
     def run_for(self, duration_s: float) -> None:
         """Take what comes, and ask those for telemetry that give none."""
@@ -167,6 +168,16 @@ class Watched:
         """Return what is known of each vehicle, in the order of their ids."""
         return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
 
+    def changed(self) -> list[VehicleRow]:
+        """Return what is known of each vehicle that has told where it is since this was asked last."""
+        found = []
+        for system in sorted(self.vehicles):
+            sample = self.vehicles[system].live.sample
+            if sample is not None and sample.time_s != self._told.get(system):
+                self._told[system] = sample.time_s
+                found.append(_row(self.vehicles[system]))
+        return found
+
     def remarks(self) -> list[str]:
         """What is wrong with the connection itself, for a person."""
         said = [f"vehicle {n}: unknown autopilot {kind}" for n, kind in self.strange.items()]
@@ -185,8 +196,11 @@ class Watched:
         return [*said, *self._of_clients]
 
 
-def show(watched: Watched, end_s: float, *, as_json: bool) -> None:
-    """Show the vehicles until a time: as a live table on a terminal, else line by line."""
+def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LINE_EVERY_S) -> None:
+    """Show the vehicles until a time: as a live table on a terminal, else line by line.
+
+    Line by line each vehicle is told once a second; where `every_s` is less, what is new of it is told so often besides.
+    """
     from rich.console import Console
     from rich.live import Live
 
@@ -198,9 +212,13 @@ def show(watched: Watched, end_s: float, *, as_json: bool) -> None:
                 live.update(_table(watched), refresh=True)
         return
     told: list[str] = []
+    all_s = -math.inf
     while clock.now_s() < end_s:
-        watched.run_for(min(_LINE_EVERY_S, end_s - clock.now_s()))
-        for row in watched.rows():
+        watched.run_for(min(every_s, end_s - clock.now_s()))
+        whole = every_s >= _LINE_EVERY_S or clock.now_s() >= all_s + _LINE_EVERY_S - 1e-3
+        all_s = clock.now_s() if whole else all_s
+        changed = watched.changed() if every_s < _LINE_EVERY_S else []
+        for row in watched.rows() if whole else changed:
             typer.echo(json_text(row) if as_json else "  ".join(_cells(row)))
         fresh = [remark for remark in watched.remarks() if remark not in told]
         told += fresh

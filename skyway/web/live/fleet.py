@@ -11,6 +11,8 @@ import json
 import time
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from skyway.models.base.errors import InputError, SkywayError
 from skyway.web.live.runs import Run
 
@@ -20,6 +22,12 @@ if TYPE_CHECKING:
 MOST_WATCHES = 16
 GONE_S = 300.0
 """A vehicle that was heard no later is left out of the digest."""
+EVERY_S = 0.1
+"""A watch tells what is new so often."""
+SAME_S = 0.4
+"""A digest holds for so long."""
+BATCH_S, LONGEST_S = 0.08, 5.0
+"""News of positions are gathered for so long before they go to a browser, which asks again after so long without any."""
 FRESH_S = 900.0
 """A journal written to within so long belongs to a flight under way."""
 
@@ -32,6 +40,9 @@ class Fleet:
         self.runs: dict[str, Run] = {}
         self._tasks: dict[str, asyncio.Task[int]] = {}
         self._vehicles: dict[tuple[str, int], dict[str, Any]] = {}
+        self._document: tuple[float, bytes] = (-1.0, b"")
+        self._version = 0
+        self._news = asyncio.Event()
         self._deliveries: tuple[float, list[dict[str, Any]]] = (0.0, [])
 
     def watch(self, connection: str) -> None:
@@ -46,7 +57,10 @@ class Fleet:
             raise InputError(
                 "too many connections are watched", field="--connect", value=connection, remedy="stop one of them"
             )
-        run = Run(["watch", "--connect", connection, "--json"], lambda line: self.heard(connection, line))
+        run = Run(
+            ["watch", "--connect", connection, "--every", f"{EVERY_S:g}", "--json"],
+            lambda line: self.heard(connection, line),
+        )
         self.runs[connection] = run
         self._tasks[connection] = asyncio.ensure_future(run.finished())
 
@@ -69,14 +83,47 @@ class Fleet:
             rows = told.get("vehicles", [told]) if isinstance(told, dict) else told
             for row in rows:
                 if isinstance(row, dict) and isinstance(row.get("system"), int):
-                    self._vehicles[connection, row["system"]] = row | {"heard_s": time.monotonic()}
+                    self._take((connection, row["system"]), row)
+
+    def _take(self, key: tuple[str, int], row: dict[str, Any]) -> None:
+        """Keep what a vehicle has told; where it has moved, browsers are told."""
+        before = self._vehicles.get(key)
+        moved = before is None or any(row.get(name) != before.get(name) for name in ("lat", "lon"))
+        if moved:
+            self._version += 1
+            self._news.set()
+        version = self._version if moved or before is None else before["version"]
+        self._vehicles[key] = row | {"heard_s": time.monotonic(), "version": version}
+
+    async def positions(self, since: int) -> dict[str, Any]:
+        """Return where those vehicles are that have moved since a version; waits until there are any, for a while."""
+        if since >= self._version:
+            self._news.clear()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._news.wait(), LONGEST_S)
+            await asyncio.sleep(BATCH_S)
+        rows = [
+            [f"{connection} {system}", row.get("lat"), row.get("lon")]
+            for (connection, system), row in self._vehicles.items()
+            if row["version"] > since
+        ]
+        return {"version": self._version, "rows": rows}
+
+    async def document(self) -> bytes:
+        """Return the digest as JSON; made once for all browsers that ask within a moment."""
+        made_s, known = self._document
+        if time.monotonic() < made_s + SAME_S:
+            return known
+        made = msgspec.json.encode(await self.digest())
+        self._document = time.monotonic(), made
+        return made
 
     async def digest(self) -> dict[str, Any]:
         """Return one document for everything: vehicles, watches, deliveries under way."""
         now_s = time.monotonic()
         self._vehicles = {key: row for key, row in self._vehicles.items() if now_s - row["heard_s"] < GONE_S}
         vehicles = [
-            {name: value for name, value in row.items() if name != "heard_s"}
+            {name: value for name, value in row.items() if name not in ("heard_s", "version")}
             | {"connection": connection, "age_s": round(now_s - row["heard_s"], 1)}
             for (connection, _), row in self._vehicles.items()
         ]

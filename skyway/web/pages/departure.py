@@ -33,7 +33,7 @@ class DepartureForm:
 
     def __init__(self, site: Site, begun: Callable[[str], None], shown: Callable[[list[list[float]]], None]) -> None:
         self.site, self._begun, self._shown = site, begun, shown
-        self.options = FlightOptions(scenario=site.scenario or "")
+        self.options = FlightOptions(scenario=site.scenario or "", given=tuple(site.options.given.words("fly")))
         self.plans: dict[str, dict[str, Any]] = {}
         text("h2", "Depart")
         self.choice = Field("Plan", self._choose, kind="select", hint="Saved on the page Plan, or by skyway plan -o")

@@ -1,11 +1,11 @@
 // Flights under way, one tab each, and vehicles that are heard: one digest a second for the map and the tables, one more for the flight that is open.
-import { h } from "vue";
-import { onMap, vehicleTable } from "skyway-flight/vehicles.js";
+import { h, markRaw } from "vue";
+import { keyOf, onMap, turn, vehicleTable } from "skyway-flight/vehicles.js";
 import { alarms, flightView } from "skyway-flight/view.js";
 
 const EVERY_MS = 1000;
 const KEPT_ROWS = 4000;
-const LONG_MS = 4000;
+const LONG_MS = 8000;
 const AROUND = 0.01; // degrees around the way of a flight
 
 const newId = () => [...crypto.getRandomValues(new Uint8Array(12))].map((one) => one.toString(16).padStart(2, "0")).join("");
@@ -19,7 +19,9 @@ export default {
   mounted() {
     this.courses = new Map();
     window.skywayFlights = this;
+    this.version = 0;
     this.poll();
+    this.follow();
   },
   unmounted() {
     clearTimeout(this.timer);
@@ -31,7 +33,7 @@ export default {
       const begun = performance.now();
       try {
         const [digest] = await Promise.all([this.fetched("/api/fleet"), this.look()]);
-        this.digest = Object.freeze(digest);
+        this.digest = markRaw(digest); // hundreds of rows: nobody watches each
         this.lost = false;
         this.draw();
       } catch {
@@ -40,6 +42,35 @@ export default {
       const wait = document.hidden ? 5 * EVERY_MS : Math.max(100, EVERY_MS - (performance.now() - begun));
       clearTimeout(this.timer);
       if (!this.gone) this.timer = setTimeout(() => this.poll(), wait);
+    },
+    // Between two digests: where vehicles have moved to, as soon as it is known.
+    async follow() {
+      while (!this.gone) {
+        try {
+          if (document.hidden || !this.digest.vehicles.length) await new Promise((done) => setTimeout(done, EVERY_MS));
+          else this.move(await this.fetched(`/api/positions?since=${this.version}`));
+        } catch {
+          await new Promise((done) => setTimeout(done, EVERY_MS));
+        }
+      }
+    },
+    move({ version, rows }) {
+      this.version = version;
+      const places = new Map(rows.map(([key, lat, lon]) => [key, [lat, lon]]));
+      for (const one of this.digest.vehicles) {
+        const place = places.get(keyOf(one));
+        if (place) [one.lat, one.lon] = place;
+      }
+      const map = window.skywayMap;
+      if (!map || !rows.length) return;
+      for (const one of map.state.vehicles) {
+        const place = places.get(one.id);
+        if (place && place[0] !== null) {
+          turn(one, place);
+          [one.lat, one.lon] = place;
+        }
+      }
+      map.changed();
     },
     async fetched(address) {
       const answer = await fetch(address, { signal: AbortSignal.timeout(LONG_MS) });

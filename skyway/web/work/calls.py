@@ -7,13 +7,18 @@ from importlib import import_module
 from typing import Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.web.work.weather_and_zones import Given, give
+
+
+def begin(what: Given) -> None:
+    """Begin a process: it knows what the page was started with, and leaves Ctrl-C to the server, which ends it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    give(what)
 
 
 def prepare(scenario: str | None) -> None:
     """Load what planning needs, before anybody waits for it."""
     from skyway.web.work.region import loaded
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this
 
     try:
         loaded(scenario)

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from skyway.planning import Conditions, Delivery, Pads
+from skyway.web.work.weather_and_zones import given
 
 ROBUST = "robust"
 MOST_PLANS = 4
@@ -76,18 +77,19 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         """Return the command that plans the same, for a shell."""
         words = ["skyway", "plan", *([] if scenario is None else [scenario])]
         words += ["--from", self.start.strip(), "--to", self.to.strip(), "--payload", _point(self.payload)]
-        given = {
+        named = {
             "--depart": self.depart, "--depart-window": self.window, "--drone": self.drone, "--airspeed": _point(self.airspeed),
             "--wind": self.wind,
         }  # fmt: skip
-        given["--not-before"] = self.not_before
-        for option, value in given.items():
+        named["--not-before"] = self.not_before
+        for option, value in named.items():
             words += [option, value.strip()] if value.strip() else []
         for option, value, usual in (("--reserve", self.reserve, "20"), ("--soc", self.soc, "100")):
             words += [option, _point(value)] if _point(value) != usual else []
         words += ["--objective", self.objective] if self.objective != "mean" else []
         words += [word for one in self.avoid for word in ("--avoid", one)]
         words += [word for one in self.stop_at for word in ("--stop-at", one)]
+        words += given().words()
         chosen = planner or self.planner
         words += ["--planner", chosen] if chosen != ROBUST else []
         if chosen == ROBUST:
@@ -113,12 +115,14 @@ def _point(text: str) -> str:
 
 
 def pads() -> Pads:
-    """What is known of the pads: what the scenario names."""
-    return Pads()
+    """What is known of the pads: what the page was told, else what the scenario names."""
+    return Pads(pads=given().pads or None)
 
 
 def conditions(question: Question, scenario: str | None) -> Conditions:
     """Return when, where and in which wind."""
     from pathlib import Path
 
-    return Conditions(scenario=None if scenario is None else Path(scenario), **question.conditions())
+    return Conditions(
+        scenario=None if scenario is None else Path(scenario), **(given().weather() | question.conditions())
+    )

@@ -15,7 +15,7 @@ from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 from skyway.planning import Conditions
 from skyway.plots.wind_summary import wind_report
-from skyway.scenarios import load_scenario
+from skyway.web.work.weather_and_zones import given
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,7 @@ def loaded(scenario: str | None) -> Scenario:
 
 @lru_cache(maxsize=2)
 def _kept(scenario: str | None, stamp: tuple[tuple[str, int, int], ...]) -> Scenario:  # noqa: ARG001  the stamp is the key
-    return load_scenario(None if scenario is None else Path(scenario))
+    return Conditions(scenario=None if scenario is None else Path(scenario), **given().region()).loaded()
 
 
 def _stamp(scenario: str | None) -> tuple[tuple[str, int, int], ...]:
@@ -111,7 +111,7 @@ def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) 
     Vectors are where the wind blows TO, m/s; `conditions` are fields of `skyway.planning.Conditions` as typed.
     """
     world = loaded(scenario)
-    asked = Conditions(**conditions)
+    asked = Conditions(**(given().weather() | conditions))
     with typed_values.as_typed():
         depart = asked.instant
         known, _ = asked.winds(world, depart, None)

@@ -74,5 +74,5 @@ function divert(view, words, mine) {
 
 export function asked(view) {
   const rows = view.asked.slice(-4).map((one) => h("li", { key: one.id, class: one.wrong ? "warn" : "" }, `${said(one.word)}: ${one.told}`));
-  return h("ul", { class: "asked", role: "status", "aria-label": "What became of your orders" }, rows);
+  return h("div", { class: "asked", role: "status", "aria-label": "What became of your orders" }, rows.length ? h("ul", rows) : null);
 }

@@ -13,6 +13,13 @@ export function onMap(found, courses) {
     .map((one) => ({ id: keyOf(one), name: String(one.system), lat: one.lat, lon: one.lon, heading_deg: course(one, courses), stale: one.age_s + one.silent_s > SILENT_S }));
 }
 
+// A vehicle on the map points to where it moves.
+export function turn(one, [lat, lon]) {
+  if (one.lat === lat && one.lon === lon) return;
+  const east = (lon - one.lon) * Math.cos((lat * Math.PI) / 180);
+  one.heading_deg = ((Math.atan2(east, lat - one.lat) * 180) / Math.PI + 360) % 360;
+}
+
 // Where it moved since the digest before; vehicles do not tell their course in a watch.
 function course(one, courses) {
   const known = courses.get(keyOf(one));

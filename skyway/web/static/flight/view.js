@@ -136,5 +136,5 @@ function list(title, rows, view) {
     const head = row.event === "decision" ? `${row.action}: ` : row.severity ? `${row.severity}: ` : "";
     return h("li", { key: row.n, class: grave ? "warn" : "" }, [h("time", clock(row.t, view)), ` ${head}${row.text}`]);
   });
-  return h("details", { open: title === "Decisions" }, [h("summary", title), h("ol", { class: "events", "aria-label": title }, items)]);
+  return h("details", { open: title === "Decisions" }, [h("summary", title), h("ol", { class: "events", tabindex: 0, "aria-label": title }, items)]);
 }

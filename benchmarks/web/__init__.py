@@ -1,0 +1,1 @@
+"""Benchmarks of the operator's page, in a real browser."""

@@ -1,0 +1,185 @@
+"""The page under load: vehicles at 1 Hz on one map, in several browsers at once. ``python -m benchmarks.web.bench_page [--vehicles 500] [--seconds 60]``.
+
+Frames per second while one browser zooms and drags, time from a packet to the frame that shows it, processor of the server, growth of memory, and how
+long a page takes until it can be used. It needs Chromium and the package playwright; without them it says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import socket
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from tests.web.browsing import chromium
+from tests.web.conftest import ended, served
+from tests.web.simulated import free_port
+
+EACH = 125
+"""Vehicles on one connection."""
+STAMP = 10_000_000
+"""The last digits of a latitude, 1e-7 degrees, tell the milliseconds of the packet, up to this."""
+BASE = 407_000_000
+
+FRAMES = """async () => {
+  const map = window.skywayMap, box = map.canvas.getBoundingClientRect();
+  let frames = 0, worst = 0, last = performance.now(); const begun = last;
+  while (performance.now() - begun < 6000) {
+    await new Promise(requestAnimationFrame);
+    const now = performance.now(); worst = Math.max(worst, now - last); last = now; frames++;
+    map.view.zoomAt(box.width / 2, box.height / 2, 0.02 * Math.sin(now / 400)); map.view.pan(3 * Math.sin(now / 300), 2 * Math.cos(now / 500)); map.changed();
+  }
+  return [frames / ((performance.now() - begun) / 1000), worst];
+}"""
+
+DELAYS = """async (id) => {
+  const found = []; let before = null; const begun = performance.now();
+  while (performance.now() - begun < 12000) {
+    await new Promise(requestAnimationFrame);
+    const one = window.skywayMap.state.vehicles.find((v) => v.id === id); if (!one) continue;
+    const stamp = Math.round(one.lat * 1e7) - 407000000;
+    if (stamp !== before && before !== null) found.push(((Date.now() % 10000000) - stamp + 10000000) % 10000000);
+    before = stamp;
+  }
+  return found;
+}"""
+
+
+class Traffic:
+    """Vehicles that tell where they are once a second, evenly over the second."""
+
+    def __init__(self, ports: list[int], count: int) -> None:
+        self.count, self.ports = count, ports
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._going = True
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        links = [mavlink.MAVLink(None, srcSystem=1 + n % EACH, srcComponent=1) for n in range(self.count)]
+        begun = time.monotonic()
+        at = 0
+        while self._going:
+            n = at % self.count
+            wait = begun + at / self.count - time.monotonic()
+            if wait > 0.0:
+                time.sleep(wait)
+            boot_ms = int(1000.0 * (time.monotonic() - begun))
+            link, where = links[n], ("127.0.0.1", self.ports[n // EACH])
+            lon = int(-739_000_000 + 60_000 * (n % 40) + 5_000 * math.sin(time.monotonic() + n))
+            lat = (
+                BASE + int(1000.0 * time.time()) % STAMP
+                if n % EACH == 0
+                else BASE + 50_000 * (n // 40) + 10 * (at // self.count)
+            )
+            beat = link.heartbeat_encode(2, 12, 209, 4 << 16 | 4 << 24, 4)
+            attitude = link.attitude_encode(boot_ms, 0.1, 0.0, 1.0, 0.0, 0.0, 0.0)
+            place = link.global_position_int_encode(boot_ms, lat, lon, 70_000, 60_000, 900, 900, 0, 4500)
+            for message in (beat, attitude, place):
+                self.socket.sendto(message.pack(link), where)
+            at += 1
+
+    def stop(self) -> None:
+        self._going = False
+        self._thread.join(5.0)
+
+
+def cpu_s(pid: int) -> float:
+    """Processor seconds of a process so far."""
+    import os
+
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def rss_mb(pid: int) -> float:
+    """Resident memory."""
+    return (
+        next(
+            int(line.split()[1])
+            for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+            if line.startswith("VmRSS")
+        )
+        / 1024.0
+    )
+
+
+def heap_mb(tab: Any) -> float:
+    """Memory of a tab's scripts, after a collection."""
+    session = tab.context.new_cdp_session(tab)
+    session.send("HeapProfiler.collectGarbage")
+    return float(session.send("Runtime.getHeapUsage")["usedSize"]) / 2**20
+
+
+def measure(vehicles: int, seconds: float, browsers: int) -> None:
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        page = served(Path(folder))
+        ports = [free_port() for _ in range(math.ceil(vehicles / EACH))]
+        time.sleep(5.0)
+        contexts = [browser.new_context(viewport={"width": 1280, "height": 900}) for _ in range(browsers)]
+        tabs = [context.new_page() for context in contexts]
+        begun = time.monotonic()
+        tabs[0].goto(f"{page.address}/fly")
+        tabs[0].wait_for_function("window.skywayMap?.state.region && document.querySelector('.tabs')")
+        told("page usable after", time.monotonic() - begun, "s", "<= 2")
+        for port in ports:
+            tabs[0].get_by_label("Connection", exact=True).fill(f"udpin:127.0.0.1:{port}")
+            tabs[0].get_by_label("Connection", exact=True).press("Tab")
+            tabs[0].get_by_role("button", name="Watch").click()
+            tabs[0].get_by_role("button", name=f"udpin:127.0.0.1:{port}").wait_for()
+        for tab in tabs[1:]:
+            tab.goto(f"{page.address}/fly")
+        traffic = Traffic(ports, vehicles)
+        for tab in tabs:
+            tab.wait_for_function(f"window.skywayMap?.state.vehicles.length >= {vehicles}", timeout=120_000)
+        time.sleep(5.0)
+        tabs[0].bring_to_front()
+        rss, heap = rss_mb(page.process.pid), heap_mb(tabs[0])
+        delays = sorted(tabs[0].evaluate(DELAYS, f"udpin:127.0.0.1:{ports[0]} 1"))
+        told("packet to screen, median", delays[len(delays) // 2], "ms", "<= 300")
+        told("packet to screen, slowest of 10", delays[int(0.9 * (len(delays) - 1))], "ms", "<= 300")
+        frames, worst = tabs[0].evaluate(FRAMES)
+        told("frames while zooming and dragging", frames, "1/s", ">= 30")
+        told("longest frame", worst, "ms", "")
+        used, at = cpu_s(page.process.pid), time.monotonic()
+        time.sleep(seconds)
+        told(
+            f"server with {browsers} browsers",
+            100.0 * (cpu_s(page.process.pid) - used) / (time.monotonic() - at),
+            "% of a core",
+            "<= 60",
+        )
+        told(f"growth of the server in {seconds:.0f} s", rss_mb(page.process.pid) - rss, "MB", "<= 50 in 2 h")
+        told(f"growth of a browser's scripts in {seconds:.0f} s", heap_mb(tabs[0]) - heap, "MB", "<= 50 in 2 h")
+        traffic.stop()
+        for context in contexts:
+            context.close()
+        ended(page)
+
+
+def told(name: str, value: float, unit: str, target: str) -> None:
+    print(f"{name:44} {value:8.1f} {unit:12} {target}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--vehicles", type=int, default=500)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--browsers", type=int, default=3)
+    given = parser.parse_args()
+    try:
+        measure(given.vehicles, given.seconds, given.browsers)
+    except BaseException as error:
+        if type(error).__name__ != "Skipped":
+            raise
+        print(f"not measured: {error}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Debian's Chromium, headless, and tabs of it that notice what they should not ask for and what goes wrong in them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync",
+]  # fmt: skip
+PATIENT_MS = 120_000
+AXE = os.environ.get("SKYWAY_AXE", "node_modules/axe-core/axe.min.js")
+"""axe-core of the npm registry: `npm install axe-core`; without it accessibility is not judged."""
+HELD_MS = 1_500
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """Start the browser; skip where there is none."""
+    api = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+    )
+    if found is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=found, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def person(browser: Any, address: str, path: str, *, minds: bool = True, **how: Any) -> Iterator[Any]:
+    """Open a page as a person of their own; nothing may be asked of another host, and nothing go wrong in the console, if that is minded."""
+    context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | how))
+    context.set_default_timeout(PATIENT_MS)
+    tab = context.new_page()
+    wrong: list[str] = []
+    elsewhere: list[str] = []
+    tab.on("console", lambda message: wrong.append(message.text) if message.type in {"error", "warning"} else None)
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    tab.on(
+        "request", lambda one: None if one.url.startswith((address, "blob:", "data:")) else elsewhere.append(one.url)
+    )
+    tab.goto(address + path)
+    tab.wait_for_selector("#main *")
+    yield tab
+    context.close()
+    assert elsewhere == []
+    if minds:
+        assert wrong == []
+
+
+def hold(tab: Any, words: str) -> None:
+    """Hold a button down for as long as it wants."""
+    button = tab.get_by_role("button", name=words).first
+    button.wait_for()
+    button.scroll_into_view_if_needed()
+    box = button.bounding_box()
+    tab.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    tab.mouse.down()
+    tab.wait_for_timeout(HELD_MS)
+    tab.mouse.up()
+
+
+def state(tab: Any, *wanted: str) -> None:
+    """Wait until the flight that is open is in one of some states."""
+    tab.wait_for_function(
+        "(wanted) => wanted.includes(document.querySelector('.flight .state')?.textContent)", arg=list(wanted)
+    )
