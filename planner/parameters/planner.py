@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from skyway.models.base.parameters import Parameters
 from skyway.planner.parameters.baselines import IesParameters, PfsParameters
+from skyway.planner.parameters.dispatch import DispatchParameters
 from skyway.planner.parameters.evaluation import EvaluationParameters
 from skyway.planner.parameters.exact import ExactParameters
 from skyway.planner.parameters.online import OnlineParameters
@@ -24,6 +25,7 @@ class PlannerParameters(Parameters):
     schedule: ScheduleParameters = field(default_factory=ScheduleParameters)
     online: OnlineParameters = field(default_factory=OnlineParameters)
     evaluation: EvaluationParameters = field(default_factory=EvaluationParameters)
+    dispatch: DispatchParameters = field(default_factory=DispatchParameters)
 
 
 USUAL = PlannerParameters()

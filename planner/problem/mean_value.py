@@ -8,6 +8,7 @@ are first in, first out is one again, so that the exact planner's proofs hold in
 from __future__ import annotations
 
 import math
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 from skyway.models.queues.sampling import expected_paths, no_queue
@@ -16,12 +17,19 @@ from skyway.planner.problem.sampled_queues import AskedQueues
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
 
 
 HOURS = 16.0
 """How far ahead speeds are worked out; beyond, the last hour holds on."""
+
+
+def energy_margin(margin: float, belief: EnergyBelief, epsilon: float) -> float:
+    """Margin of a flight's energy: for the wind, and for what is not known of the energy of the drone's next leg."""
+    mean, sigmas = belief.mean_ratio, NormalDist().inv_cdf(1.0 - epsilon)
+    return mean * (1.0 + math.hypot(margin, sigmas * belief.leg_sd / mean)) - 1.0
 
 
 class ExpectedQueues(AskedQueues):

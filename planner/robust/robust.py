@@ -15,7 +15,6 @@ import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +23,7 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.wind.ensemble import evenly
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.lookahead.lookahead import Lookahead
-from skyway.planner.problem.mean_value import ExpectedQueues
+from skyway.planner.problem.mean_value import ExpectedQueues, energy_margin
 from skyway.planner.problem.objective import Weights
 from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
@@ -342,16 +340,13 @@ class RobustSearch:
         begin, *others = self.parameters.margins
         first = self.errors.energy_of(self.problem.drone)
         then = first.learnt(first.mean_ratio, 1.0, soc_sd=0.0)
-        return self._with_energy(begin, first), *(self._with_energy(margin, then) for margin in others)
+        epsilon = self.problem.epsilon
+        return energy_margin(begin, first, epsilon), *(energy_margin(margin, then, epsilon) for margin in others)
 
     @property
     def _short_margin(self) -> float:
-        return self._with_energy(self.parameters.short_leg_margin, self.errors.energy_of(self.problem.drone))
-
-    def _with_energy(self, margin: float, belief: EnergyBelief) -> float:
-        """Margin for the wind, and for what is not known of the energy of the drone's next leg."""
-        mean, sigmas = belief.mean_ratio, NormalDist().inv_cdf(1.0 - self.problem.epsilon)
-        return mean * (1.0 + math.hypot(margin, sigmas * belief.leg_sd / mean)) - 1.0
+        belief = self.errors.energy_of(self.problem.drone)
+        return energy_margin(self.parameters.short_leg_margin, belief, self.problem.epsilon)
 
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:

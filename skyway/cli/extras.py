@@ -9,7 +9,6 @@ EXTRAS = {
     "lxml": "fly",
     "mavsdk": "fly",
     "filterpy": "fly",
-    "highspy": "fleet",
     "psycopg": "fleet",
     "matplotlib": "plot",
     "networkx": "graph",

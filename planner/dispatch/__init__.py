@@ -1,0 +1,1 @@
+"""Dispatch: which drone takes which order when, over which pads."""

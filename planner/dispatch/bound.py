@@ -1,0 +1,71 @@
+"""A bound of the cost that no plan of a fleet is below: an assignment of orders to what a drone did before.
+
+Each order that is served was fetched by a drone that came from its first place or from another order, and each of those has one next
+order at most. So the cheapest assignment of orders to predecessors bounds the cost from below, when each pair costs no more than in
+any plan: flights as in the best slot, charging at the fastest rate and only beyond what a full battery holds, pads always free.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.dispatch.problem import DispatchProblem
+
+MAX_CELLS = 40_000_000
+"""Pairs that are assigned; above, each order takes its cheapest predecessor."""
+
+
+def lower_bound(problem: DispatchProblem) -> float:
+    """Return a cost that no plan is below."""
+    fleet, orders, weights = problem.fleet, problem.orders, problem.weights
+    count = len(orders.origin)
+    if not count:
+        return 0.0
+    empty, loaded = (
+        _ways(problem, np.unique(fleet.empty_mode)),
+        _ways(problem, np.unique(orders.mode[orders.mode >= 0])),
+    )
+    legs_s, legs_need = loaded[0][orders.origin, orders.destination], loaded[1][orders.origin, orders.destination]
+    # From a drone's first place, and from where another order was delivered, at the earliest.
+    from_place = np.concatenate((fleet.place, orders.destination))
+    earliest = np.concatenate((fleet.from_s, orders.ready_s + legs_s))
+    way_s = empty[0][from_place[:, None], orders.origin[None, :]]
+    way_need = empty[1][from_place[:, None], orders.origin[None, :]]
+    begin = np.maximum(earliest[:, None] + way_s, orders.ready_s[None, :])
+    done = begin + legs_s[None, :]
+    late = np.maximum(done - orders.due_s[None, :], 0.0)
+    cost = done - orders.ready_s[None, :] + weights.lateness * late + weights.energy_s * (way_need + legs_need[None, :])
+    cost = np.where(late <= weights.max_late_s + 1e-6, cost, np.inf)
+    drones = len(fleet.place)
+    cost[drones + np.arange(count), np.arange(count)] = np.inf  # no order comes before itself
+    cost = np.minimum(cost, orders.refusal_s[None, :])
+    if cost.size > MAX_CELLS:
+        return float(cost.min(axis=0).sum())
+    from scipy.optimize import linear_sum_assignment
+
+    refused = np.full((count, count), np.inf)
+    np.fill_diagonal(refused, orders.refusal_s)
+    whole = np.concatenate((cost, refused))
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(whole), whole, 1e15))
+    return float(whole[rows, columns].sum())
+
+
+def _ways(problem: DispatchProblem, modes: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least time, and least charge, from each place to each, in the best mode and slot; charge beyond a full battery takes time."""
+    flights = problem.flights
+    time_s = flights.time_s[modes].min(axis=(0, 1))
+    need = flights.need[modes].min(axis=(0, 1)) * float(problem.fleet.scale.min())
+    diagonal = np.arange(len(time_s))
+    time_s[diagonal, diagonal] = need[diagonal, diagonal] = 0.0
+    for stop in flights.stops:
+        np.minimum(time_s, time_s[:, stop, None] + time_s[None, stop, :], out=time_s)
+        np.minimum(need, need[:, stop, None] + need[None, stop, :], out=need)
+    slopes = np.diff(flights.curve_s, axis=1) / np.maximum(np.diff(flights.curve_soc, axis=1), 1e-12)
+    fastest = float(slopes[np.diff(flights.curve_soc, axis=1) > 1e-9].min())
+    extra = np.maximum(need - (1.0 - flights.reserve), 0.0)
+    return time_s + np.where(np.isfinite(extra), fastest * extra, np.inf), need

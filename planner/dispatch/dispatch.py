@@ -1,0 +1,199 @@
+"""One entry to the dispatcher: `dispatch`."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.formatting import duration
+from skyway.models.base.units import from_posix
+from skyway.models.ledger.window import Window
+from skyway.planner.dispatch.bound import lower_bound
+from skyway.planner.dispatch.flights import Laid, lay_out_problem
+from skyway.planner.dispatch.improve import solve
+from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
+from skyway.planner.dispatch.route_kernels import (
+    BEGIN,
+    CHARGE,
+    END,
+    FLY,
+    FROM,
+    KIND,
+    LOADED,
+    ORDER,
+    PAD,
+    PHASE,
+    SOC,
+    SOC_AFTER,
+    TO,
+)
+from skyway.planner.dispatch.search import Search
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import DEFAULT_RESERVE_SOC
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime
+
+    from skyway.models.ledger.ledger import Hold
+    from skyway.models.orders.fitting import Work
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
+
+MAX_EXPLAINED = 200
+"""Refused orders that are looked at one by one for the reason."""
+
+
+def dispatch(
+    work: Work,
+    depart: datetime,
+    *,
+    forecast: WindEnsemble | None = None,
+    holds: Sequence[Hold] = (),
+    reserve: float = DEFAULT_RESERVE_SOC,
+    time_limit_s: float = 10.0,
+    iterations: int = 10**9,
+    seed: int = 0,
+    parameters: PlannerParameters = USUAL,
+) -> DispatchPlan:
+    """Plan which drone takes which order when, over which pads.
+
+    Parameters
+    ----------
+    work : Work
+        Orders and drones, found in a scenario.
+    depart : datetime
+        Nothing begins earlier.
+    forecast : WindEnsemble, optional
+        What is known of the wind; the scenario's by default.
+    holds : sequence of Hold
+        Windows of pads that others have booked.
+    reserve : float
+        Least charge at any landing.
+    time_limit_s, iterations : float, int
+        The search ends after either.
+    seed : int
+        Of everything random; with a limit on iterations alone the same plan comes out each time.
+    parameters : PlannerParameters, optional
+        Tuned numbers.
+
+    Raises
+    ------
+    InputError
+        It reaches beyond the forecast, or is too large.
+    """
+    started = time.perf_counter()
+    forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
+    laid = lay_out_problem(work, depart, forecast, parameters, holds=holds, reserve=reserve)
+    search = solve(laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations)
+    routes, answers = _told(work, laid, search)
+    health = {one.id: one.battery_health for one in work.vehicles}
+    energy_j = sum(
+        (one.soc_begin - one.soc_end) * health[route.drone] * work.scenario.drone(route.type).battery_j
+        for route in routes
+        for one in route.steps
+        if one.kind == "fly"
+    )
+    return DispatchPlan(
+        depart=depart,
+        answers=tuple(_explained(work, laid, answers, parameters)),
+        routes=tuple(routes),
+        cost_s=search.cost,
+        bound_s=lower_bound(laid.problem),
+        energy_j=energy_j,
+        iterations=search.iterations,
+        planning_time_s=time.perf_counter() - started,
+    )
+
+
+def _told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
+    """Tell the routes, and what becomes of the orders on them."""
+    stations = [work.scenario.network.stations[node].id for node in laid.places]
+    first_pad, pads = laid.problem.flights.first_pad, laid.problem.flights.pads
+    routes, answers = [], {}
+    for drone in np.flatnonzero(search.routes.length):
+        if not search.lay_out(int(drone)):  # what others changed since closed its way: better refused than told wrongly
+            search.clear(int(drone))
+            continue
+        rows = search.trace.rows[: search.trace.filled[0]].copy()
+        steps = []
+        windows: dict[int, list[Window]] = {}
+        last = search.route(int(drone))[-1]
+        for row in rows:
+            charge = row[KIND] == CHARGE
+            order = int(row[ORDER])
+            begin, end = from_posix(row[BEGIN]), from_posix(row[END])
+            place = int(row[FROM])
+            pad = int(row[PAD]) - int(first_pad[place]) + 1 if charge and pads[place] else None
+            steps.append(
+                Step(
+                    kind="charge" if charge else "fly",
+                    order=None if order < 0 else work.orders[order].id,
+                    phase=PHASES[int(row[PHASE])],
+                    origin=stations[place],
+                    destination=stations[int(row[TO])],
+                    begin=begin,
+                    end=end,
+                    soc_begin=float(row[SOC]),
+                    soc_end=float(row[SOC_AFTER]),
+                    pad=pad,
+                )
+            )
+            if pad is not None:
+                windows.setdefault(last if order < 0 else order, []).append(
+                    Window(station=stations[place], pad=pad, start=begin, end=end)
+                )
+        for order in search.route(int(drone)):
+            flown = rows[(rows[:, ORDER] == order) & (rows[:, PHASE] == LOADED) & (rows[:, KIND] == FLY)]
+            done = from_posix(flown[-1, END])
+            answers[order] = Answer(
+                order=work.orders[order].id,
+                status="served",
+                drone=work.vehicles[drone].id,
+                fetched=from_posix(flown[0, BEGIN]),
+                delivered=done,
+                late_s=max((done - work.orders[order].due).total_seconds(), 0.0),
+                windows=tuple(windows.get(order, ())),
+            )
+        orders = tuple(work.orders[one].id for one in search.route(int(drone)))
+        vehicle = work.vehicles[drone]
+        routes.append(Route(drone=vehicle.id, type=vehicle.type, orders=orders, steps=tuple(steps)))
+    return routes, answers
+
+
+def _explained(work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters) -> list[Answer]:
+    """Give each order that is not served its reason: what would become of it if it were the only one."""
+    patient = replace(laid.problem, weights=laid.problem.weights._replace(max_late_s=1e9), taken=())
+    refused = [number for number in range(len(work.orders)) if number not in answers]
+    alone = Search(patient, parameters.dispatch) if refused else None
+    for count, number in enumerate(refused):
+        order = work.orders[number]
+        reason = "the drones and pads serve orders that count more"
+        if alone is not None and count < MAX_EXPLAINED:
+            reason = _alone(work, alone, number, reason, parameters.dispatch.max_late_s)
+        answers[number] = Answer(order=order.id, status="refused", reason=reason)
+    return [answers[number] for number in range(len(work.orders))]
+
+
+def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: float) -> str:
+    """Return why an order is not served, by what would become of it without any other."""
+    drones, added, position = alone.tried(number)
+    if not len(drones) or not np.isfinite(added).any():
+        return "no drone of the fleet can fetch it, deliver it and be home in its time, even alone"
+    best = int(np.argmin(added))
+    drone = int(drones[best])
+    before = alone.saved(drone)
+    if not alone.insert(number, drone, int(position[best])):
+        return otherwise
+    rows = alone.trace.rows[: alone.trace.filled[0]]
+    done_s = float(rows[(rows[:, ORDER] == number) & (rows[:, PHASE] == LOADED)][-1, END])
+    alone.restore(drone, before)
+    alone.drone_of[number] = -1
+    late_s = done_s - work.orders[number].due.timestamp()
+    if late_s > max_late_s:
+        return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}"
+    return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it"

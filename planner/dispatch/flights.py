@@ -1,0 +1,257 @@
+"""Flights between the places of a dispatch problem: how long they take and what charge they need, by slot of the forecast.
+
+The speeds, waits and margins are those in which `robust` composes routes (`planner.problem.mean_value`): each segment at the speed whose flight
+time is the mean of the members', each station with the strangers' expected wait. A flight between two places overflies stations on the
+fastest way of the slot in which it begins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.units import S_PER_H
+from skyway.models.composition.composition import State
+from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, escapes, to_go
+from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.mean_value import energy_margin
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC, Request
+from skyway.planner.problem.speeds import MeanSpeeds
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.drone import Drone
+    from skyway.models.ledger.ledger import Hold
+    from skyway.models.orders.fitting import Work
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
+
+MAX_BYTES = 3e9
+"""Of the tables of flights."""
+AFTER_S = 4 * S_PER_H
+"""So long after the last order is due winds are worked out."""
+
+
+@dataclass(frozen=True)
+class Laid:
+    """A dispatch problem, and what its numbers stand for."""
+
+    problem: DispatchProblem
+    places: tuple[int, ...]
+    """Node of the network of each place."""
+    modes: tuple[tuple[str, float], ...]
+    """Drone and mass of each mode."""
+
+
+def lay_out_problem(
+    work: Work,
+    depart: datetime,
+    forecast: WindEnsemble,
+    parameters: PlannerParameters,
+    *,
+    holds: Sequence[Hold] = (),
+    reserve: float = DEFAULT_RESERVE_SOC,
+) -> Laid:
+    """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others.
+
+    An `InputError` refuses what is too far ahead for the forecast, or too large.
+    """
+    scenario, network = work.scenario, work.scenario.network
+    begin_s = depart.timestamp()
+    end_s = max((one.due.timestamp() for one in work.orders), default=begin_s) + AFTER_S
+    if end_s - begin_s > HORIZON_H * S_PER_H:
+        remedy = f"orders that are due within {HORIZON_H - 4} h"
+        raise InputError(
+            "reaches beyond the forecast", field="due", value=f"{(end_s - begin_s) / S_PER_H:.0f} h", remedy=remedy
+        )
+    named = {network.index[one] for order in work.orders for one in (order.origin, order.destination)}
+    stops = {node for node, station in enumerate(network.stations) if station.pads and not station.flyover}
+    places = tuple(sorted(stops | named))
+    place_of = {node: number for number, node in enumerate(places)}
+    types = [drone for drone in scenario.drones if any(one.type == drone.id for one in work.vehicles)]
+    modes = _modes(types, [one.mass_kg for one in work.orders], parameters.dispatch.payload_classes)
+    problems = [_problem(work, depart, forecast, parameters, drone, mass) for drone, mass in modes]
+    air = problems[0].air
+    slots = int(min(np.ceil((end_s - air.start_s) / air.slot_s), air.north.shape[1]))
+    if len(modes) * slots * len(places) ** 2 * 24.0 > MAX_BYTES:
+        found = f"{len(places)} places, {slots} slots of wind, {len(modes)} classes of packages"
+        raise InputError("is too large", field="orders", value=found, remedy="dispatch fewer hours or places at once")
+    pads = np.array([network.stations[node].pads for node in places], dtype=np.int64)
+    where = np.flatnonzero(pads > 0)
+    times, needs, ways = [], [], []
+    pace = {
+        drone.id: max(_pace_s(problem, places, where) for problem in problems if problem.drone is drone)
+        for drone in types
+    }
+    for problem, (drone, _) in zip(problems, modes, strict=True):
+        margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
+        time_s = _times(problem, places, slots, parameters.robust.speed_hours)
+        need = np.where(np.isfinite(time_s), (problem.soc_fixed + problem.soc_per_s * time_s) * (1.0 + margin), np.inf)
+        need = np.where(need <= 1.0 - reserve, need, np.inf)
+        times.append(np.where(np.isfinite(need), time_s, np.inf))
+        needs.append(need)
+        ways.append(to_go(times[-1], need, where, pace[drone.id], 1.0 - reserve))
+    need = np.stack(needs)
+    curves = [next(one for one in problems if one.drone is drone) for drone in types]
+    curve_of, curve_s, curve_soc = _charging(curves, places)
+    flights = Flights(
+        time_s=np.stack(times),
+        need=need,
+        to_go_s=np.stack(ways),
+        escape=escapes(need, where),
+        start_s=float(air.start_s),
+        slot_s=float(air.slot_s),
+        pads=pads,
+        first_pad=np.cumsum(pads) - pads,
+        stops=where,
+        curve_of=curve_of,
+        curve_s=curve_s,
+        curve_soc=curve_soc,
+        pace_s=np.array([pace[drone.id] for drone in types]),
+        wait_s=_strangers(problems[0], places, where),
+        wait_step_s=float(problems[0].waits.step_s),
+        reserve=reserve,
+    )
+    kind = {drone.id: number for number, drone in enumerate(types)}
+    empty = {drone.id: number for number, (drone, mass) in reversed(list(enumerate(modes))) if mass == 0.0}
+    fleet = Fleet(
+        type=np.array([kind[one.type] for one in work.vehicles], dtype=np.int64),
+        empty_mode=np.array([empty[one.type] for one in work.vehicles], dtype=np.int64),
+        place=np.array([place_of[network.index[one.place]] for one in work.vehicles], dtype=np.int64),
+        home=np.array([place_of[network.index[one.home]] for one in work.vehicles], dtype=np.int64),
+        soc=np.array([one.soc for one in work.vehicles]),
+        from_s=np.array([max(begin_s, one.available_from.timestamp() if one.available_from else begin_s) for one in work.vehicles]),
+        to_s=np.array([one.available_to.timestamp() if one.available_to else np.inf for one in work.vehicles]),
+        scale=np.array([1.0 / one.battery_health for one in work.vehicles]),
+    )  # fmt: skip
+    orders = _orders(work, begin_s, place_of, types, modes, parameters)
+    weigh = parameters.dispatch
+    weights = Weights(weigh.lateness, weigh.max_late_s, weigh.energy_s)
+    taken = _taken(holds, work, place_of, flights)
+    return Laid(
+        DispatchProblem(flights, fleet, orders, weights, taken), places, tuple((one.id, mass) for one, mass in modes)
+    )
+
+
+def _modes(types: Sequence[Drone], masses: Sequence[float], classes: int) -> list[tuple[Drone, float]]:
+    """Each drone empty, and with the packages that it may carry, by class."""
+    found = []
+    for drone in types:
+        steps = np.linspace(0.0, drone.max_payload_kg, classes + 1)[1:] if drone.max_payload_kg > 0.0 else np.empty(0)
+        used = {float(steps[_class_of(mass, steps)]) for mass in masses if mass <= drone.max_payload_kg and len(steps)}
+        found += [(drone, 0.0), *((drone, mass) for mass in sorted(used))]
+    return found
+
+
+def _class_of(mass_kg: float, steps: NDArray[np.float64]) -> int:
+    return min(int(np.searchsorted(steps, mass_kg - 1e-9)), len(steps) - 1)
+
+
+def _problem(work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters, drone: Drone, mass_kg: float) -> Problem:  # fmt: skip
+    stations = work.scenario.network.stations
+    start = work.vehicles[0].place
+    other = next((one.id for one in stations if one.id != start and not one.flyover), start)
+    request = Request(state=State(depart, start, None, 1.0), destination=other, payload_kg=mass_kg, drone=drone.id, epsilon=DEFAULT_EPSILON)  # fmt: skip
+    return Problem(work.scenario, request, drone, forecast, parameters=parameters).thinned(parameters.robust.members)
+
+
+def _times(problem: Problem, places: Sequence[int], slots: int, hours: float) -> NDArray[np.float64]:
+    """Time of a flight without a landing between places by the slot in which it begins, s, shape (slots, places, places)."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    network, air = problem.network, problem.air
+    speeds = MeanSpeeds(air, problem.probability, max(hours, slots * air.slot_s / S_PER_H))
+    table = speeds.over(0, slots - 1, np.arange(len(network.tail)))
+    found = np.empty((slots, len(places), len(places)))
+    nodes = np.array(places)
+    for slot in range(slots):
+        if slot and np.array_equal(table[slot], table[slot - 1]):
+            found[slot] = found[slot - 1]
+            continue
+        open_ = table[slot] > 0.0
+        weight = air.distance_m[open_] / table[slot][open_]
+        size = len(network)
+        graph = csr_array((weight, (network.tail[open_], network.head[open_])), shape=(size, size))
+        found[slot] = dijkstra(graph, indices=nodes)[:, nodes] + air.climb_s + air.descent_s
+    diagonal = np.arange(len(places))
+    found[:, diagonal, diagonal] = np.inf
+    return found
+
+
+def _pace_s(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> float:
+    """Seconds that a whole battery takes at the fastest rate of the usual pad."""
+    slopes = [time[1] / soc[1] for time, soc in (problem.curve(places[number]) for number in where)]
+    return float(np.median(slopes))
+
+
+def _charging(
+    curves: Sequence[Problem], places: Sequence[int]
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Which charging curve each type of drone has at each place, and the curves: times and charges."""
+    points = max(problem.padded_curves[0].shape[1] for problem in curves)
+    times, levels, of, first = [], [], [], 0
+    for problem in curves:
+        time_s, soc = problem.padded_curves
+        width = (0, 0), (0, points - time_s.shape[1])
+        times.append(np.pad(time_s, width, mode="edge"))
+        levels.append(np.pad(soc, width, mode="edge"))
+        of.append(first + problem.curve_of[list(places)])
+        first += len(time_s)
+    return np.array(of, dtype=np.int64), np.concatenate(times), np.concatenate(levels)
+
+
+def _strangers(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Mean waits for pads that other drones have, shape (places, times), from the beginning of the forecast on."""
+    nodes = [places[number] for number in where]
+    waits = problem.waits
+    waits.need(nodes)
+    found = np.zeros((len(places), waits.wait_s.shape[1]))
+    found[where] = waits.wait_s[nodes]
+    lead = max(round((waits.start_s - problem.air.start_s) / waits.step_s), 0)
+    return np.ascontiguousarray(np.concatenate((np.repeat(found[:, :1], lead, axis=1), found), axis=1))
+
+
+def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequence[Drone], modes: Sequence[tuple[Drone, float]], parameters: PlannerParameters) -> Orders:  # fmt: skip
+    weigh, index = parameters.dispatch, work.scenario.network.index
+    values = [one.value for one in work.orders if one.value]
+    usual = sum(values) / len(values) if values else 1.0
+    number = {(drone.id, mass): place for place, (drone, mass) in enumerate(modes)}
+    mode = np.full((len(types), len(work.orders)), -1, dtype=np.int64)
+    for row, drone in enumerate(types):
+        steps = np.linspace(0.0, drone.max_payload_kg, weigh.payload_classes + 1)[1:]
+        for column, order in enumerate(work.orders):
+            if order.mass_kg <= drone.max_payload_kg + 1e-9 and drone.max_payload_kg > 0.0:
+                mode[row, column] = number[drone.id, float(steps[_class_of(order.mass_kg, steps)])]
+    worth = [1.0 if one.value is None else min(max(one.value / usual, 0.25), 4.0) for one in work.orders]
+    return Orders(
+        origin=np.array([place_of[index[one.origin]] for one in work.orders], dtype=np.int64),
+        destination=np.array([place_of[index[one.destination]] for one in work.orders], dtype=np.int64),
+        ready_s=np.array([max(one.ready.timestamp(), begin_s) for one in work.orders], dtype=np.float64),
+        due_s=np.array([one.due.timestamp() for one in work.orders], dtype=np.float64),
+        refusal_s=np.array(
+            [weigh.refusal_s * weigh.priority_factor**one.priority * share for one, share in zip(work.orders, worth, strict=True)],
+            dtype=np.float64,
+        ),
+        mode=mode,
+    )  # fmt: skip
+
+
+def _taken(holds: Sequence[Hold], work: Work, place_of: dict[int, int], flights: Flights) -> tuple[tuple[int, float, float], ...]:  # fmt: skip
+    """Windows of others, by the number of the pad among all; those of stations or pads that the scenario has not are left out."""
+    index = work.scenario.network.index
+    found = []
+    for hold in holds:
+        place = place_of.get(index.get(hold.window.station, -1))
+        if place is not None and hold.window.pad <= flights.pads[place]:
+            pad = int(flights.first_pad[place]) + hold.window.pad - 1
+            found.append((pad, hold.window.opens.timestamp(), hold.window.closes.timestamp()))
+    return tuple(found)

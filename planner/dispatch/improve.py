@@ -1,0 +1,172 @@
+"""Adaptive large neighbourhood search: orders are taken out of the routes of a fleet and put in elsewhere, over and over."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+from skyway.planner.dispatch.search import Search
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.dispatch.problem import DispatchProblem
+    from skyway.planner.parameters.dispatch import DispatchParameters
+
+CHARGED_WAITING = (1.0, 1.0, 0.8, 0.6, 0.4, 0.0)
+"""Up to which charge drones charge while they wait: tried at random, since a pad that one leaves another may need."""
+NOISES = (0.0, 0.0, 0.1, 0.3, 1.0)
+"""How the cost of an insertion is blurred, as the standard deviation of its logarithm: each is tried at random."""
+REGRETTED = 12
+"""Up to so many orders are put in with regret."""
+KEEPS_BEST = 200
+"""Up to so many drones worse routes are accepted for a while, and the best ones kept apart."""
+RESTYLED = 0.3
+"""Share of the drones whose routes change that try another charge to wait for."""
+GAINS = (3.0, 1.0, 0.2)
+"""What the way of taking orders out earns: for the best routes so far, for better ones, and for others."""
+MEMORY = 0.95
+
+
+class Improver:
+    """Betters the routes of a search."""
+
+    def __init__(self, search: Search) -> None:
+        self.search, self.random = search, search.random
+        self.orders, self.parameters = search.problem.orders, search.parameters
+        self._ways = (self._at_random, self._near_one, self._costly, self._of_drones)
+
+    def improve(self, *, end_at: float, iterations: int) -> None:
+        """Search until a time, or for so many iterations; the best routes stay."""
+        search, count = self.search, self.parameters
+        if not search.orders:
+            return
+        weight = np.ones(len(self._ways))
+        served = max(int((search.drone_of >= 0).sum()), 1)
+        scale = max(float(search.routes.total.sum()) / served, 1.0) * count.cooling
+        share = math.ceil(count.destroyed_share * min(search.orders, 40))
+        most = max(min(count.destroyed, search.orders), share)
+        keeps = search.drones <= KEEPS_BEST
+        current = best_cost = search.cost
+        best = self._all() if keeps else None
+        begin = time.perf_counter()
+        for number in range(iterations):
+            now = time.perf_counter()
+            if now >= end_at:
+                break
+            warmth = 1.0 - max(number / iterations, (now - begin) / max(end_at - begin, 1e-9)) if keeps else 0.0
+            way = int(self.random.choice(len(self._ways), p=weight / weight.sum()))
+            search.watch()
+            done = self._changed(self._ways[way](int(self.random.integers(1, most + 1))), most)
+            cost = search.cost
+            gain = GAINS[0] if cost < best_cost - 1e-6 else GAINS[1] if cost < current - 1e-6 else GAINS[2]
+            weight[way] = MEMORY * weight[way] + (1.0 - MEMORY) * gain
+            allowed = self.random.random() < math.exp(min((current - cost) / max(scale * warmth, 1e-9), 0.0))
+            if not done or not allowed:
+                search.back()
+            else:
+                search.undo, current = None, cost
+                if cost < best_cost - 1e-6:
+                    best_cost, best = cost, self._all() if keeps else None
+            search.iterations += 1
+        if best is not None and search.cost > best_cost:
+            search.all_back(best)
+
+    def _all(self) -> tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]:
+        search = self.search
+        return {drone: search.saved(drone) for drone in range(search.drones)}, search.drone_of.copy()
+
+    def _changed(self, chosen: list[int], most: int) -> bool:
+        """Take orders out and put them in again, with some that are not served; false where a route does not fly without them."""
+        search = self.search
+        outside = np.flatnonzero(search.drone_of < 0)
+        outside = self.random.permutation(outside)[:most]
+        self._restyle({int(search.drone_of[one]) for one in chosen})
+        if not search.remove(chosen):
+            return False
+        waiting = list(dict.fromkeys((*chosen, *(int(one) for one in outside))))
+        how = self.random.random()
+        if how < 0.4 and len(waiting) <= REGRETTED:
+            search.insert_with_regret(waiting)
+            return True
+        self.random.shuffle(waiting)
+        if how < 0.7:
+            waiting.sort(key=lambda one: -self.orders.refusal_s[one])
+        noise = float(self.random.choice(NOISES))
+        for one in waiting:
+            search.insert_best(one, noise)
+        return True
+
+    def _restyle(self, changing: set[int]) -> None:
+        """Let some drones wait for another charge: of those that are about to change, and of those without orders."""
+        search = self.search
+        idle = self.random.permutation(np.flatnonzero(search.routes.length == 0))[:8]
+        for drone in sorted(changing | {int(one) for one in idle}):
+            if self.random.random() < RESTYLED:
+                if search.undo is not None:
+                    search.undo.saved.setdefault(drone, search.saved(drone))
+                search.routes.most[drone] = self.random.choice(CHARGED_WAITING)
+
+    def _served(self) -> NDArray[np.int64]:
+        return np.flatnonzero(self.search.drone_of >= 0)
+
+    def _at_random(self, count: int) -> list[int]:
+        return [int(one) for one in self.random.permutation(self._served())[:count]]
+
+    def _near_one(self, count: int) -> list[int]:
+        """Orders that are near to one in time and place."""
+        served = self._served()
+        if not len(served):
+            return []
+        orders = self.orders
+        way = self.search.problem.flights.to_go_s[0, 0]
+        one = int(self.random.choice(served))
+        far = way[orders.origin[one], orders.origin[served]] + way[orders.destination[one], orders.destination[served]]
+        far = np.where(np.isfinite(far), far, 1e6) + np.abs(orders.ready_s[one] - orders.ready_s[served])
+        far *= self.random.uniform(0.7, 1.3, len(far))
+        return [int(served[place]) for place in np.argsort(far)[:count]]
+
+    def _costly(self, count: int) -> list[int]:
+        """Orders that add most to their routes."""
+        served, search = self._served(), self.search
+        if len(served) > 20 * count:
+            served = self.random.permutation(served)[: 20 * count]
+        drone = search.drone_of[served]
+        position = [search.route(int(d)).index(int(o)) for d, o in zip(drone, served, strict=True)]
+        place = np.array(position, dtype=np.int64)
+        added = search.routes.cost[drone, place + 1] - search.routes.cost[drone, place]
+        added *= self.random.uniform(0.3, 1.0, len(added))
+        return [int(served[place]) for place in np.argsort(-added)[:count]]
+
+    def _of_drones(self, count: int) -> list[int]:
+        """Whole routes."""
+        found: list[int] = []
+        for drone in self.random.permutation(np.flatnonzero(self.search.routes.length)):
+            found += self.search.route(int(drone))
+            if len(found) >= count:
+                break
+        return found[: 2 * count]
+
+
+def solve(
+    problem: DispatchProblem,
+    parameters: DispatchParameters,
+    *,
+    seed: int = 0,
+    time_limit_s: float = 10.0,
+    iterations: int = 10**9,
+) -> Search:
+    """Search for routes, for so long or so many iterations; an `InputError` refuses a limit that is not above 0."""
+    if not time_limit_s > 0.0:
+        raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
+    search = Search(problem, parameters, seed)
+    search.warm_up()
+    end_at = time.perf_counter() + time_limit_s
+    search.build(end_at)
+    Improver(search).improve(end_at=end_at, iterations=iterations)
+    search.polish()
+    return search

@@ -1,0 +1,114 @@
+"""A dispatch problem as arrays: flights between places, drones, orders, pads and what is weighed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Flights(NamedTuple):
+    """Flights between places without a landing, by mode (a drone with a class of packages) and slot of time."""
+
+    time_s: NDArray[np.float64]
+    """Shape (modes, slots, places, places); infinite where it cannot be flown."""
+    need: NDArray[np.float64]
+    """The same shape: charge that it takes, with the margin that keeps the reserve."""
+    to_go_s: NDArray[np.float64]
+    """The same shape: least time from one place to another with all charging that the energy costs."""
+    escape: NDArray[np.float64]
+    """Shape (modes, places): charge that takes a drone from a place to one with pads, in any slot; 0 where there are some."""
+    start_s: float
+    slot_s: float
+    """When the first slot begins, POSIX seconds, and how long each is; the last one holds on."""
+    pads: NDArray[np.int64]
+    first_pad: NDArray[np.int64]
+    """Shape (places,) each: how many pads a place has, and the number of its first one among all pads."""
+    stops: NDArray[np.int64]
+    """Places with pads."""
+    curve_of: NDArray[np.int64]
+    """Shape (types, places): the charging curve of a type of drone at a place."""
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+    """Shape (curves, points) each: charging from empty."""
+    pace_s: NDArray[np.float64]
+    """Shape (types,): seconds of charging for the whole battery at the fastest rate."""
+    wait_s: NDArray[np.float64]
+    """Shape (places, times): mean wait for a pad that strangers have, at steps from the start."""
+    wait_step_s: float
+    reserve: float
+
+
+class Fleet(NamedTuple):
+    """Drones, shape (drones,) each."""
+
+    type: NDArray[np.int64]
+    empty_mode: NDArray[np.int64]
+    """Mode without a package."""
+    place: NDArray[np.int64]
+    home: NDArray[np.int64]
+    soc: NDArray[np.float64]
+    from_s: NDArray[np.float64]
+    to_s: NDArray[np.float64]
+    """When it is available, POSIX seconds; infinite where nothing ends it."""
+    scale: NDArray[np.float64]
+    """What a charge of a new battery is of this one: 1 / health."""
+
+
+class Orders(NamedTuple):
+    """Orders, shape (orders,) each but `mode`."""
+
+    origin: NDArray[np.int64]
+    destination: NDArray[np.int64]
+    ready_s: NDArray[np.float64]
+    due_s: NDArray[np.float64]
+    refusal_s: NDArray[np.float64]
+    """What it costs not to serve it."""
+    mode: NDArray[np.int64]
+    """Shape (types, orders): mode of a type of drone that carries it; -1 where it is too heavy."""
+
+
+class Weights(NamedTuple):
+    """What is weighed, see `planner.parameters.dispatch`."""
+
+    lateness: float
+    max_late_s: float
+    energy_s: float
+
+
+@dataclass(frozen=True)
+class DispatchProblem:
+    """A whole problem; `taken` has windows of pads that are booked already: pad, start and end."""
+
+    flights: Flights
+    fleet: Fleet
+    orders: Orders
+    weights: Weights
+    taken: tuple[tuple[int, float, float], ...] = ()
+
+
+def to_go(time_s: NDArray[np.float64], need: NDArray[np.float64], stops: NDArray[np.int64], pace_s: float, budget: float) -> NDArray[np.float64]:  # fmt: skip
+    """Least time between places with the charging for all energy, landing only at `stops`; shape (..., places, places).
+
+    Floyd and Warshall's recurrence over the stops: w_ij = min(w_ij, w_ik + w_kj), with w_ij = T_ij + pace E_ij for flights that a full
+    battery can make.
+    """
+    ways = np.where(need <= budget + 1e-12, time_s + pace_s * need, np.inf)
+    diagonal = np.arange(time_s.shape[-1])
+    ways[..., diagonal, diagonal] = 0.0
+    for stop in stops:
+        np.minimum(ways, ways[..., :, stop, None] + ways[..., None, stop, :], out=ways)
+    return ways
+
+
+def escapes(need: NDArray[np.float64], stops: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Charge from each place to the nearest stop, in the worst slot in which one can be reached; shape (modes, places)."""
+    least = need[:, :, :, stops].min(axis=3)
+    worst = np.where(np.isfinite(least), least, -np.inf).max(axis=1)
+    worst = np.where(np.isfinite(worst), worst, np.inf)
+    worst[:, stops] = 0.0
+    return worst

@@ -1,0 +1,104 @@
+"""What a dispatcher answers: what each drone does when, and what becomes of each order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from skyway.models.ledger.window import Window
+
+SCHEMA = "skyway.dispatch/1"
+Phase = Literal["to the package", "with the package", "home"]
+PHASES: tuple[Phase, ...] = ("to the package", "with the package", "home")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One flight, or one charge on a pad."""
+
+    kind: Literal["fly", "charge"]
+    order: str | None
+    """The order that it is for; None on the way home."""
+    phase: Phase
+    origin: str
+    destination: str
+    """Ids of stations; of a charge both are its station."""
+    begin: datetime
+    end: datetime
+    soc_begin: float
+    soc_end: float
+    """0 to 1 of what the battery holds today; a flight's charge has the margin that keeps the reserve."""
+    pad: int | None = None
+    """Number of the pad, from 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """What one drone does."""
+
+    drone: str
+    type: str
+    orders: tuple[str, ...]
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What becomes of one order."""
+
+    order: str
+    status: Literal["served", "refused"]
+    drone: str | None = None
+    fetched: datetime | None = None
+    delivered: datetime | None = None
+    """Take-off with the package, and touch-down with it."""
+    late_s: float = 0.0
+    reason: str | None = None
+    """Why it is refused."""
+    windows: tuple[Window, ...] = ()
+    """Pads that its flights hold, those of the way home after it included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DispatchPlan:
+    """A plan for a fleet.
+
+    Attributes
+    ----------
+    depart : datetime
+        Planned from here on.
+    answers : tuple of Answer
+        Of all orders, as they were given.
+    routes : tuple of Route
+        Of the drones that have orders.
+    cost_s, bound_s : float
+        What is weighed (`planner.parameters.dispatch`), in seconds, and what no plan of this fleet can be below.
+    energy_j : float
+        Of all flights, margins included.
+    iterations : int
+        Changes tried.
+    planning_time_s : float
+        Wall time.
+    """
+
+    depart: datetime
+    answers: tuple[Answer, ...]
+    routes: tuple[Route, ...]
+    cost_s: float
+    bound_s: float
+    energy_j: float
+    iterations: int
+    planning_time_s: float
+
+    @property
+    def served(self) -> int:
+        """Orders served."""
+        return sum(one.status == "served" for one in self.answers)
+
+    @property
+    def late(self) -> int:
+        """Orders served, but after they are due."""
+        return sum(one.late_s > 0.5 for one in self.answers)

@@ -1,0 +1,251 @@
+"""The routes of a fleet as they are searched: orders put into them, with regret, and taken out."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
+from skyway.planner.dispatch.route_kernels import Calendar, Trace
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.planner.dispatch.problem import DispatchProblem
+    from skyway.planner.parameters.dispatch import DispatchParameters
+
+MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
+"""Orders, windows of pads, and flights and charges of one drone."""
+SAVED = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
+
+
+@dataclass
+class Undo:
+    """What drones were before a change, so that it can be taken back."""
+
+    drone_of: NDArray[np.int64]
+    saved: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
+
+
+class Search:
+    """The routes of a fleet, as they are bettered; everything random comes from a seed."""
+
+    def __init__(self, problem: DispatchProblem, parameters: DispatchParameters, seed: int = 0) -> None:
+        self.problem, self.parameters = problem, parameters
+        self.random = np.random.default_rng(seed)
+        flights, fleet, orders = problem.flights, problem.fleet, problem.orders
+        self.drones, self.orders = len(fleet.place), len(orders.origin)
+        most = min(MAX_ROUTE, self.orders)
+        shape = self.drones, most + 1
+        self.routes = Routes(
+            order=np.full((self.drones, max(most, 1)), -1, dtype=np.int64),
+            length=np.zeros(self.drones, dtype=np.int64),
+            time_s=np.repeat(fleet.from_s[:, None], most + 1, axis=1),
+            soc=np.repeat(fleet.soc[:, None], most + 1, axis=1),
+            cost=np.zeros(shape),
+            total=np.zeros(self.drones),
+            window=np.zeros((self.drones, min(MAX_WINDOWS, 12 * most + 12), 3)),
+            windows=np.zeros(self.drones, dtype=np.int64),
+            most=np.ones(self.drones),
+        )
+        pads = int(flights.pads.sum())
+        taken = np.bincount([pad for pad, _, _ in problem.taken], minlength=pads)
+        depth = int(taken.max(initial=0)) + max(64, 8 * self.orders * 4 // max(pads, 1) + 64)
+        self.calendar = Calendar(
+            np.zeros((pads, depth)), np.zeros((pads, depth)), np.zeros((pads, depth), dtype=np.int64),
+            np.zeros(pads, dtype=np.int64),
+        )  # fmt: skip
+        for pad, begin_s, end_s in problem.taken:
+            book(self.calendar, pad, begin_s, end_s, -1)
+        self.trace = Trace(np.zeros((MAX_ROWS, 10)), np.zeros(1, dtype=np.int64))
+        self._silent = Trace(np.zeros((0, 10)), np.zeros(1, dtype=np.int64))
+        self.drone_of = np.full(self.orders, -1, dtype=np.int64)
+        """Which drone serves each order; -1: none."""
+        self._wanted = [int(one) for one in np.lexsort((orders.due_s, -orders.refusal_s))]
+        self._least = self._least_arrivals()
+        self.iterations = 0
+        self.undo: Undo | None = None
+        """Remembers what drones were before they change, where that may be taken back."""
+
+    @property
+    def cost(self) -> float:
+        """What is weighed, of all routes and of the orders that are not served."""
+        return float(self.routes.total.sum() + self.problem.orders.refusal_s[self.drone_of < 0].sum())
+
+    def _least_arrivals(self) -> NDArray[np.float64]:
+        """When each drone could be at each origin from where it stands, shape (drones, orders): the guide to drones that are tried."""
+        flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
+        slot = np.clip(((fleet.from_s - flights.start_s) / flights.slot_s).astype(int), 0, flights.time_s.shape[1] - 1)
+        way = flights.to_go_s[fleet.empty_mode, slot, fleet.place]
+        found = fleet.from_s[:, None] + way[:, orders.origin]
+        return np.where(orders.mode[fleet.type] >= 0, found, np.inf)
+
+    def candidates(self, order: int) -> NDArray[np.int64]:
+        """Return the drones that an order is tried with: those that could fetch it first, as their routes are now."""
+        count = self.parameters.vehicles_tried
+        if self.drones <= count:
+            return np.arange(self.drones)
+        flights, orders, routes = self.problem.flights, self.problem.orders, self.routes
+        end = routes.length
+        at = routes.time_s[np.arange(self.drones), end]
+        last = routes.order[np.arange(self.drones), np.maximum(end - 1, 0)]
+        place = np.where(end > 0, orders.destination[last], self.problem.fleet.place)
+        slot = np.clip(((at - flights.start_s) / flights.slot_s).astype(int), 0, flights.time_s.shape[1] - 1)
+        behind = at + flights.to_go_s[self.problem.fleet.empty_mode, slot, place, orders.origin[order]]
+        way_s = flights.to_go_s[self.problem.fleet.empty_mode, slot, place, orders.origin[order]]
+        first = np.minimum(np.where(np.isfinite(self._least[:, order]), behind, np.inf), np.inf)
+        score = np.maximum(first, orders.ready_s[order]) + 0.5 * way_s
+        busy = np.isfinite(self._least[:, order]) & (at > orders.due_s[order])  # it may still fit in before
+        score = np.where(busy, np.maximum(self._least[:, order], orders.ready_s[order]) + 600.0, score)
+        chosen = np.argpartition(score, count)[:count]
+        found: NDArray[np.int64] = chosen[np.isfinite(score[chosen])]
+        return found
+
+    def tried(self, order: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+        """Return drones, what an order adds to the cost of each, and where in its route."""
+        drones = self.candidates(order)
+        added, position = np.empty(len(drones)), np.empty(len(drones), dtype=np.int64)
+        p = self.problem
+        insertions(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self._silent, order, drones, added, position)  # fmt: skip
+        return drones, added, position
+
+    def lay_out(self, drone: int) -> bool:
+        """Fly a route anew; what the drone does is in `trace`."""
+        p = self.problem
+        return bool(lay_out(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self.trace, drone))
+
+    def _changed(self, drone: int, route: Sequence[int]) -> bool:
+        """Give a drone another route; false, and all as before, where it cannot fly it."""
+        before = self.saved(drone)
+        if self.undo is not None:
+            self.undo.saved.setdefault(drone, before)
+        self.routes.order[drone, : len(route)] = route
+        self.routes.length[drone] = len(route)
+        if self.lay_out(drone):
+            return True
+        self.restore(drone, before)
+        return False
+
+    def saved(self, drone: int) -> list[NDArray[np.float64]]:
+        """Return all that there is of a drone, for `restore`."""
+        return [getattr(self.routes, name)[drone].copy() for name in SAVED]
+
+    def restore(self, drone: int, saved: list[NDArray[np.float64]]) -> None:
+        """Make a drone what it was."""
+        unbook(self.calendar, self.routes, drone)
+        self.put(drone, saved)
+
+    def put(self, drone: int, saved: list[NDArray[np.float64]]) -> None:
+        """Make a drone that has nothing booked what it was."""
+        for name, value in zip(SAVED, saved, strict=True):
+            getattr(self.routes, name)[drone] = value
+        rebook(self.calendar, self.routes, drone)
+
+    def clear(self, drone: int) -> None:
+        """Take all orders from a drone."""
+        for one in self.route(drone):
+            self.drone_of[one] = -1
+        unbook(self.calendar, self.routes, drone)
+        self.routes.length[drone], self.routes.total[drone] = 0, 0.0
+
+    def watch(self) -> None:
+        """Remember from now on what drones were."""
+        self.undo = Undo(self.drone_of.copy())
+
+    def back(self) -> None:
+        """Take back what has changed since `watch`."""
+        undo, self.undo = self.undo, None
+        if undo is not None:
+            self.all_back((undo.saved, undo.drone_of))
+
+    def all_back(self, known: tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]) -> None:
+        """Make some drones what they were, and the orders theirs."""
+        for drone in known[0]:
+            unbook(self.calendar, self.routes, drone)
+        for drone, one in known[0].items():
+            self.put(drone, one)
+        self.drone_of[:] = known[1]
+
+    def route(self, drone: int) -> list[int]:
+        """Orders of a drone."""
+        return [int(one) for one in self.routes.order[drone, : self.routes.length[drone]]]
+
+    def insert(self, order: int, drone: int, position: int) -> bool:
+        """Put an order into a route."""
+        route = self.route(drone)
+        if not self._changed(drone, [*route[:position], order, *route[position:]]):
+            return False
+        self.drone_of[order] = drone
+        return True
+
+    def insert_best(self, order: int, noise: float = 0.0) -> bool:
+        """Put an order where it adds least, unless refusing it costs less; false where it stays out."""
+        drones, added, position = self.tried(order)
+        blurred = added * np.exp(noise * self.random.standard_normal(len(added)))
+        for best in np.argsort(blurred)[:3]:
+            if not added[best] < self.problem.orders.refusal_s[order]:
+                return False
+            if self.insert(order, int(drones[best]), int(position[best])):
+                return True
+        return False
+
+    def insert_with_regret(self, waiting: list[int]) -> None:
+        """Put in orders, always the one first that would lose most if its best drone were taken by another."""
+        p = self.problem.orders
+        known = {order: self.tried(order) for order in waiting}
+        while known:
+            regret: dict[int, float] = {}
+            for order, (_, added, _) in known.items():
+                two = np.sort(np.append(added, p.refusal_s[order]))[:2] if len(added) else np.zeros(2)
+                regret[order] = float(two[1] - two[0])
+            order = max(regret, key=lambda one: (regret[one], -one))
+            drones, added, position = known.pop(order)
+            best = int(np.argmin(added)) if len(added) else -1
+            if best < 0 or not added[best] < p.refusal_s[order]:
+                continue
+            drone = int(drones[best])
+            if not self.insert(order, drone, int(position[best])):
+                continue
+            for other, (theirs, _, _) in known.items():
+                if drone in theirs:
+                    known[other] = self.tried(other)
+
+    def warm_up(self) -> None:
+        """Call each kernel once: where they must be compiled, that is no part of the search."""
+        if self.orders and self.drones:
+            self.tried(0)
+            self.lay_out(0)
+
+    def build(self, until_s: float = math.inf) -> None:
+        """Make first routes: by priority and due time, with regret where there are not too many orders."""
+        waiting = [order for order in self._wanted if self.drone_of[order] < 0]
+        if self.orders * min(self.drones, self.parameters.vehicles_tried) <= 2000:
+            for refusal in sorted({float(self.problem.orders.refusal_s[one]) for one in waiting}, reverse=True):
+                self.insert_with_regret([one for one in waiting if self.problem.orders.refusal_s[one] == refusal])
+            return
+        for order in waiting:
+            if time.perf_counter() >= until_s:
+                return
+            self.insert_best(order)
+
+    def remove(self, orders: Sequence[int]) -> bool:
+        """Take orders out of their routes; false where a route does not fly without one."""
+        for drone in {int(self.drone_of[one]) for one in orders if self.drone_of[one] >= 0}:
+            if not self._changed(drone, [one for one in self.route(drone) if one not in orders]):
+                return False
+        for one in orders:
+            self.drone_of[one] = -1
+        return True
+
+    def polish(self) -> None:
+        """Fly each route once more, in the pads as they are left now; kept where it costs less."""
+        for drone in np.flatnonzero(self.routes.length):
+            before, cost = self.saved(int(drone)), float(self.routes.total[drone])
+            if not self.lay_out(int(drone)) or self.routes.total[drone] > cost + 1e-9:
+                self.restore(int(drone), before)

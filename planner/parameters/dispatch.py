@@ -1,0 +1,34 @@
+"""Parameters of the dispatcher."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyway.models.base.parameters import Parameters, parameter
+
+
+@dataclass(frozen=True)
+class DispatchParameters(Parameters):
+    """What `planner.dispatch` weighs, and how it searches."""
+
+    refusal_s: float = parameter(86_400.0, "what an order of priority 0 that is not served costs", 3600, 1e7, unit="s")
+    priority_factor: float = parameter(8.0, "how many times as much an order of the next priority costs", 1, 100)
+    lateness: float = parameter(10.0, "what a second of lateness costs, in seconds of delivery", 0, 1000)
+    max_late_s: float = parameter(1800.0, "an order that would be later is refused", 0, 86_400, unit="s")
+    energy_s: float = parameter(
+        600.0, "what the energy of a full battery costs, in seconds of delivery", 0, 1e5, unit="s"
+    )
+    payload_classes: int = parameter(
+        4, "packages count as the next of so many masses of equal steps, up to the heaviest that a drone carries", 1, 50
+    )
+    margin: float = parameter(
+        0.12, "margin of each flight's energy for the wind, as `robust` composes routes with", 0, 1
+    )
+    vehicles_tried: int = parameter(
+        24, "drones that an order is tried with, those that could fetch it first", 2, 10_000
+    )
+    destroyed: int = parameter(6, "orders taken out at once, at most, of a small problem", 1, 1000)
+    destroyed_share: float = parameter(0.3, "share of the orders taken out at once, at most", 0.01, 1)
+    cooling: float = parameter(
+        0.02, "at the beginning a change that costs this share of the mean cost of an order is accepted with 1/e", 0, 10
+    )

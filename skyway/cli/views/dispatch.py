@@ -1,0 +1,64 @@
+"""A plan for a fleet as tables: orders, drones, and how good it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.formatting import UNKNOWN, clock, date_clock, duration, percent, spent, watt_hours
+
+if TYPE_CHECKING:
+    from skyway.models.orders.fitting import Work
+    from skyway.planner.dispatch.result import DispatchPlan, Route
+
+SHOWN = 60
+"""Rows of each table; all are in the JSON."""
+
+
+def print_dispatch(work: Work, plan: DispatchPlan) -> None:
+    """Print a plan."""
+    zone = ZoneInfo(work.scenario.timezone)
+    orders = {one.id: one for one in work.orders}
+    refused = len(plan.answers) - plan.served
+    say(f"From {date_clock(plan.depart, zone)}: {plan.served} of {len(plan.answers)} orders served, {plan.late} late, {refused} refused; "
+        f"{len(plan.routes)} of {len(work.vehicles)} drones used.")  # fmt: skip
+    say("")
+    columns = [Column("order", justify="left"), Column("from", justify="left"), Column("to", justify="left"), Column("due"), Column("drone", justify="left"),
+               Column("fetched"), Column("delivered"), Column("spare"), Column("why not", justify="left")]  # fmt: skip
+    sheet = Sheet(columns, names=1)
+    for answer in plan.answers[:SHOWN]:
+        order = orders[answer.order]
+        times, spare = [UNKNOWN, UNKNOWN], UNKNOWN
+        if answer.fetched is not None and answer.delivered is not None:
+            times = [clock(one, zone, plan.depart) for one in (answer.fetched, answer.delivered)]
+            spare = duration((order.due - answer.delivered).total_seconds(), signed=True)
+        sheet.add(order.id, order.origin, order.destination, clock(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, answer.reason or "")  # fmt: skip
+    sheet.show()
+    if len(plan.answers) > SHOWN:
+        say(f"… and {len(plan.answers) - SHOWN} more orders: --json has them all")
+    say("")
+    routes = Sheet([Column("drone", justify="left"), Column("orders", justify="left"), Column("stops", justify="left"), Column("flying"), Column("on pads"),
+                    Column("home"), Column("charge")], names=1)  # fmt: skip
+    for route in plan.routes[:SHOWN]:
+        flown, charged = (sum((one.end - one.begin).total_seconds() for one in route.steps if one.kind == kind) for kind in ("fly", "charge"))  # fmt: skip
+        last = route.steps[-1]
+        routes.add(route.drone, ", ".join(route.orders), _stops(route), duration(flown), duration(charged), clock(last.end, zone, plan.depart), percent(last.soc_end))  # fmt: skip
+    routes.show()
+    if len(plan.routes) > SHOWN:
+        say(f"… and {len(plan.routes) - SHOWN} more drones")
+    say("")
+    gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
+    say(f"Weighed cost {duration(plan.cost_s)}, no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most. "
+        f"Energy {watt_hours(plan.energy_j)}; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
+
+
+def _stops(route: Route) -> str:
+    """Return where a drone charges, each stop once, in order."""
+    found: list[str] = []
+    for one in route.steps:
+        if one.kind == "charge":
+            name = f"{one.origin} {one.pad}"
+            if not found or found[-1] != name:
+                found.append(name)
+    return ", ".join(found)

@@ -1,0 +1,94 @@
+"""The command line of the dispatcher: a plan, its bookings, and everything that it refuses in one clear line."""
+
+import json
+
+import pytest
+
+from skyway.models.ledger.audit import audit
+from skyway.models.ledger.opening import open_ledger
+
+ORDERS = """id,from,to,mass_kg,ready,due,priority
+blood,bellevue,jacobi,0.5,2013-07-10T14:00-04:00,2013-07-10T16:00-04:00,1
+swab,jacobi,bellevue,0.2,2013-07-10T15:00-04:00,2013-07-10T17:00-04:00,0
+far,edison,white-plains,0.5,2013-07-10T14:00-04:00,2013-07-10T14:20-04:00,0
+"""
+FLEET = "id,type,home,charge_percent\nd1,m200,bellevue,60\nd2,m200,jacobi,40\n"
+PLAN = ("dispatch", "plan", "--orders", "orders.csv", "--fleet", "fleet.csv", "--depart", "2013-07-10T14:00-04:00", "--wind", "4@270", "--iterations", "10")  # fmt: skip
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "orders.csv").write_text(ORDERS)
+    (tmp_path / "fleet.csv").write_text(FLEET)
+    return tmp_path
+
+
+def test_a_plan_is_printed_written_and_booked(skyway, files):
+    done = skyway(*PLAN, "--ledger", "ledger.db", "-o", "day.json")
+    assert done.code == 0, done.err
+    assert "2 of 3 orders served" in done.out
+    assert "even alone it would be" in done.out
+    document = json.loads((files / "day.json").read_text())
+    assert document["schema"] == "skyway.dispatch/1"
+    assert [one["status"] for one in document["orders"]] == ["served", "served", "refused"]
+    charges = [step for drone in document["drones"] for step in drone["steps"] if step["kind"] == "charge"]
+    with open_ledger(str(files / "ledger.db")) as ledger:
+        held = ledger.holds()
+        assert {(one.window.station, one.window.pad) for one in held} == {(one["from"], one["pad"]) for one in charges}
+        assert len(held) == len(charges)
+    again = skyway(*PLAN, "--ledger", "ledger.db", "--json")
+    assert again.code == 0, again.err
+    assert json.loads(again.out)["orders"] == document["orders"]
+    with open_ledger(str(files / "ledger.db")) as ledger:
+        assert len(ledger.holds()) == len(charges)
+        assert audit(ledger) == []
+
+
+def test_another_operator_plans_around_what_is_booked(skyway, files):
+    assert skyway(*PLAN, "--ledger", "ledger.db").code == 0
+    (files / "orders.csv").write_text(ORDERS.replace("blood", "plasma").replace("swab", "serum"))
+    done = skyway(*PLAN, "--ledger", "ledger.db", "--holder", "other operator")
+    assert done.code == 0, done.err
+    with open_ledger(str(files / "ledger.db")) as ledger:
+        assert {one.holder for one in ledger.holds()} == {"dispatch", "other operator"}
+        assert audit(ledger) == []
+
+
+def test_nothing_served_is_no(skyway, files):
+    (files / "orders.csv").write_text(
+        "\n".join(line for line in ORDERS.splitlines() if line[:2] in ("id", "fa")) + "\n"
+    )
+    done = skyway(*PLAN)
+    assert done.code == 1
+    assert "0 of 1 orders served" in done.out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("orders.csv", "bellevue,jacobi", "nowhere,jacobi"), "orders.csv:2: from: no such station (got 'nowhere')"),
+        (("orders.csv", "16:00-04:00", "13:00-04:00"), "orders.csv:2: due: is not after ready"),
+        (("orders.csv", "0.5", "500"), "orders.csv:2: mass_kg: is heavier than any drone of the fleet carries"),
+        (("fleet.csv", "d2", "d1"), "fleet.csv:3: id: two drones have the same id"),
+        (("fleet.csv", "m200", "ufo"), "fleet.csv:2: type: is not a drone of the scenario (got 'ufo')"),
+    ],
+)
+def test_bad_input_is_refused_line_by_line(skyway, files, change, said):
+    name, old, new = change
+    path = files / name
+    path.write_text(path.read_text().replace(old, new, 1))
+    done = skyway(*PLAN, "--ledger", "ledger.db")
+    assert done.code == 2
+    assert said in done.err
+    assert not (files / "ledger.db").exists()
+
+
+def test_options_that_do_not_fit(skyway, files):
+    for more, said in {
+        ("--actual-wind", "2013-07-10"): "a fleet is not planned with perfect information",
+        ("--time-limit", "0"): "--time-limit: must be above 0",
+        ("--ledger", "mysql://host/db"): "is no ledger",
+    }.items():
+        done = skyway(*PLAN, *more)
+        assert done.code == 2
+        assert said in done.err

@@ -1,0 +1,191 @@
+"""The dispatcher against what it must keep: pads, charge and time of every step, a referee's optimum, and its own bound."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from benchmarks.fleet.referee import judge
+from benchmarks.fleet.small_worlds import LEVELS, STEP_S, small_world
+from skyway.missions.examples import NEW_YORK
+from skyway.models.base.errors import InputError
+from skyway.models.ledger.ledger import Hold
+from skyway.models.ledger.window import Window
+from skyway.models.orders.fitting import fit
+from skyway.models.orders.order import Order, Vehicle
+from skyway.models.scenario.file import read_scenario
+from skyway.models.wind.forecast import constant_wind
+from skyway.planner.dispatch.bound import lower_bound
+from skyway.planner.dispatch.dispatch import dispatch
+from skyway.planner.dispatch.improve import solve
+from skyway.planner.dispatch.route_kernels import (  # fmt: skip
+    BEGIN,
+    CHARGE,
+    END,
+    FROM,
+    KIND,
+    LOADED,
+    ORDER,
+    PAD,
+    PHASE,
+    SOC,
+    SOC_AFTER,
+    TO,
+)
+from skyway.planner.parameters.dispatch import DispatchParameters
+
+USUAL = DispatchParameters()
+START = datetime(2013, 7, 10, 18, tzinfo=UTC)
+
+
+def solved(problem, iterations=60, seed=0):
+    return solve(problem, USUAL, seed=seed, time_limit_s=120.0, iterations=iterations)
+
+
+def steps_of(search, drone):
+    assert search.lay_out(drone)
+    return search.trace.rows[: search.trace.filled[0]].copy()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_step_can_be_flown_and_no_pad_is_held_twice(seed):
+    problem = small_world(seed, drones=4, orders=7, stations=5)
+    search = solved(problem)
+    fleet, orders, flights = problem.fleet, problem.orders, problem.flights
+    held, served, cost = {}, [], 0.0
+    for drone in range(4):
+        place, time_s, soc = fleet.place[drone], fleet.from_s[drone], fleet.soc[drone]
+        for row in steps_of(search, drone):
+            assert row[FROM] == place
+            assert row[BEGIN] >= time_s - 1e-6
+            assert row[SOC] == pytest.approx(soc)
+            if row[KIND] == CHARGE:
+                gained = (row[END] - row[BEGIN]) / (LEVELS * STEP_S)
+                assert row[SOC_AFTER] <= min(soc + gained, 1.0) + 1e-9
+                held.setdefault(int(row[PAD]), []).append((row[BEGIN], row[END]))
+            else:
+                mode = 1 if row[PHASE] == LOADED else 0
+                assert row[END] - row[BEGIN] == pytest.approx(flights.time_s[mode, 0, int(row[FROM]), int(row[TO])])
+                taken = flights.need[mode, 0, int(row[FROM]), int(row[TO])]
+                assert row[SOC_AFTER] == pytest.approx(soc - taken)
+                assert row[SOC_AFTER] >= -1e-9
+                cost += 600.0 * taken
+            place, time_s, soc = row[TO], row[END], row[SOC_AFTER]
+        assert place == fleet.home[drone]
+        for order in search.route(drone):
+            flown = [row for row in steps_of(search, drone) if row[ORDER] == order and row[PHASE] == LOADED and row[KIND] != CHARGE]  # fmt: skip
+            assert (flown[0][FROM], flown[-1][TO]) == (orders.origin[order], orders.destination[order])
+            assert flown[0][BEGIN] >= orders.ready_s[order]
+            late_s = max(flown[-1][END] - orders.due_s[order], 0.0)
+            assert late_s <= problem.weights.max_late_s + 1e-6
+            cost += flown[-1][END] - orders.ready_s[order] + 10.0 * late_s
+            served.append(order)
+    assert len(served) == len(set(served))
+    assert search.cost == pytest.approx(cost + orders.refusal_s[[one for one in range(7) if one not in served]].sum())
+    for windows in held.values():
+        windows.sort()
+        assert all(first[1] <= then[0] + 1e-6 for first, then in pairwise(windows))
+
+
+def test_it_finds_what_the_referee_proves_and_is_never_below():
+    problem = small_world(0, drones=2, orders=3, stations=3, horizon=20)
+    verdict = judge(problem, STEP_S, LEVELS)
+    assert verdict.proved
+    assert solved(problem).cost == pytest.approx(verdict.cost)
+    assert lower_bound(problem) <= verdict.cost + 1e-6
+
+
+@pytest.mark.slow
+def test_the_gap_to_the_proved_optimum():
+    gaps = []
+    for seed in range(20):
+        problem = small_world(seed, drones=3, orders=5, stations=4, horizon=24, pads=2)
+        verdict = judge(problem, STEP_S, LEVELS)
+        assert verdict.proved
+        assert lower_bound(problem) <= verdict.cost + 1e-6
+        gaps.append(solved(problem, 1500).cost / verdict.cost - 1.0)
+    assert min(gaps) > -1e-6, "below the optimum: something was flown that cannot be"
+    assert np.mean(gaps) < 0.05
+
+
+def test_the_same_seed_gives_the_same_plan_and_more_search_none_worse():
+    problem = small_world(3, drones=3, orders=6, stations=4)
+    first, again = solved(problem, 40, seed=5), solved(problem, 40, seed=5)
+    assert [first.route(drone) for drone in range(3)] == [again.route(drone) for drone in range(3)]
+    assert first.cost <= solved(problem, 0).cost
+
+
+def test_what_is_booked_already_is_left_alone():
+    problem = small_world(2, drones=2, orders=4, stations=3)
+    taken = tuple((pad, 0.0, 6 * STEP_S) for pad in range(3))
+    search = solved(replace(problem, taken=taken))
+    rows = np.concatenate([steps_of(search, drone) for drone in range(2)])
+    assert (rows[rows[:, KIND] == CHARGE][:, BEGIN] >= 6 * STEP_S - 1e-6).all()
+    assert search.cost >= solved(problem).cost - 1e-6
+
+
+@pytest.fixture(scope="module")
+def new_york():
+    return read_scenario(NEW_YORK)
+
+
+def order(name, begin, end, mass=0.5, ready_min=0, hours=2.0, **more):
+    ready = START + timedelta(minutes=ready_min)
+    due = ready + timedelta(hours=hours)
+    return Order(id=name, origin=begin, destination=end, mass_kg=mass, ready=ready, due=due, **more)
+
+
+def planned(new_york, orders, vehicles, **more):
+    work = fit(new_york, orders, vehicles)
+    wind = constant_wind(4.0, 270.0, START, 48, 40.7, -73.9, new_york.rules.cruise_height_m)
+    return dispatch(work, START, forecast=wind, time_limit_s=120.0, iterations=30, **more)
+
+
+def test_a_fleet_of_new_york(new_york):
+    drones = [Vehicle(id=f"d{one}", type="m200", home="bellevue", place="bellevue") for one in range(2)]
+    orders = [
+        order("near", "bellevue", "jacobi"),
+        order("later", "jacobi", "bellevue", ready_min=60),
+        order("far", "edison", "white-plains", hours=0.5),
+    ]
+    plan = planned(new_york, orders, drones)
+    near, later, far = plan.answers
+    assert (near.status, later.status, far.status) == ("served", "served", "refused")
+    assert far.reason is not None
+    assert "even alone it would be" in far.reason
+    assert near.fetched >= START
+    assert later.fetched >= START + timedelta(minutes=60)
+    assert plan.bound_s <= plan.cost_s
+    for route in plan.routes:
+        assert route.steps[-1].destination == "bellevue"
+        assert min(step.soc_end for step in route.steps) >= 0.2 - 1e-9
+        assert all(first.end <= then.begin for first, then in pairwise(route.steps))
+
+
+def test_pads_of_others_are_waited_for(new_york):
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue", soc=0.25)]
+    orders = [order("one", "bellevue", "jacobi", hours=6.0)]
+    free = planned(new_york, orders, drones)
+    count = new_york.network.stations[new_york.network.index["bellevue"]].pads
+    until = START + timedelta(hours=1)
+    holds = [
+        Hold("other", 1, pad, Window(station="bellevue", pad=pad, start=START - timedelta(hours=1), end=until), "firm", "other", 1)
+        for pad in range(1, count + 1)
+    ]  # fmt: skip
+    busy = planned(new_york, orders, drones, holds=holds)
+    assert free.answers[0].windows[0].start < until
+    assert busy.answers[0].windows[0].start >= until
+    assert busy.answers[0].delivered > free.answers[0].delivered
+
+
+def test_a_worn_battery_charges_more_and_what_is_too_far_ahead_is_refused(new_york):
+    vehicle = {"id": "d", "type": "m200", "home": "bellevue", "place": "bellevue"}
+    orders = [order("one", "bellevue", "jacobi", mass=0.9, hours=6.0)]
+    new = planned(new_york, orders, [Vehicle(**vehicle)])
+    worn = planned(new_york, orders, [Vehicle(**vehicle, battery_health=0.6)])
+    on_pads = [sum((one.end - one.start).total_seconds() for one in plan.answers[0].windows) for plan in (new, worn)]
+    assert on_pads[0] < on_pads[1]
+    with pytest.raises(InputError, match="reaches beyond the forecast"):
+        planned(new_york, [order("one", "bellevue", "jacobi", ready_min=60 * 46)], [Vehicle(**vehicle)])
