@@ -43,7 +43,7 @@ def small_world(
     ready = rng.integers(0, horizon // 2, orders)
     made = Orders(
         origin=origin, destination=(origin + rng.integers(1, stations, orders)) % stations,
-        ready_s=ready * STEP_S, due_s=(ready + rng.integers(3, due + 1, orders)) * STEP_S,
-        refusal_s=86_400.0 * 8.0 ** rng.integers(0, 2, orders), mode=np.ones((1, orders), dtype=np.int64),
+        ready_s=(ready * STEP_S).astype(np.float64), due_s=((ready + rng.integers(3, due + 1, orders)) * STEP_S).astype(np.float64),
+        refusal_s=(86_400.0 * 8.0 ** rng.integers(0, 2, orders)).astype(np.float64), mode=np.ones((1, orders), dtype=np.int64),
     )  # fmt: skip
     return DispatchProblem(flights, fleet, made, Weights(10.0, 3 * STEP_S, 600.0))

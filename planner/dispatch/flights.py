@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import duration
 from skyway.models.base.units import S_PER_H
 from skyway.models.composition.composition import State
 from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, escapes, to_go
@@ -23,7 +24,7 @@ from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC,
 from skyway.planner.problem.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from datetime import datetime
 
     from numpy.typing import NDArray
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
+    from skyway.models.queues.opening_hours import Closures
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
 
@@ -69,9 +71,7 @@ def lay_out_problem(
     end_s = max((one.due.timestamp() for one in work.orders), default=begin_s) + AFTER_S
     if end_s - begin_s > HORIZON_H * S_PER_H:
         remedy = f"orders that are due within {HORIZON_H - 4} h"
-        raise InputError(
-            "reaches beyond the forecast", field="due", value=f"{(end_s - begin_s) / S_PER_H:.0f} h", remedy=remedy
-        )
+        raise InputError("reaches beyond the forecast", field="due", value=duration(end_s - begin_s), remedy=remedy)
     named = {network.index[one] for order in work.orders for one in (order.origin, order.destination)}
     stops = {node for node, station in enumerate(network.stations) if station.pads and not station.flyover}
     places = tuple(sorted(stops | named))
@@ -135,7 +135,7 @@ def lay_out_problem(
     orders = _orders(work, begin_s, place_of, types, modes, parameters)
     weigh = parameters.dispatch
     weights = Weights(weigh.lateness, weigh.max_late_s, weigh.energy_s)
-    taken = _taken(holds, work, place_of, flights)
+    taken = _taken(holds, work, place_of, flights, problems[0].closures)
     return Laid(
         DispatchProblem(flights, fleet, orders, weights, taken), places, tuple((one.id, mass) for one, mass in modes)
     )
@@ -245,13 +245,34 @@ def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequenc
     )  # fmt: skip
 
 
-def _taken(holds: Sequence[Hold], work: Work, place_of: dict[int, int], flights: Flights) -> tuple[tuple[int, float, float], ...]:  # fmt: skip
-    """Windows of others, by the number of the pad among all; those of stations or pads that the scenario has not are left out."""
+def _taken(
+    holds: Sequence[Hold], work: Work, place_of: dict[int, int], flights: Flights, closed: Mapping[int, Closures]
+) -> tuple[tuple[int, float, float], ...]:
+    """Windows in which pads are held by others, or closed, by the number of the pad among all; apart from each other.
+
+    Those of stations or pads that the scenario has not are left out.
+    """
     index = work.scenario.network.index
-    found = []
+    found: dict[int, list[tuple[float, float]]] = {}
     for hold in holds:
         place = place_of.get(index.get(hold.window.station, -1))
         if place is not None and hold.window.pad <= flights.pads[place]:
             pad = int(flights.first_pad[place]) + hold.window.pad - 1
-            found.append((pad, hold.window.opens.timestamp(), hold.window.closes.timestamp()))
-    return tuple(found)
+            found.setdefault(pad, []).append((hold.window.opens.timestamp(), hold.window.closes.timestamp()))
+    for node, closures in closed.items():
+        if node in place_of:
+            first = int(flights.first_pad[place_of[node]])
+            for pad in range(first, first + int(flights.pads[place_of[node]])):
+                found.setdefault(pad, []).extend((begin, end) for begin, end in closures.closed_s.tolist())
+    return tuple((pad, begin, end) for pad in sorted(found) for begin, end in _merged(found[pad]))
+
+
+def _merged(windows: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Windows that overlap as one."""
+    merged: list[tuple[float, float]] = []
+    for begin, end in sorted(windows):
+        if merged and begin <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], end)
+        else:
+            merged.append((begin, end))
+    return merged

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+from skyway.models.base.units import iso
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -102,3 +104,54 @@ class DispatchPlan:
     def late(self) -> int:
         """Orders served, but after they are due."""
         return sum(one.late_s > 0.5 for one in self.answers)
+
+
+def document_of(plan: DispatchPlan) -> dict[str, Any]:
+    """Return a plan as JSON values (``skyway.dispatch/1``)."""
+    return {
+        "schema": SCHEMA,
+        "depart": iso(plan.depart),
+        "served": plan.served,
+        "refused": len(plan.answers) - plan.served,
+        "late": plan.late,
+        "cost_s": plan.cost_s,
+        "bound_s": plan.bound_s,
+        "energy_j": plan.energy_j,
+        "iterations": plan.iterations,
+        "planning_time_s": plan.planning_time_s,
+        "orders": [
+            {
+                "id": one.order,
+                "status": one.status,
+                "drone": one.drone,
+                "fetched": None if one.fetched is None else iso(one.fetched),
+                "delivered": None if one.delivered is None else iso(one.delivered),
+                "late_s": one.late_s,
+                "reason": one.reason,
+            }
+            for one in plan.answers
+        ],
+        "drones": [
+            {
+                "id": route.drone,
+                "type": route.type,
+                "orders": route.orders,
+                "steps": [
+                    {
+                        "kind": one.kind,
+                        "order": one.order,
+                        "phase": one.phase,
+                        "from": one.origin,
+                        "to": one.destination,
+                        "pad": one.pad,
+                        "begin": iso(one.begin),
+                        "end": iso(one.end),
+                        "soc_begin": one.soc_begin,
+                        "soc_end": one.soc_end,
+                    }
+                    for one in route.steps
+                ],
+            }
+            for route in plan.routes
+        ],
+    }

@@ -16,7 +16,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "plan": "plan",
         "compare": "plan",
         "evaluate": "plan",
-        "dispatch": "dispatch",
+        "dispatch": "fleet.dispatch",
         "wind": "scenario",
         "forecast": "forecast",
         "weather": "forecast",

@@ -50,7 +50,7 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     say("")
     gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
     say(f"Weighed cost {duration(plan.cost_s)}, no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most. "
-        f"Energy {watt_hours(plan.energy_j)}; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
+        f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
 
 
 def _stops(route: Route) -> str:

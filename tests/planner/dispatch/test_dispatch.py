@@ -180,6 +180,14 @@ def test_pads_of_others_are_waited_for(new_york):
     assert busy.answers[0].delivered > free.answers[0].delivered
 
 
+def test_pads_are_used_while_they_are_open(new_york):
+    stations = tuple(replace(one, open_hours="We 15:00-24:00") if one.id == "bellevue" else one for one in new_york.network.stations)  # fmt: skip
+    shut = replace(new_york, network=replace(new_york.network, stations=stations))
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue", soc=0.25)]
+    plan = planned(shut, [order("one", "bellevue", "jacobi", hours=6.0)], drones)
+    assert plan.answers[0].windows[0].start >= START + timedelta(hours=1)  # a Wednesday, 14:00 local
+
+
 def test_a_worn_battery_charges_more_and_what_is_too_far_ahead_is_refused(new_york):
     vehicle = {"id": "d", "type": "m200", "home": "bellevue", "place": "bellevue"}
     orders = [order("one", "bellevue", "jacobi", mass=0.9, hours=6.0)]

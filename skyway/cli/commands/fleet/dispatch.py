@@ -49,8 +49,11 @@ def plan(
       skyway dispatch plan --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00 --ledger ledger.db -o day.json
     """
     from skyway.cli.views.dispatch import print_dispatch
-    from skyway.dispatching import document_of, plan_fleet, read_work
     from skyway.models.base.files import write_atomically
+    from skyway.models.orders.files import read_orders, read_vehicles
+    from skyway.models.orders.fitting import fit
+    from skyway.planner.dispatch.booked import plan_fleet
+    from skyway.planner.dispatch.result import document_of
 
     options.refuse_overwriting(output, force=force)
     if conditions.truth is not None:
@@ -59,7 +62,7 @@ def plan(
     parameters = typed_values.planner_parameters(settings)
     least = typed_values.percent(reserve, "--reserve", high=95.0)
     scenario = conditions.loaded()
-    work = read_work(scenario, orders, fleet)
+    work = fit(scenario, read_orders(orders), read_vehicles(fleet))
     depart = conditions.instant
     known, _ = conditions.winds(work.scenario, depart, None)
     made = plan_fleet(

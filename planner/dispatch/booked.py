@@ -1,4 +1,4 @@
-"""Dispatching as it is asked for: files of orders and drones become a plan for a fleet, and bookings in a ledger."""
+"""A plan for a fleet that is booked in a ledger, around what others hold there."""
 
 from __future__ import annotations
 
@@ -6,34 +6,23 @@ import os
 import socket
 from typing import TYPE_CHECKING
 
-from skyway.models.base.units import iso
 from skyway.models.ledger.ledger import TakenError
 from skyway.models.ledger.opening import open_ledger
-from skyway.models.orders.files import read_orders, read_vehicles
-from skyway.models.orders.fitting import fit
 from skyway.planner.dispatch.dispatch import dispatch
-from skyway.planner.dispatch.result import SCHEMA, DispatchPlan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import datetime
-    from pathlib import Path
-    from typing import Any
 
     from skyway.models.ledger.ledger import Hold, Lease, Ledger
     from skyway.models.orders.fitting import Work
-    from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.result import DispatchPlan
     from skyway.planner.parameters.planner import PlannerParameters
 
 ROUNDS = 5
 """How often it is planned anew because another holder has booked a pad meanwhile."""
 LEASE_S = 3600.0
-
-
-def read_work(scenario: Scenario, orders: Path, fleet: Path) -> Work:
-    """Read orders and drones and find them in a scenario; an `InputError` lists what is wrong."""
-    return fit(scenario, read_orders(orders), read_vehicles(fleet))
 
 
 def plan_fleet(
@@ -93,54 +82,3 @@ def _give_up(book: Ledger, lease: Lease, ids: set[str]) -> None:
     mine = {hold.itinerary for hold in book.holds() if hold.holder == lease.holder and hold.itinerary in ids}
     for itinerary in sorted(mine):
         book.mark(lease, itinerary, "released")
-
-
-def document_of(plan: DispatchPlan) -> dict[str, Any]:
-    """Return a plan as JSON values (``skyway.dispatch/1``)."""
-    return {
-        "schema": SCHEMA,
-        "depart": iso(plan.depart),
-        "served": plan.served,
-        "refused": len(plan.answers) - plan.served,
-        "late": plan.late,
-        "cost_s": plan.cost_s,
-        "bound_s": plan.bound_s,
-        "energy_j": plan.energy_j,
-        "iterations": plan.iterations,
-        "planning_time_s": plan.planning_time_s,
-        "orders": [
-            {
-                "id": one.order,
-                "status": one.status,
-                "drone": one.drone,
-                "fetched": None if one.fetched is None else iso(one.fetched),
-                "delivered": None if one.delivered is None else iso(one.delivered),
-                "late_s": one.late_s,
-                "reason": one.reason,
-            }
-            for one in plan.answers
-        ],
-        "drones": [
-            {
-                "id": route.drone,
-                "type": route.type,
-                "orders": route.orders,
-                "steps": [
-                    {
-                        "kind": one.kind,
-                        "order": one.order,
-                        "phase": one.phase,
-                        "from": one.origin,
-                        "to": one.destination,
-                        "pad": one.pad,
-                        "begin": iso(one.begin),
-                        "end": iso(one.end),
-                        "soc_begin": one.soc_begin,
-                        "soc_end": one.soc_end,
-                    }
-                    for one in route.steps
-                ],
-            }
-            for route in plan.routes
-        ],
-    }
