@@ -201,9 +201,11 @@ class ChargePolicy:
             sky: Disturbance,
             members: NDArray[np.int64],
             paths: Sequence[QueuePath],
+            needed: float,
         ) -> NDArray[np.float64]:
             on = ChargePolicy(leaving, itinerary, self.known, self.most_full)
-            return on.fly(leaving, sky, members, paths, share=share)[0]
+            tables = np.full_like(required_soc_tables(leaving.air, 1), needed)  # it leaves with whatever it has
+            return on.fly(leaving, sky, members, paths, share=share, tables=tables)[0]
 
         taken = fly_on(p, self.known, schedule[:, -1, TOUCH_DOWN], members, disturbance, sample_set, fly)
         arrives = np.isfinite(schedule[:, -1, TOUCH_DOWN])

@@ -14,6 +14,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import slot_of
+from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.information_kernels import energy_belief_after
 from skyway.planner.robust.out_of_sample import queues_at
 from skyway.planner.robust.required_soc_kernels import flight_energy
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.itinerary import Itinerary
 
     Fly: TypeAlias = Callable[
-        [Problem, Itinerary, Disturbance, NDArray[np.int64], Sequence[QueuePath]], NDArray[np.float64]
+        [Problem, Itinerary, Disturbance, NDArray[np.int64], Sequence[QueuePath], float], NDArray[np.float64]
     ]
 
 _LATEST_H = 12.0
@@ -44,6 +45,8 @@ _FRESH_GUSTS = np.uint64(0x9E3779B97F4A7C15)
 
 def way_on_energy(problem: Problem, known: Known, time_s: float) -> tuple[float, tuple[int, ...]]:
     """Charge that the best way on needs that begins at a time, and that way; infinite in winds that forbid all of them.
+
+    The best is the one that needs least, of those to stations that are likely to have room, if there are any.
 
     Worked out once for each slot of the forecast.
     """
@@ -56,12 +59,16 @@ def way_on_energy(problem: Problem, known: Known, time_s: float) -> tuple[float,
         still = np.zeros(air.north.shape[2])
         per_s, fixed = problem.onward_cost
         begin = max(time_s, air.start_s + slot * air.slot_s)
-        found = math.inf, ()
+        full = blocking_probabilities(problem)
+        often = problem.parameters.robust.full_share * problem.epsilon
+        ways: list[tuple[bool, float, tuple[int, ...]]] = []
         for way in problem.ways_on:
             segments = np.array(way, dtype=np.int64)
             cost = float(per_s), float(fixed)
-            energy = float(flight_energy(unseen, 0, segments, begin, still, still, cost, deviation)[0])
-            found = min(found, (expected * energy, way))
+            energy = expected * float(flight_energy(unseen, 0, segments, begin, still, still, cost, deviation)[0])
+            crowded = bool(full[problem.network.head[way[-1]]] > often)
+            ways.append((crowded or not math.isfinite(energy), energy, way))
+        found = min(ways, default=(True, math.inf, ()))[1:]
         problem.onward_energies[slot, known.epsilon] = found
     return found
 
@@ -93,7 +100,7 @@ def fly_on(
     """Charge that the way on takes in realizations, shape (runs,): 0 for those that never arrive, or never leave again.
 
     Each goes the way that needs least by the forecast of its hour, when the wind and the room at its end let it: until then it stands at
-    the target; `fly` flies one flight like that, as a `ChargePolicy` does: shape (runs, 1, 7). The vehicle's energy is that of the last column of the disturbance.
+    the target; `fly` flies one flight like that, as a `ChargePolicy` does that needs so much for it: shape (runs, 1, 7). The vehicle's energy is that of the last column of the disturbance.
     """
     taken = np.zeros(len(arrival_s))
     off = arrival_s + problem.request.dwell_s
@@ -101,7 +108,8 @@ def fly_on(
     for group in np.unique(together[together >= 0.0]).tolist():
         runs = np.flatnonzero(together == group)
         begin = float(off[runs].mean())
-        way = way_on_energy(problem, known, begin)[1] or next(iter(problem.ways_on), ())
+        needed, way = way_on_energy(problem, known, begin)
+        way = way or next(iter(problem.ways_on), ())
         if not way:
             taken[runs] = 2.0
             continue
@@ -115,6 +123,7 @@ def fly_on(
             gust_key=disturbance.gust_key[runs] ^ _FRESH_GUSTS,
         )
         paths = queues_at(problem, [problem.destination, end], sample_set)  # as the way out meets them
-        landed = fly(leaving, (Leg(way),), sky, members[runs], paths)[:, -1, SOC_LANDING]
+        needed = needed if math.isfinite(needed) else 1.0
+        landed = fly(leaving, (Leg(way),), sky, members[runs], paths, needed)[:, -1, SOC_LANDING]
         taken[runs] = np.where(np.isfinite(landed), 1.0 - landed, 0.0)
     return taken
