@@ -20,6 +20,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.json_text import HIDDEN
 from skyway.models.base.units import J_PER_WH
 from skyway.models.flight.energy import FlightPower
+from skyway.models.flight.rules import STEP_MPS2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -259,6 +260,11 @@ def hops_of_leg(mission: Mission, leg: RouteLeg, conditions: FlightConditions, h
     commanded = np.array([max(step.speed_mps, 0.1) for step in leg.steps])
     hold = np.array([step.hold_s for step in leg.steps])
     climb_s, descent_s, apart, flown_m = _vertical_times(mission, leg, conditions, height_m)
+    moves = length > SAME_PLACE_M
+    stops = ~moves & (climb_s + descent_s > 0.0) & ~apart  # it brakes, climbs straight up, and speeds up again
+    stops[1:-1] &= moves[:-2] & moves[2:]
+    stops[[0, -1]] = False
+    hold = hold + np.where(stops, np.minimum(commanded, conditions.drone.max_ground_speed_mps) / STEP_MPS2, 0.0)
     above_ground_m = flown_m - _ground_m(leg, length, height_m)
     return Hops(mid_lat, mid_lon, length, bearing, commanded, hold, climb_s, descent_s, apart, above_ground_m)
 

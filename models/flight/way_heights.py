@@ -161,6 +161,8 @@ class SegmentHeights(NamedTuple):
     low_above_m: NDArray[np.float64]
     high_above_m: NDArray[np.float64]
     """Least and greatest height flown, above mean sea level and above the ground below."""
+    stops: NDArray[np.float64]
+    """How often the vehicle stops on the way to climb or descend."""
 
 
 def segment_heights(
@@ -179,7 +181,7 @@ def segment_heights(
     ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     a, b = ends.T
     found = _samples(lat[a], lon[a], lat[b], lon[b], over)
-    out = np.full((7, len(pairs)), np.nan)
+    out = np.full((8, len(pairs)), np.nan)
     turned = pairs[:, 0] > pairs[:, 1]
     both: dict[tuple[int, bool], tuple[float, ...]] = {}
     for row, (number, back) in enumerate(zip(which.ravel().tolist(), turned.tolist(), strict=True)):
@@ -189,7 +191,8 @@ def segment_heights(
             ground = found.ground_m[int(found.first[number]) : int(found.first[number + 1])]
             above = part.level_m - (ground[::-1] if back else ground)
             extremes = (one for values in (part.level_m, above) for one in (float(values.min()), float(values.max())))
-            both[number, back] = (part.up_m, part.down_m, part.mean_above_m, *extremes)
+            stops = part.stops + (2 if these != NO_LEAST else 1)  # where it meets the next, too: over a zone at both ends
+            both[number, back] = (part.up_m, part.down_m, part.mean_above_m, *extremes, stops)
         out[:, row] = both[number, back]
     return SegmentHeights(*out)
 
@@ -204,6 +207,8 @@ class WaySteps(NamedTuple):
     begin_m: float
     end_m: float
     """Heights at which it begins and ends, above mean sea level."""
+    stops: NDArray[np.float64]
+    """How often the vehicle stops on each piece to climb or descend, shape (pieces,)."""
 
 
 def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
@@ -216,15 +221,16 @@ def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
     along = (begin[piece] + found.share * found.length_m[piece]) / max(float(begin[-1]), 1e-9)
     whole = found._replace(share=along, first=np.array([0, len(along)]))
     part = _stepped(whole, 0, found.ground_m[[0, -1]], over)
-    up, down = np.zeros(len(count)), np.zeros(len(count))
+    up, down, stops = (np.zeros(len(count)) for _ in range(3))
     if part.unknown is not None:
         nothing = np.full(len(count), math.nan)
-        return WaySteps(nothing, nothing, nothing, math.nan, math.nan)
+        return WaySteps(nothing, nothing, nothing, math.nan, math.nan, nothing)
     for (share, before), (_, after) in pairwise(part.knots):
         at = min(int(np.searchsorted(begin, share * begin[-1], side="right")) - 1, len(count) - 1)
         (up if after > before else down)[at] += abs(after - before)
+        stops[at] += after != before
     above = np.add.reduceat(part.level_m - found.ground_m, found.first[:-1]) / count
-    return WaySteps(up, down, above, part.knots[0][1], part.knots[-1][1])
+    return WaySteps(up, down, above, part.knots[0][1], part.knots[-1][1], stops)
 
 
 class StraightWays(NamedTuple):
@@ -351,6 +357,8 @@ class _Part(NamedTuple):
     down_m: float
     mean_above_m: float
     unknown: Place | None
+    stops: int = 0
+    """Changes of height on the way."""
 
 
 def _stepped(
@@ -391,7 +399,7 @@ def _stepped(
     up = levels[0][1] - begin_m + float(np.maximum(rises, 0.0).sum())
     down = levels[-1][1] - end_m + float(np.maximum(-rises, 0.0).sum())
     above = float((level_m - ground[order]).mean())
-    return _Part(tuple(knots), level_m, up, down, above, None)
+    return _Part(tuple(knots), level_m, up, down, above, None, len(levels) - 1)
 
 
 def _levels(floor: NDArray[np.float64], ceiling: NDArray[np.float64]) -> list[tuple[int, float]]:

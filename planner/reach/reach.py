@@ -16,7 +16,7 @@ from skyway.models.base import geodesy
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import above_factors, cleared_grounds_m, wind_factors
 from skyway.models.flight.kernels import airborne_times
-from skyway.models.flight.rules import air_between
+from skyway.models.flight.rules import STEP_MPS2, air_between
 from skyway.models.flight.way_heights import level_over_m, straight_ways, way_heights, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
@@ -188,15 +188,16 @@ class Reach:
         return Flown(flown.time_s + self.descent_s + lift[0], flown.soc + self.soc_descent + lift[1], flown.doubt)
 
     def _lift(
-        self, up_m: NDArray[np.float64], down_m: NDArray[np.float64]
+        self, up_m: NDArray[np.float64], down_m: NDArray[np.float64], stops: ArrayLike = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Seconds and charge of climbs and descents beyond those of the cruise height; over unknown ground nothing can be flown."""
+        """Seconds and charge of climbs and descents beyond those of the cruise height, and of stops for them; over unknown ground nothing can be flown."""
         climb_s, descent_s = (
             np.maximum(up_m, 0.0) / self.rules.climb_rate_mps,
             np.maximum(down_m, 0.0) / self.rules.descent_rate_mps,
         )
-        time_s = np.nan_to_num(climb_s + descent_s)
-        soc = self.power.climb_w * climb_s + self.power.descent_w * descent_s
+        stopped_s = np.asarray(stops) * self.drone.max_ground_speed_mps / STEP_MPS2
+        time_s = np.nan_to_num(climb_s + descent_s + stopped_s)
+        soc = self.power.climb_w * climb_s + self.power.descent_w * descent_s + self.power.cruise_w * stopped_s
         return time_s, np.nan_to_num(soc / self.power.battery_j, nan=_NEVER_SOC)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
@@ -215,7 +216,10 @@ class Reach:
         factor, lift = wind_factors(self.rules, (ground_m[:-1], ground_m[1:]), (above_m[:-1], above_m[1:])), _NO_LIFT
         if self.network.over is not None:
             steps = way_steps(points, self.network.over)
-            factor, lift = above_factors(self.rules, steps.mean_above_m), self._lift(steps.up_m, steps.down_m)
+            factor, lift = (
+                above_factors(self.rules, steps.mean_above_m),
+                self._lift(steps.up_m, steps.down_m, steps.stops),
+            )
         return self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, factor, in_turn=True), lift
 
     def ends(self, way: Sequence[Place]) -> tuple[tuple[float, float], tuple[float, float]]:

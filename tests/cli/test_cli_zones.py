@@ -9,7 +9,7 @@ ZONES = {
         {
             "identifier": "PARK", "name": "Park", "country": "USA", "restriction": "PROHIBITED", "applicability": [{"permanent": "YES"}],
             "geometry": [{"uomDimensions": "M", "lowerLimit": 0, "lowerVerticalReference": "AGL", "upperLimit": 80, "upperVerticalReference": "AGL",
-                          "horizontalProjection": {"type": "Circle", "center": [-73.9215, 40.8435], "radius": 1500}}],
+                          "horizontalProjection": {"type": "Circle", "center": [-73.9215, 40.8435], "radius": 2200}}],
         }
     ]
 }  # fmt: skip

@@ -58,8 +58,8 @@ def test_plan_mission_and_check_agree_on_zones_ground_and_wind(example):
     assert errors
     assert all("QUARRY" in message for message in errors)
     for leg, seen, heights in zip(plan["legs"], checked["legs"], checked["heights"], strict=True):
-        assert seen["energy_wh"] == pytest.approx(leg["energy_wh"], rel=0.04)
-        assert seen["time_s"] == pytest.approx(leg["flight_time_s"], rel=0.03)
+        assert seen["energy_wh"] == pytest.approx(leg["energy_wh"], rel=0.06)
+        assert seen["time_s"] == pytest.approx(leg["flight_time_s"], rel=0.06)
         mine = leg["heights"]
         same = np.interp(heights["along_m"], mine["along_m"], mine["ground_m"])
         np.testing.assert_allclose(heights["ground_m"], same, atol=2.0)
@@ -102,7 +102,7 @@ def test_a_flight_keeps_zones_and_ground_of_its_plan_and_of_its_diverts(example,
     assert (height_m - ground_m)[away].min() >= 30.0
     if fault is None:
         flown_s = sum(leg["flight_time_s"] for leg in plan["legs"])
-        assert len(stage.track) == pytest.approx(flown_s, rel=0.2)  # at each step over the ground it brakes
+        assert len(stage.track) == pytest.approx(flown_s, rel=0.08)
     write_report(tmp_path / "j.jsonl", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "least clearance" in page.lower()

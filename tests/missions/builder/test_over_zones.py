@@ -28,7 +28,7 @@ from tests.models.terrain.grids import NORTH, WEST, hills, terrain_of
 
 DEPART = datetime(2026, 7, 1, 2, tzinfo=UTC)
 LAT, LON = NORTH - 0.06, WEST + 0.02
-MIDDLE, RADIUS_DEG = (LAT, LON + 0.045), 0.012
+MIDDLE, RADIUS_DEG = (LAT, LON + 0.045), 0.02
 WIND = constant_wind(6.0, 200.0, DEPART, 48, LAT, LON, 60.0)
 
 
