@@ -47,6 +47,9 @@ TYPED = {
     "objective": "--objective",
     "authorized": "--authorized",
     "stop_at": "--stop-at",
+    "return_to": "--return",
+    "dwell_s": "--dwell",
+    "undelivered_to": "--if-undelivered",
     "not_before": "--not-before",
 }
 """Option behind each field that a fault may name."""

@@ -211,6 +211,24 @@ def test_a_station_is_found_by_id_by_part_of_its_name_and_by_position(plan_json)
     assert both["from"] != both["to"]
 
 
+def test_what_becomes_of_the_drone_is_in_every_plan(plan_json, skyway):
+    street = ("--from", "bellevue", "--to", "40.75,-73.93", *HOP[4:], "--drone", "m200", "--wind", "5@250")
+    back = plan_json(*street, "--return", "home", "--dwell", "2min", "--if-undelivered", "back")["return"]
+    assert (back["asked"], back["to"], back["dwell_s"], back["undelivered_to"]) == (
+        "home",
+        "bellevue",
+        120.0,
+        "bellevue",
+    )
+    assert (back["plan"]["payload_kg"], back["undelivered"]["payload_kg"]) == (0.0, 0.8)
+    station = plan_json(*HOP, "--drone", "m200", "--wind", "5@250")
+    assert station["return"] == {"asked": "nearest-pad", "to": station["to"], "dwell_s": 0.0, "plan": None}
+    for option, value in (("--return", "none"), ("--return", "mars"), ("--dwell", "5"), ("--dwell", "50h")):
+        refused = skyway("plan", *street, option, value)
+        assert refused.code == 2, option
+        assert refused.err.startswith(f"skyway: {option}:"), refused.err
+
+
 def test_every_option_of_plan_shows_in_the_plan(plan_json):
     plan = plan_json(*HOP, "--drone", "m200", "--airspeed", "15", "--reserve", "30", "--soc", "90", "--seed", "7")
     assert plan["airspeed_mps"] == 15
