@@ -46,9 +46,10 @@ def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity
     at = np.asarray(nodes, dtype=np.int64)
     stations = [problem.network.stations[node] for node in at]
     spots = np.array([one.holding_spots if one.pads else 1 for one in stations], dtype=np.int64)
-    return FreeCapacity(
-        problem.network.pads[at].astype(np.int64), spots, _begin_s(problem), *_rates(problem, nodes), most
-    )
+    pads = problem.network.pads[at].astype(np.int64)
+    arrivals, services = _rates(problem, nodes)
+    arrivals[pads == 0] = 0.0  # a load of every station is none of theirs
+    return FreeCapacity(pads, spots, _begin_s(problem), arrivals, services, most)
 
 
 def present_in(paths: Sequence[QueuePath]) -> Present:

@@ -178,7 +178,12 @@ class LossSearch:
         takes = p.soc_fixed + p.soc_per_s * flight_s
         need = p.reserve + takes + self._margin_soc_per_s * flight_s + self._escape_soc()
         stage = np.array([self._stage(label, int(target)) for target in self._targets])
-        open_ = np.isfinite(cruise_s) & (self._targets != node) & (stage >= 0) & np.isfinite(self._least[self._targets])
+        open_ = (
+            np.isfinite(cruise_s)
+            & ~np.isin(self._targets, _visited(label))
+            & (stage >= 0)
+            & np.isfinite(self._least[self._targets])
+        )
         leave = np.full(len(need), label.time_s)
         level = np.full(len(need), label.soc)
         paid = np.zeros(len(need))
@@ -297,6 +302,15 @@ class LossSearch:
             legs.append(tuple(reversed(segments)))
             label = label.before
         return tuple(reversed(legs))
+
+
+def _visited(label: Landing) -> list[int]:
+    """Stations landed at, and the origin: no route lands at one twice."""
+    found = [label.node]
+    while label.before is not None:
+        label = label.before
+        found.append(label.node)
+    return found
 
 
 def _covers(one: Landing, other: Landing) -> bool:

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.models.composition.composition import State
-from skyway.models.queues.load import hours_of_week
+from skyway.models.queues.load import PadLoad, hours_of_week
 from skyway.models.queues.sampling import sample_path
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
-from skyway.planner.robust.free_capacity import blocking_probabilities, blocking_probability_after, likely_free
+from skyway.planner.robust.free_capacity import blocking_probabilities, blocking_probability_after, likely_free, room_at
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, chance_full, expected, is_room
+from tests.planner.worlds import make_request, make_wind, make_world
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
@@ -105,3 +106,15 @@ def test_who_comes_after_a_drone_and_the_time_it_is_away_take_its_room(newyork):
     chances = [blocking_probability_after(problem, away_s, behind=0) for away_s in (0.0, 600.0, 3600.0)]
     assert chances == sorted(chances)
     assert chances[0] < blocking_probability_after(problem, 0.0, behind=100) == 1.0
+
+
+def test_a_target_without_pads_always_has_room():
+    """A load that names every station (``*``) says nothing of one without pads."""
+    rng = np.random.default_rng(2)
+    scenario = make_world(rng, 4, target=True)
+    busy = PadLoad(np.full((4, 168), 5.0 / 3600.0), np.full((4, 168), 3600.0), "UTC")
+    scenario = replace(scenario, load=busy)
+    problem = Problem(scenario, make_request(scenario, rng), scenario.drones[0], make_wind(rng))
+    room = room_at(problem, [1, 3], 1e-3)
+    assert (room.arrivals_per_s[0] > 0.0).all()
+    assert (room.arrivals_per_s[1] == 0.0).all()
