@@ -191,7 +191,9 @@ def segment_heights(
             ground = found.ground_m[int(found.first[number]) : int(found.first[number + 1])]
             above = part.level_m - (ground[::-1] if back else ground)
             extremes = (one for values in (part.level_m, above) for one in (float(values.min()), float(values.max())))
-            stops = part.stops + (2 if these != NO_LEAST else 1)  # where it meets the next, too: over a zone at both ends
+            stops = part.stops + (
+                2 if these != NO_LEAST else 1
+            )  # where it meets the next, too: over a zone at both ends
             both[number, back] = (part.up_m, part.down_m, part.mean_above_m, *extremes, stops)
         out[:, row] = both[number, back]
     return SegmentHeights(*out)

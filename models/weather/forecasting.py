@@ -39,6 +39,8 @@ MOST_NODES = 4
 SHORTEST_SLOT_S, LONGEST_SLOT_S = 900.0, 3600.0
 MAX_GAP_S = 6.5 * 3600.0
 """Between two times of a forecast: more is a gap that interpolation would invent the wind of."""
+MOST_MPS = 150.0
+"""Stronger than any wind near the ground: 113 m/s is the strongest gust ever measured outside of a tornado."""
 OLD_S = 24 * 3600.0
 """A forecast that was issued longer before the departure is old."""
 MEMBERS = 60
@@ -168,6 +170,11 @@ def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]
             remedy="ask for a forecast of this region, or see whether its lat and lon are swapped",
         )  # fmt: skip
     one.needs_wind()
+    for height_m in one.wind_heights_m:
+        speed = np.hypot(*(one.fields[FieldKey(part, height_m)] for part in (NORTH, EAST)))
+        if float(np.nanmax(speed, initial=0.0)) > MOST_MPS:
+            problem = f"has a wind of {speed_text(float(np.nanmax(speed)))} at {height_m:g} m: there is none so strong"
+            raise InputError(problem, one.name, remedy="look at its unit, and at what stands for a missing value")
 
 
 def _check(one: Weather, region: Region) -> None:

@@ -36,7 +36,7 @@ class Placing:
             raise _elsewhere(weather, region, lat, lon) if len(places) == 0 else _nowhere(weather)
         used = np.flatnonzero(known & _measured(weather))
         if not len(used):
-            raise _elsewhere(weather, region, lat, lon)
+            raise _empty(weather)
         middle = float(lat.mean()), float(lon.mean())
         points, wanted = _plane(places.lat[used], places.lon[used], middle), _plane(lat, lon, middle)
         self.used = used
@@ -116,6 +116,12 @@ def _nowhere(weather: Weather) -> InputError:
     return InputError(
         problem, weather.name, remedy="name it in [[wind.sites]] with its identifier (icao), latitude and longitude"
     )
+
+
+def _empty(weather: Weather) -> InputError:
+    where = weather.places.box
+    problem = "has no value at its points here, only gaps" + ("" if where is None else f" ({where})")
+    return InputError(problem, weather.name, remedy="ask for a forecast that has values in this region")
 
 
 def _elsewhere(weather: Weather, wanted: Box, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> InputError:

@@ -224,6 +224,22 @@ def test_a_forecast_that_does_not_fit_is_one_clear_line(tmp_path, case):
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [
+        (None, "has no value at its points here, only gaps .*; ask for"),
+        (500.0, "has a wind of 500.0 m/s at 10 m.*; look at its unit"),
+    ],
+)
+def test_empty_and_impossible_winds_are_one_clear_line(tmp_path, speed, said):
+    units = {"wind_speed_10m": "m/s", "wind_direction_10m": "°"}
+    answer = wf.open_meteo({"wind_speed_10m": [speed] * 6, "wind_direction_10m": [270] * 6}, units, hours=6)
+    path = wf.write_json(tmp_path / "a.json", answer)
+    with pytest.raises(InputError, match=said) as caught:
+        forecast_ensemble(read_weather([path]), region(), NONE)
+    assert str(path) in str(caught.value)
+
+
 def test_an_old_forecast_and_one_that_is_left_out_are_said(tmp_path):
     grib = wf.write_grib(tmp_path / "a.grib2", linear, hours=(72, 75, 78), heights=(80,))
     metar = tmp_path / "metar.txt"
