@@ -21,6 +21,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "logs": ("link.bench_logs", []),
     "ledger": ("fleet.bench_ledger", []),
     "fleet-gap": ("fleet.bench_gap", []),
+    "fleet-city": ("fleet.bench_city", []),
     "rolling": ("planners.bench_rolling", ["--deliveries", "12"]),
     "why": ("planners.rolling_why", ["--deliveries", "6"]),
     "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),

@@ -13,6 +13,8 @@ from skyway.planner.dispatch.improve import solve
 from skyway.planner.parameters.dispatch import DispatchParameters
 
 SIZES = (
+    {"drones": 2, "orders": 4, "stations": 4, "pads": 1},
+    {"drones": 3, "orders": 5, "stations": 4, "pads": 1},
     {"drones": 2, "orders": 4, "stations": 4, "pads": 2},
     {"drones": 3, "orders": 5, "stations": 4, "pads": 2},
     {"drones": 4, "orders": 6, "stations": 4, "pads": 2},
@@ -26,10 +28,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=20, help="problems of each size")
     parser.add_argument("--seconds", type=float, default=3.0, help="time of the dispatcher for each")
+    parser.add_argument("--sizes", type=int, default=len(SIZES), help="so many of the sizes, the smallest first")
     parser.add_argument("--limit", type=float, default=60.0, help="time of the referee for each")
     options = parser.parse_args()
     every: list[float] = []
-    for size in SIZES:
+    for size in SIZES[: options.sizes]:
         gaps, bounds, unproved = [], [], 0
         for seed in range(options.each):
             problem = small_world(1000 + seed, horizon=24, **size)

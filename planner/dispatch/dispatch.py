@@ -90,7 +90,7 @@ def dispatch(
     forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
     laid = lay_out_problem(work, depart, forecast, parameters, holds=holds, reserve=reserve)
     search = solve(laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations)
-    routes, answers = _told(work, laid, search)
+    routes, answers = told(work, laid, search)
     health = {one.id: one.battery_health for one in work.vehicles}
     energy_j = sum(
         (one.soc_begin - one.soc_end) * health[route.drone] * work.scenario.drone(route.type).battery_j
@@ -110,7 +110,7 @@ def dispatch(
     )
 
 
-def _told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
+def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
     """Tell the routes, and what becomes of the orders on them."""
     stations = [work.scenario.network.stations[node].id for node in laid.places]
     first_pad, pads = laid.problem.flights.first_pad, laid.problem.flights.pads

@@ -84,7 +84,7 @@ def lay_out_problem(
     if len(modes) * slots * len(places) ** 2 * 24.0 > MAX_BYTES:
         found = f"{len(places)} places, {slots} slots of wind, {len(modes)} classes of packages"
         raise InputError("is too large", field="orders", value=found, remedy="dispatch fewer hours or places at once")
-    pads = np.array([network.stations[node].pads for node in places], dtype=np.int64)
+    pads = _usable(problems[0], places, begin_s, end_s, parameters.dispatch.pads_busy)
     where = np.flatnonzero(pads > 0)
     times, needs, ways = [], [], []
     pace = {
@@ -243,6 +243,21 @@ def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequenc
         ),
         mode=mode,
     )  # fmt: skip
+
+
+def _usable(problem: Problem, places: Sequence[int], begin_s: float, end_s: float, busy: float) -> NDArray[np.int64]:
+    """How many pads of each place the fleet plans with, shape (places,): what strangers leave of a share of them, one at least."""
+    hours = int(np.ceil((end_s - begin_s) / S_PER_H)) + 1
+    found, rest = [], 0.5
+    for node in places:
+        count = int(problem.network.pads[node])
+        arrivals, charging = problem.load.hourly(node, begin_s, hours)
+        rest += max(
+            busy * count - float((arrivals * charging).mean()), 0.0
+        )  # what is rounded off here counts at the next place
+        found.append(min(max(int(rest), 1), count) if count else 0)
+        rest -= found[-1]
+    return np.array(found, dtype=np.int64)
 
 
 def _taken(
