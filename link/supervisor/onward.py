@@ -8,17 +8,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skyway.link.supervisor.journal.entries import WentOn
 from skyway.link.supervisor.proof.evidence import Verdict
 from skyway.link.supervisor.states import State
+from skyway.models.base import geodesy
 from skyway.models.base.formatting import duration, percent
 from skyway.models.composition.file import to_json
-from skyway.planner.problem.request import NO_RETURN
+from skyway.models.flight.energy import FlightPower
+from skyway.planner.problem.request import NEAREST_PAD, NO_RETURN
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.models.composition.composition import Composition
+    from skyway.models.network.network import Station
+    from skyway.planner.online.information import Information
     from skyway.planner.problem.request import Request
+
+MORE = 1.5
+"""So much more than a flight takes in still air is looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +116,36 @@ def arrived(ctx: Context, onward: Onward) -> After:
             f"the package could not be handed over at {target}: it is at {onward.destination}; {stands}",
         )
     return State.STOPPED, f"not delivered: {why}; {stands}"
+
+
+def another_pad(ctx: Context, known: Information) -> bool:
+    """Take the nearest pad that is free where the planned one is not, if any pad will do; says whether it did.
+
+    Of those that half more than the flight takes in still air is enough for, above the reserve: the policy decides whether it is flown.
+    """
+    onward, way = ctx.delivery.onward, ctx.job.composition.way_back
+    target = ctx.job.request.destination
+    if onward is None or way is None or way.asked != NEAREST_PAD or onward.loaded or ctx.delivery.station != target:
+        return False
+    network, request = ctx.job.scenario.network, ctx.request
+    if _free(network.stations[network.index[onward.destination]], known):
+        return False
+    here, drone = network.index[target], ctx.job.scenario.drone(request.drone or "")
+    away_m = geodesy.inverse(network.lat[here], network.lon[here], network.lat, network.lon)[0]
+    per_m = FlightPower.of(drone, request.payload_kg).soc_per_s / drone.cruise_airspeed_mps
+    reach_m = (known.soc - request.reserve_soc) / (MORE * per_m)
+    near = (int(row) for row in np.argsort(away_m, kind="stable") if away_m[row] <= reach_m)
+    other = next((network.stations[row].id for row in near if _free(network.stations[row], known)), None)
+    if other is None:
+        return False
+    _begin(ctx, replace(onward, destination=other), None, f"{onward.destination} has no free pad")
+    return True
+
+
+def _free(station: Station, known: Information) -> bool:
+    """Whether a pad is free at a station as far as is known; of those that were not asked nothing is known."""
+    seen = known.busy_pads.get(station.id)
+    return seen is not None and seen < station.pads and station.id not in known.unusable
 
 
 def stay_until_due(ctx: Context) -> None:

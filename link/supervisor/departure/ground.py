@@ -10,7 +10,7 @@ import numpy as np
 from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, rest, unanswered
-from skyway.link.supervisor.onward import stay_until_due
+from skyway.link.supervisor.onward import another_pad, stay_until_due
 from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base import geodesy
@@ -35,6 +35,8 @@ def replanning(ctx: Context) -> After:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
     stay_until_due(ctx)
     known = information(ctx)
+    if another_pad(ctx, known):
+        known = information(ctx)
     if not ctx.job.replanning:
         decision = _as_planned(ctx, known)
     else:

@@ -59,6 +59,18 @@ def test_a_package_that_is_not_released_goes_back_where_that_was_asked_for(autop
 
 
 @pytest.mark.slow
+def test_where_the_nearest_pads_are_taken_it_goes_to_the_next_that_is_free(tmp_path):
+    planned = Stage(STREET, tmp_path / "plan").composition.way_back.station
+    story = dataclasses.replace(STREET, faults=(parse_fault(f"pads-taken={planned}"),))
+    stage = Stage(story, tmp_path)
+    outcome = stage.fly()
+    assert outcome.state == "delivered", outcome
+    assert outcome.station != planned
+    went = [entry for record in read_journal(stage.journal_path).records if (entry := record.entry(WentOn)) is not None]
+    assert [one.destination for one in went] == [planned, outcome.station]
+
+
+@pytest.mark.slow
 def test_nobody_arms_it_in_the_street_without_a_word(tmp_path):
     asked = []
 
