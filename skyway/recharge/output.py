@@ -19,7 +19,8 @@ from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
-    from skyway.recharge.cutting import Flight, Recharged
+    from skyway.missions.items.parameters import Parameter
+    from skyway.recharge.cutting import Recharged
     from skyway.recharge.summary import RechargeSummary
 
 SUMMARY = "recharge.json"
@@ -66,7 +67,8 @@ def write_folder(found: Recharged, summary: RechargeSummary, folder: Path, *, fo
             texts |= {str(path): make(flight.document) for path, make in made.items()}
         if name in found.whole:
             texts |= {f"{name}/{WHOLE}": plan_writer.dumps(found.whole[name])}
-        texts[f"{name}/vehicle.param"] = _parameters(found, name, flights)
+        family = family_named(name)
+        texts[f"{name}/vehicle.param"] = family.parameter_file(parameters_of(found, name), family.released)
     try:
         beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     except OSError as error:
@@ -107,9 +109,9 @@ def _umask() -> int:
     return mask
 
 
-def _parameters(found: Recharged, name: str, flights: tuple[Flight, ...]) -> str:
-    """Return the parameter file that all flights of an autopilot rely on."""
-    family = family_named(name)
+def parameters_of(found: Recharged, name: str) -> tuple[Parameter, ...]:
+    """Return what a vehicle of an autopilot must be set to for all flights."""
+    flights = found.flights[name]
     options = found.problem.options
     conditions = options.conditions
     items = [item for flight in flights for item in flight.document.mission.items]
@@ -128,4 +130,4 @@ def _parameters(found: Recharged, name: str, flights: tuple[Flight, ...]) -> str
         stays_armed=False,
         uses_gripper=any(item.command == Command.DO_GRIPPER for item in items),
     )
-    return family.parameter_file(family.parameters(needs), family.released)
+    return family_named(name).parameters(needs)
