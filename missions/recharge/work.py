@@ -112,10 +112,18 @@ class Work:
         return found
 
 
-def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1, only: bool = True) -> Work:
+def work_of(
+    mission: Mission,
+    family: Family | None = None,
+    *,
+    laps: int = 1,
+    only: bool = True,
+    last_picture: Place | None = None,
+) -> Work:
     """Return the work of a mission as a family of autopilots flies it, endless jumps followed `laps` times.
 
     `only`: no other one flies it, too; else it is not left where they go different ways.
+    `last_picture`: where the camera took its last picture before.
 
     An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
     """
@@ -135,13 +143,15 @@ def work_of(mission: Mission, family: Family | None = None, *, laps: int = 1, on
         if math.isnan(step.height_m):
             remedy = "set the altitude of the planned home: heights above sea level count from it (--home-elevation)"
             raise InputError(f"the height of item {step.item} above home is unknown", remedy=remedy)
-    return _Reading(mission, route, steps, only=only).work()
+    return _Reading(mission, route, steps, only=only, last=last_picture).work()
 
 
 class _Reading:
     """One pass over the steps of a mission."""
 
-    def __init__(self, mission: Mission, route: Route, steps: tuple[Step, ...], *, only: bool) -> None:
+    def __init__(
+        self, mission: Mission, route: Route, steps: tuple[Step, ...], *, only: bool, last: Place | None
+    ) -> None:
         self.mission, self.route, self.steps, self.only = mission, route, steps, only
         firsts = {id(leg.steps[0]): leg.start for leg in route.legs if leg.steps}
         places: list[Place] = []
@@ -158,7 +168,7 @@ class _Reading:
         self.places = (*places, (steps[-1].point.lat, steps[-1].point.lon))
         self.heights = (*heights, height)
         self.taking = NOT
-        self.last: Place | None = None
+        self.last = last
         self.pictures: list[Picture] = []
         self.points: list[WorkPoint] = []
         self.bound: int | None = None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import J_PER_WH
+from skyway.recharge.picture_audit import PictureAudit, audited
 
 if TYPE_CHECKING:
     from skyway.missions.recharge.work import WorkPoint
@@ -71,8 +72,8 @@ class RechargeSummary:
     drone: str
     reserve_soc: float
     epsilon: float
-    pictures: int
-    """That no cut loses or doubles: those on the way, and those that items order."""
+    pictures: PictureAudit
+    """Those on the way, and those that items order: of the mission, and of the flights as they are written."""
     work_s: float
     """Time of the work with no stop at all."""
     end_s: float
@@ -129,7 +130,7 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         conditions.drone.name,
         conditions.reserve_soc,
         problem.options.epsilon,
-        len(problem.work.pictures),
+        audited(found),
         float(problem.hops.work_s[0].sum()),
         plan.end_s,
         (rehearsal.end_s, rehearsal.end_early_s, rehearsal.end_late_s),

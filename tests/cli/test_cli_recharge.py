@@ -21,8 +21,11 @@ def patrol(tmp_path):
     corners = [(47.4, 8.546), (47.404, 8.546), (47.404, 8.557), (47.4, 8.557)]
     items = [
         place(47.398, 8.545, Command.NAV_TAKEOFF),
-        *(place(*corner) for corner in corners),
+        place(*corners[0]),
+        MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, 30.0, 0.0, 1.0),
+        *(place(*corner) for corner in corners[1:]),
         MissionItem(Command.DO_JUMP, Frame.MISSION, 1.0, 4.0),
+        MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION),
         MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION),
     ]
     home = Home(Point.of_degrees(47.398, 8.545), 488.0)

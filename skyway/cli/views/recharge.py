@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, percent, probability
+from skyway.models.base.formatting import duration, percent, probability, with_unit
 
 if TYPE_CHECKING:
+    from skyway.recharge.picture_audit import PictureAudit
     from skyway.recharge.summary import FlightTold, RechargeSummary
 
 COLUMNS = (
@@ -51,10 +52,21 @@ def print_recharge(summary: RechargeSummary) -> None:
     )
     say(
         f"{stops} stop{'' if stops == 1 else 's'}; every landing keeps the reserve of {percent(summary.reserve_soc)} with"
-        f" probability {probability(summary.p_reserve, 1)}; {summary.pictures} pictures, none lost, none twice"
+        f" probability {probability(summary.p_reserve, 1)}"
     )
+    if summary.pictures.before or summary.pictures.after:
+        say(_pictures(summary.pictures))
     for note in summary.notes:
         say(f"note: {note}")
+
+
+def _pictures(audit: PictureAudit) -> str:
+    """Say whether the written missions take the pictures of the one that was cut."""
+    if audit.after != audit.before:
+        return f"warning: the mission takes {audit.before} pictures, and these flights take {audit.after}"
+    return (
+        f"{audit.before} pictures, none lost, none twice, at most {with_unit(audit.off_m, 'm', 2)} from where they were"
+    )
 
 
 def _left(flight: FlightTold) -> str:

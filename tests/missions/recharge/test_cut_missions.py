@@ -31,6 +31,7 @@ from skyway.models.drones.drone import M200_V2
 from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
 from skyway.recharge.cutting import recharged
+from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions
 
 LAT, LON = 47.4, 8.55
@@ -79,6 +80,7 @@ def cut(mission, pads, chosen=None, families=FAMILIES):
 
 
 def compare(mission, found, *, laps=1, speed=8.0, memories=(False,)):
+    assert audited(found).off_m <= 0.1
     for name, flights in found.flights.items():
         grounds = [flight.document.mission.home.altitude_m - mission.home.altitude_m for flight in flights]
         for forgets in memories:

@@ -1,0 +1,41 @@
+"""Pictures before and after: those that the written missions take, beside those of the mission that was cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.missions.autopilots.registry import family_named
+from skyway.missions.recharge.work import work_of
+from skyway.models.base import geodesy
+
+if TYPE_CHECKING:
+    from skyway.recharge.cutting import Recharged
+
+
+@dataclass(frozen=True, slots=True)
+class PictureAudit:
+    """How many pictures there are, and how far the farthest is from where it was."""
+
+    before: int
+    after: int
+    """The worst of all autopilots."""
+    off_m: float
+    """Infinite where their numbers differ."""
+
+
+def audited(found: Recharged) -> PictureAudit:
+    """Read every flight as it is written, one after the other, and compare where pictures are taken."""
+    before = found.problem.work.pictures
+    worst = PictureAudit(len(before), len(before), 0.0)
+    for name, flights in found.flights.items():
+        after: list[tuple[float, float]] = []
+        for flight in flights:
+            last = after[-1] if after else None
+            work = work_of(flight.document.mission, family_named(name), last_picture=last)
+            after += [(one.lat, one.lon) for one in work.pictures]
+        if len(after) != len(before):
+            return PictureAudit(len(before), len(after), float("inf"))
+        apart = [geodesy.distance_m(one.lat, one.lon, *other) for one, other in zip(before, after, strict=True)]
+        worst = max((worst, PictureAudit(len(before), len(after), max(apart, default=0.0))), key=lambda one: one.off_m)
+    return worst
