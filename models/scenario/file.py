@@ -35,7 +35,7 @@ from skyway.models.scenario.ground import grounded, over_terrain
 from skyway.models.scenario.scenario import MAX_NOTES, Scenario
 from skyway.models.scenario.tariff import Tariff
 from skyway.models.scenario.tariff_files import read_price_record, read_prices
-from skyway.models.terrain.files import read_terrain, split_name
+from skyway.models.terrain.files import read_terrain, split_name, with_folder
 from skyway.models.wind.columns import WindColumns
 from skyway.models.wind.forecast_file import read_forecast_table
 from skyway.models.wind.history import WindSite, read_history
@@ -145,7 +145,7 @@ class _Reader:
                     self.top.fault(key, "no such file", text)
                     continue
                 self._add_to_digest(whole)
-                found.append("@".join((str(whole), *said)))
+                found.append("@".join((str(whole), *with_folder(said, self.folder))))
             named.append(found)
         return self._try(lambda _: read_terrain(*named), self.file) if any(named) else None
 

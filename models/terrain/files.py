@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 DATUMS = {"egm96": "EGM96", "egm2008": "EGM2008", "msl": "mean sea level", "ellipsoid": "ellipsoid"}
 UNITS_M = {"m": 1.0, "ft": FOOT_M}
+GEOID = "geoid="
+"""Before the name of a grid of the geoid, as GeoTIFF: ``dem.tif@geoid=egm2008.tif``."""
 SEA_LEVEL = ("EGM96", "EGM2008", "mean sea level")
 
 
@@ -26,9 +28,18 @@ def split_name(text: str) -> tuple[Path, list[str]]:
     """File of a name, and what is said of it behind ``@``."""
     parts = text.split("@")
     said: list[str] = []
-    while len(parts) > 1 and parts[-1].strip().lower() in (*DATUMS, *UNITS_M):
-        said.insert(0, parts.pop().strip().lower())
+    while len(parts) > 1:
+        word = parts[-1].strip()
+        if word.lower() not in (*DATUMS, *UNITS_M) and not word.startswith(GEOID):
+            break
+        said.insert(0, word if word.startswith(GEOID) else word.lower())
+        parts.pop()
     return Path("@".join(parts)), said
+
+
+def with_folder(said: Sequence[str], folder: Path) -> list[str]:
+    """Return what is said of a file, geoid grids by their place in a folder."""
+    return [GEOID + str(folder / word.removeprefix(GEOID)) if word.startswith(GEOID) else word for word in said]
 
 
 def read_raster(text: str) -> Raster:
@@ -40,7 +51,9 @@ def read_raster(text: str) -> Raster:
         raise InputError("is a folder, not a file", str(path), remedy="name its files")
     raster = read_hgt(path) if is_hgt(path) else read_geotiff(path)
     for word in said:
-        if word in DATUMS:
+        if word.startswith(GEOID):
+            raster = _over_geoid(raster, Path(word.removeprefix(GEOID)))
+        elif word in DATUMS:
             if raster.datum not in ("unknown", DATUMS[word]):
                 problem = f"counts from {raster.datum} by what the file says"
                 raise InputError(problem, str(path), value=f"@{word}", remedy=f"leave out @{word}")
@@ -50,6 +63,16 @@ def read_raster(text: str) -> Raster:
                 raise InputError("is in another unit by what the file says", str(path), value=f"@{word}", remedy=f"leave out @{word}")  # fmt: skip
             raster = replace(raster, unit_m=UNITS_M[word])
     return raster
+
+
+def _over_geoid(raster: Raster, path: Path) -> Raster:
+    """Return a raster above the ellipsoid, with the grid that leads from there to mean sea level."""
+    if raster.datum not in ("unknown", "ellipsoid"):
+        problem = f"counts from {raster.datum} by what the file says"
+        raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="leave the geoid out: none is needed")
+    if not path.is_file():
+        raise InputError("no such file", str(path), remedy="name a grid of the geoid, as GeoTIFF")
+    return replace(raster, datum="ellipsoid", geoid=read_geotiff(path))
 
 
 def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terrain:

@@ -151,7 +151,9 @@ def _geoid_m(raster: Raster, rows: tuple[int, int], columns: tuple[int, int]) ->
     at_rows, at_columns = (
         np.unique(np.append(np.arange(*ends, _GEOID_EVERY), ends[1] - 1)) for ends in (rows, columns)
     )
-    coarse = np.array([[float(undulation_m(*raster.place(row, column))) for column in at_columns] for row in at_rows])
+    places = np.array([[raster.place(row, column) for column in at_columns] for row in at_rows])
+    lat, lon = places[..., 0], places[..., 1]
+    coarse = undulation_m(lat, lon) if raster.geoid is None else raster.geoid.bilinear_m(lat, lon)
     wide = np.array([np.interp(np.arange(*columns), at_columns, line) for line in coarse])
     share = np.interp(np.arange(*rows), at_rows, np.arange(len(at_rows)))
     above = np.minimum(share.astype(np.int64), len(at_rows) - 1)

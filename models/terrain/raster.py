@@ -52,6 +52,8 @@ class Raster:
         Where the heights are.
     packed : str
         How they are stored, in words.
+    geoid : Raster, optional
+        Heights of the geoid above the ellipsoid, where the heights count from that; without it EGM96 counts.
     """
 
     file: str
@@ -66,6 +68,7 @@ class Raster:
     unit_m: float
     pixels: Pixels
     packed: str
+    geoid: Raster | None = None
 
     @property
     def is_geographic(self) -> bool:
@@ -117,6 +120,22 @@ class Raster:
         if wrong.any():
             values = np.where(wrong, np.float32(np.nan), values)
         return values
+
+    def bilinear_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Heights at places, between those of the grid; NaN beyond it and beside voids."""
+        row, column = self.at(lat, lon)
+        r0, c0 = (
+            np.clip(np.floor(one).astype(np.int64), 0, count - 2)
+            for one, count in ((row, self.rows), (column, self.columns))
+        )
+        top, left = int(r0.min()), int(c0.min())
+        heights = self.heights_m((top, int(r0.max()) + 2), (left, int(c0.max()) + 2)).astype(np.float64)
+        down, right = row - r0, column - c0
+        r0, c0 = r0 - top, c0 - left
+        upper = (1.0 - right) * heights[r0, c0] + right * heights[r0, c0 + 1]
+        lower = (1.0 - right) * heights[r0 + 1, c0] + right * heights[r0 + 1, c0 + 1]
+        inside = (np.minimum(down, right) >= -1e-9) & (np.maximum(down, right) <= 1.0 + 1e-9)
+        return np.where(inside, (1.0 - down) * upper + down * lower, np.nan)
 
 
 @cache

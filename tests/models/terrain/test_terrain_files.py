@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from skyway.missions.examples import NEW_YORK
 from skyway.models.base.errors import InputError
 from skyway.models.terrain.contents import terrain_contents
 from skyway.models.terrain.files import read_raster, read_terrain
@@ -297,3 +298,21 @@ def test_damaged_bytes_are_refused_or_read_and_never_a_traceback(tmp_path):
         except InputError:
             refused += 1
     assert refused > 20
+
+
+def test_a_geoid_of_ones_own_is_used_where_it_is_known_and_refused_where_it_is_not_needed(tmp_path):
+    lat, lon = -35.0 - np.arange(61)[:, None] / 60.0, 149.0 + np.arange(61)[None, :] / 60.0
+    geoid = written(tmp_path / "geoid.tif", (20.0 + 3.0 * (lat + 35.5) - 2.0 * (lon - 149.5)).astype("float32"), step=1 / 60, tags={"AREA_OR_POINT": "Point"}, west=149.0 - 0.5 / 60, north=-35.0 + 0.5 / 60)  # fmt: skip
+    flat = np.full((40, 50), 200.0, dtype="float32")
+    path = written(tmp_path / "dem.tif", flat, west=149.3, north=-35.3)
+    place = np.array([-35.305]), np.array([149.306])
+    here = 20.0 + 3.0 * (place[0] + 35.5) - 2.0 * (place[1] - 149.5)
+    found = read_terrain([f"{path}@geoid={geoid}"])
+    assert found.ground_m(*place) == pytest.approx(200.0 - here, abs=0.02)
+    assert not found.notes
+    away = written(tmp_path / "away.tif", flat, west=151.3, north=-35.3)
+    assert np.isnan(read_terrain([f"{away}@geoid={geoid}"]).ground_m(np.array([-35.305]), np.array([151.306]))).all()
+    with pytest.raises(InputError, match=r"no such file.*name a grid of the geoid"):
+        read_raster(f"{path}@geoid={tmp_path / 'none.tif'}")
+    with pytest.raises(InputError, match=r"counts from EGM96.*leave the geoid out"):
+        read_raster(f"{NEW_YORK.parent / 'hills' / 'terrain.tif'}@geoid={geoid}")
