@@ -201,9 +201,9 @@ class Scenario:
         rules = self.rules
         return found.at_height(height_factor(rules.cruise_height_m, self.measured_at_m, rules.wind_profile_exponent))
 
-    def with_target(self, lat: float, lon: float) -> Scenario:
+    def with_target(self, lat: float, lon: float, *, id: str = "target") -> Scenario:  # noqa: A002
         """Add a delivery target without pads to the network."""
-        network = self.network.with_target(lat, lon)
+        network = self.network.with_target(lat, lon, id=id)
         return replace(self, network=network, load=self.load.extended(len(network) - len(self.network)))
 
     def _record(self) -> WindHistory:

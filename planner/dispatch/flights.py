@@ -68,7 +68,7 @@ def lay_out_problem(
     """
     scenario, network = work.scenario, work.scenario.network
     begin_s = depart.timestamp()
-    end_s = max((one.due.timestamp() for one in work.orders), default=begin_s) + AFTER_S
+    end_s = max([begin_s, *(one.due.timestamp() for one in work.orders)]) + AFTER_S
     if end_s - begin_s > HORIZON_H * S_PER_H:
         remedy = f"orders that are due within {HORIZON_H - 4} h"
         raise InputError("reaches beyond the forecast", field="due", value=duration(end_s - begin_s), remedy=remedy)

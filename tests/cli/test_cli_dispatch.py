@@ -63,6 +63,17 @@ def test_nothing_served_is_no(skyway, files):
     assert "0 of 1 orders served" in done.out
 
 
+def test_orders_that_were_due_before_are_refused_and_targets_keep_their_names(skyway, files):
+    (files / "orders.csv").write_text(ORDERS.replace("bellevue,jacobi", 'bellevue,"40.75,-73.95"'))
+    served = skyway(*PLAN, "--json")
+    steps = [step for drone in json.loads(served.out)["drones"] for step in drone["steps"]]
+    assert "40.75,-73.95" in {step["to"] for step in steps}
+    late = skyway(*[one.replace("2013-07-10T14:00", "2013-07-12T14:00") for one in PLAN])
+    assert late.code == 1, late.err
+    assert "0 of 3 orders served" in late.out
+    assert late.out.count("even alone it would be") == 3
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

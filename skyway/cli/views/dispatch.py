@@ -9,6 +9,8 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import UNKNOWN, clock, date_clock, duration, percent, spent, watt_hours
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from skyway.models.orders.fitting import Work
     from skyway.planner.dispatch.result import DispatchPlan, Route
 
@@ -33,7 +35,7 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
         if answer.fetched is not None and answer.delivered is not None:
             times = [clock(one, zone, plan.depart) for one in (answer.fetched, answer.delivered)]
             spare = duration((order.due - answer.delivered).total_seconds(), signed=True)
-        sheet.add(order.id, order.origin, order.destination, clock(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, answer.reason or "")  # fmt: skip
+        sheet.add(order.id, order.origin, order.destination, _due(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, answer.reason or "")  # fmt: skip
     sheet.show()
     if len(plan.answers) > SHOWN:
         say(f"… and {len(plan.answers) - SHOWN} more orders: --json has them all")
@@ -51,6 +53,11 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
     say(f"Weighed cost {duration(plan.cost_s)}, no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most. "
         f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
+
+
+def _due(due: datetime, zone: ZoneInfo, depart: datetime) -> str:
+    """When an order is due; what was due before has its date."""
+    return clock(due, zone, depart) if due >= depart else date_clock(due, zone)
 
 
 def _stops(route: Route) -> str:
