@@ -141,6 +141,8 @@ def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
 
 def shut_at(problem: Problem, nodes: Sequence[int]) -> Shut:
     """Lay out for kernels when some places are closed."""
+    if not problem.closures and math.isinf(problem.earliest_s):
+        return Shut(np.zeros(len(nodes) + 1, dtype=np.int64), np.empty((0, 2)), np.zeros(len(nodes), dtype=np.bool_))
     closed = [problem.closures[node].closed_s if node in problem.closures else np.empty((0, 2)) for node in nodes]
     barred = [problem.no_landing(node) for node in nodes]
     closed = [one if bar is None else bar.closed_s for one, bar in zip(closed, barred, strict=True)]

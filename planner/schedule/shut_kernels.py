@@ -57,10 +57,8 @@ def past_closures(shut: Shut, place: int, begin_s: float, end_s: float) -> float
 def held_off(shut: Shut, place: int, time_s: float, least_s: float, most_s: float) -> float:
     """When a flight to a place can begin, from a time on, POSIX seconds, so that it does not end while nobody lands there.
 
-    It lasts some time between two, both in seconds.
+    It lasts some time between two, both in seconds. Takes a place at which nobody lands while it is closed.
     """
-    if not shut.no_landing[place]:
-        return time_s
     for k in range(shut.offset[place], shut.offset[place + 1]):
         if shut.closed_s[k, 0] < time_s + most_s and time_s + least_s < shut.closed_s[k, 1]:
             time_s = shut.closed_s[k, 1] - least_s
