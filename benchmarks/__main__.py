@@ -22,6 +22,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "ledger": ("fleet.bench_ledger", []),
     "fleet-gap": ("fleet.bench_gap", []),
     "fleet-city": ("fleet.bench_city", []),
+    "page": ("web.bench_page", ["--seconds", "30"]),
     "rolling": ("planners.bench_rolling", ["--deliveries", "12"]),
     "why": ("planners.rolling_why", ["--deliveries", "6"]),
     "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),

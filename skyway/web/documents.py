@@ -15,6 +15,7 @@ from skyway.link.supervisor.command.request_file import Request as OrderRequest
 from skyway.models.base.errors import SkywayError
 from skyway.web.folder import LOGS, MISSIONS, safe_name
 from skyway.web.guard import browser
+from skyway.web.work import tiles
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -122,6 +123,18 @@ def add(app: FastAPI, site: Site) -> None:
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
         return JSONResponse({"name": kept})
+
+    @app.get("/api/base")
+    async def base() -> Response:
+        return await answer("tiles.about", None if site.options.base is None else str(site.options.base))
+
+    @app.get("/api/tile")
+    def tile(z: int, x: int, y: int) -> Response:
+        given = site.options.base
+        found = None if given is None else tiles.tile(str(given), z, x, y)
+        if found is None:
+            return Response(status_code=204)
+        return Response(found[1], media_type=found[0], headers={"cache-control": "max-age=3600"})
 
     @app.get("/api/outline")
     async def outline() -> Response:

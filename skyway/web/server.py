@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import InputError
 from skyway.web.guard import LOOPBACK, Guard
+from skyway.web.work.tiles import about
 from skyway.web.work.weather_and_zones import Given
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ class ServeOptions:
     """A simulated delivery is flown from the start on."""
     given: Given = field(default_factory=Given)
     """Weather and pads of now, terrain, zones."""
+    base: Path | None = None
+    """MBTiles with pictures, drawn beneath everything."""
     outline: Path | None = None
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
@@ -47,6 +50,8 @@ class ServeOptions:
         """Return the same, or raise an `InputError` that says what is not safe or not there."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
+        if self.base is not None:
+            about(str(self.base))
         if self.demo and self.scenario is not None:
             remedy = "leave one of them out"
             raise InputError(

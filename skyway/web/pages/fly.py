@@ -73,7 +73,7 @@ class FlyPage:
             Button("Fly the demonstration", self.demonstrate)
 
     async def _begin(self) -> None:
-        for name in ("region", "outline"):
+        for name in ("region", "base", "outline"):
             self.map.load(name, f"/api/{name}")
         try:
             region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)

@@ -130,7 +130,7 @@ class MissionsPage:
             text("button", "Copy", "plain", type="button", data_copy="mission-command")
 
     async def _begin(self) -> None:
-        for name in ("region", "outline"):
+        for name in ("region", "base", "outline"):
             self.map.load(name, f"/api/{name}")
         self._list()
         try:

@@ -112,6 +112,7 @@ class PlanPage:
     async def _begin(self) -> None:
         """Fill the page: the map fetches the region by itself, the form needs it here."""
         self.map.load("region", "/api/region")
+        self.map.load("base", "/api/base")
         self.map.load("outline", "/api/outline")
         self.map.put(actions=list(PLACE_ACTIONS))
         try:

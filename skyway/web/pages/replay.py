@@ -60,7 +60,7 @@ class ReplayPage:
         ui.timer(0.01, self._begin, once=True)
 
     async def _begin(self) -> None:
-        for name in ("region", "outline"):
+        for name in ("region", "base", "outline"):
             self.map.load(name, f"/api/{name}")
         try:
             region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)

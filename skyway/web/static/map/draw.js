@@ -14,6 +14,7 @@ export function draw(context, view, state, colours, map) {
   c.lineCap = "round";
   c.fillStyle = colours.water;
   c.fillRect(0, 0, view.width, view.height);
+  if (state.base?.high !== undefined && state.layers.base !== false) map.tiles.draw(c, view, state.base);
   if (state.outline) outline(c, view, state.outline, colours);
   graticule(c, view, colours);
   const { region } = state;

@@ -1,6 +1,7 @@
 // The operator's map: one canvas, drawn when something has changed. It knows nothing of the page around it.
 import { draw, palette } from "skyway-map/draw.js";
 import { Menu } from "skyway-map/menu.js";
+import { Tiles } from "skyway-map/tiles.js";
 import { View } from "skyway-map/view.js";
 
 const NEAR = 14; // pixels within which a station is meant
@@ -10,6 +11,7 @@ export class SkywayMap {
   constructor(root, label, emit) {
     this.emit = emit;
     this.view = new View();
+    this.tiles = new Tiles(() => this.changed());
     this.state = { plans: [], chosen: 0, hour: 0, avoid: [], stopAt: [], vehicles: [], tracks: [], layers: {} };
     this.selected = -1;
     this.pointers = new Map();
