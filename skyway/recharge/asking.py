@@ -55,6 +55,7 @@ class Asked:
     home: str | None = None
     home_elevation_m: float | None = None
     laps: int = 1
+    swap_s: float | None = None
     single: bool = False
     seed: int = 0
 
@@ -113,6 +114,8 @@ def options_of(
         raise InputError("is not between 0.000001 and 0.5", field="--epsilon", value=asked.epsilon)
     if not 1 <= asked.laps <= 1000:
         raise InputError("is not between 1 and 1000", field="--laps", value=asked.laps)
+    if asked.swap_s is not None and not 0.0 <= asked.swap_s <= 36_000.0:
+        raise InputError("is not between 0 and 36000 s", field="--swap", value=asked.swap_s)
     speed = _transit_speed(asked, document, conditions)
     height = asked.transit_height_m
     if height is not None and not 5.0 <= height <= 1000.0:
@@ -127,6 +130,7 @@ def options_of(
         asked.epsilon,
         asked.level_ground,
         asked.laps,
+        asked.swap_s,
         asked.single,
         asked.seed,
     )

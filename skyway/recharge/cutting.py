@@ -104,6 +104,8 @@ def recharged(
         plan = charging_stops(problem.route(sure))
         if plan is None:
             raise no_plan(problem, sure)
+        if options.swap_s is not None:
+            plan = _with_full_batteries(plan)
         cuts = _cuts(plan)
         flights = {family.name: _flights(document, problem, plan, cuts, family) for family in families}
         least = min(flight.report.legs[-1].p_reserve or 0.0 for flown in flights.values() for flight in flown)
@@ -133,7 +135,11 @@ def recharged(
         left_out += [
             f"no single mission for {name}: it leaves its mission when it lands" for name in fit if name not in whole
         ]
-    return Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
+    found = Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
+    if options.swap_s is None or not plan.stops:
+        return found
+    packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is out"
+    return replace(found, notes=(*found.notes, packs))
 
 
 def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> MissionDocument:
@@ -144,6 +150,31 @@ def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> MissionDocument:
     if errors:
         raise InputError([Fault(f"the single mission: {one.message}", field=one.code) for one in errors])
     return document
+
+
+def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:
+    """Let every flight begin with the full battery that it was given, not only with what it needs."""
+    stops = []
+    gained = 0.0
+    for stop in plan.stops:
+        stops.append(replace(stop, soc_arrive=stop.soc_arrive + gained, soc_leave=1.0))
+        gained = 1.0 - stop.soc_leave
+    return replace(plan, stops=tuple(stops), soc_end=plan.soc_end + gained)
+
+
+def packs_needed(found: Recharged) -> int:
+    """Return how many batteries it takes so that a full one lies ready at every change, each charged as soon as it is out."""
+    curve = found.problem.options.conditions.drone.charging_curve()
+    ready: list[float] = []
+    packs = 1
+    for stop in found.plan.stops:
+        again = min((one for one in ready if one <= stop.leave_s), default=None)
+        if again is None:
+            packs += 1
+        else:
+            ready.remove(again)
+        ready.append(stop.leave_s + float(curve.duration_s(max(stop.soc_arrive, 0.0), 1.0)))
+    return packs
 
 
 def _whole(mission: Mission, families: Sequence[Family], options: RechargeOptions) -> tuple[Mission, tuple[str, ...]]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 MAX_SLOTS = 24
 """Slots of a forecast that are looked at; the last one holds on."""
+AT_ONCE_S = 1e-3
 EPSILON = 0.001
 """A flight may miss the reserve with this probability; that of checks."""
 
@@ -54,6 +55,8 @@ class RechargeOptions:
     level_ground: bool = False
     laps: int = 1
     """Endless jumps are followed so many times."""
+    swap_s: float | None = None
+    """Batteries are changed, which takes so long, instead of charged."""
     single: bool = False
     """All flights in one mission, too."""
     seed: int = 0
@@ -128,6 +131,9 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
     )
     curves = tuple(conditions.drone.charging_curve(pad.recharge_power_w).piecewise() for pad in ways.pads)
     waits, free = _waits(ways.pads, options.queues)
+    if options.swap_s is not None:  # whoever has waited so long has a full battery at once
+        curves = tuple((np.array([0.0, AT_ONCE_S]), np.array([0.0, 1.0])) for _ in ways.pads)
+        waits = tuple(wait + np.array([0.0, options.swap_s]) for wait in waits)
     return RechargeProblem(work, ways, options, found, slots, curves, waits, free)
 
 

@@ -68,6 +68,9 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) ->
         if number < len(plan.stops):
             stop = plan.stops[number]
             clock = clock + _waits(found, stop.pad, clock, rng)
+            if options.swap_s is not None:
+                clock, soc = clock + options.swap_s, np.ones(runs)
+                continue
             curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
             target = np.maximum(soc, stop.soc_leave)
             clock = clock + np.asarray(curve.duration_s(np.maximum(soc, 0.0), target))
@@ -105,7 +108,7 @@ def _in_each_wind(
 def _waits(found: Recharged, pad: int, arrive_s: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw waits for a pad: none where it is free, else such that their mean is that of the queue, and memoryless as those of M/M/c."""
     wait, free = found.problem.waits[pad], found.problem.p_free[pad]
-    mean = np.interp(arrive_s, wait[:, 0], wait[:, 1])
+    mean = np.interp(arrive_s, wait[:, 0], wait[:, 1]) - (found.problem.options.swap_s or 0.0)
     if not mean.any():
         return mean
     p_free = np.interp(arrive_s, wait[:, 0], free)

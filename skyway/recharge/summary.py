@@ -98,7 +98,8 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         legs = flight.report.legs
         stay = None
         if stop is not None:
-            on_pad_s = max(stop.on_pad_s, stop.arrive_s)
+            swap_s = problem.options.swap_s
+            on_pad_s = max(stop.on_pad_s, stop.arrive_s) if swap_s is None else stop.leave_s - swap_s
             stay = Stay(
                 problem.ways.pads[stop.pad].id,
                 stop.arrive_s,

@@ -113,6 +113,28 @@ def test_a_folder_is_replaced_only_if_it_is_ours_and_that_is_asked(skyway, patro
     assert (patrol / "out/ardupilot/battery-1.plan").exists()
 
 
+def test_batteries_that_are_changed_take_the_time_that_is_told(skyway, patrol):
+    typed = ["recharge", str(patrol / "patrol.plan"), "--pads", str(patrol / "pads.csv"), "--drone", "m200-v2"]
+    assert skyway(*typed, "-o", str(patrol / "charged")).code == 0
+    answer = skyway(*typed, "-o", str(patrol / "swapped"), "--swap", "90", "--json")
+    assert answer.code == 0
+    charged = json.loads((patrol / "charged/recharge.json").read_text())
+    told = json.loads(answer.out)
+    assert told["end_s"] < charged["end_s"]
+    before = None
+    for flight in told["flights"]:
+        assert flight["soc_start"] == 1.0
+        if before is not None:
+            assert flight["depart_s"] == pytest.approx(before["arrive_s"] + 90.0, abs=0.01)
+            assert before["charge_s"] == pytest.approx(90.0, abs=0.01)
+            assert before["wait_s"] == pytest.approx(0.0, abs=0.01)
+        if flight["stay"]:
+            assert flight["soc_end"] == pytest.approx(flight["stay"]["soc_from"], abs=0.002)
+        before = flight["stay"]
+    assert "batteries are needed" in told["notes"][-1]
+    assert skyway(*typed, "-o", str(patrol / "x"), "--swap=-1").code == 2
+
+
 def test_a_mission_without_a_home_gets_one_by_word(skyway, patrol):
     text = [
         "QGC WPL 110",

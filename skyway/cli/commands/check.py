@@ -194,6 +194,10 @@ def recharge(
     home: Annotated[str | None, typer.Option(help="Home of the mission where its file has none: lat,lon.")] = None,
     home_elevation: Annotated[float | None, typer.Option(help="Ground of home above the sea, m.")] = None,
     laps: Annotated[int, typer.Option(help="How often jumps that never end are followed.")] = 1,
+    swap: Annotated[
+        float | None,
+        typer.Option(help="Seconds that changing the battery takes. Without it: it is charged on the pad."),
+    ] = None,
     single: Annotated[
         bool,
         typer.Option("--single", help="Also one mission with disarmed stays, where the autopilot flies one (PX4)."),
@@ -243,6 +247,7 @@ def recharge(
         home=home,
         home_elevation_m=home_elevation,
         laps=laps,
+        swap_s=swap,
         single=single,
         seed=seed,
     )
