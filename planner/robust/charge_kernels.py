@@ -116,10 +116,6 @@ def _leave(
     # F^-1 of the charge on landing; `at` is the time considered.
     u = interpolate(stop.soc, curve_soc, curve_s)
     here = room[1]
-    least = truth.climb_s + truth.descent_s
-    if shut.no_landing[here + 1]:
-        for segment in segments:
-            least += truth.distance_m[segment] / truth.max_ground_speed_mps
     at = max(stop.now_s, stop.not_before_s)
     ready = at
     for_room = 0.0
@@ -142,9 +138,7 @@ def _leave(
                 break
             flight = max(base - cost[1], 0.0) / cost[0]
             looks, leg, queues, there, entry = room
-            begin = at
-            if shut.no_landing[here + 1]:
-                begin = held_off(shut, here + 1, at, least, max(flight, least))
+            begin = held_off(shut, here + 1, truth, segments, at, flight)
             if opening > at + 1e-6:
                 at = opening
             elif begin > at + 1e-6 and not stop.at_once:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from skyway.models.flight.rules import SegmentWind
+
 
 class Shut(NamedTuple):
     """Closures of the places of an itinerary: the stop before each leg, and last where it ends."""
@@ -54,12 +56,19 @@ def past_closures(shut: Shut, place: int, begin_s: float, end_s: float) -> float
 
 
 @compiled_lean
-def held_off(shut: Shut, place: int, time_s: float, least_s: float, most_s: float) -> float:
+def held_off(
+    shut: Shut, place: int, air: SegmentWind, segments: NDArray[np.int64], time_s: float, most_s: float
+) -> float:
     """When a flight to a place can begin, from a time on, POSIX seconds, so that it does not end while nobody lands there.
 
-    It lasts some time between two, both in seconds. Takes a place at which nobody lands while it is closed.
+    It lasts `most_s` seconds at most, and no less than at the greatest ground speed.
     """
+    if not shut.no_landing[place]:
+        return time_s
+    least_s = air.climb_s + air.descent_s
+    for segment in segments:
+        least_s += air.distance_m[segment] / air.max_ground_speed_mps
     for k in range(shut.offset[place], shut.offset[place + 1]):
-        if shut.closed_s[k, 0] < time_s + most_s and time_s + least_s < shut.closed_s[k, 1]:
+        if shut.closed_s[k, 0] < time_s + max(most_s, least_s) and time_s + least_s < shut.closed_s[k, 1]:
             time_s = shut.closed_s[k, 1] - least_s
     return time_s
