@@ -6,8 +6,10 @@ import os
 import socket
 from typing import TYPE_CHECKING
 
-from skyway.models.ledger.ledger import TakenError
+from skyway.models.base.errors import refuse
+from skyway.models.ledger.ledger import MAX_LEASE_S, TakenError
 from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.rows import fault_at
 from skyway.planner.dispatch.dispatch import dispatch
 
 if TYPE_CHECKING:
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
 
 ROUNDS = 5
 """How often it is planned anew because another holder has booked a pad meanwhile."""
-LEASE_S = 3600.0
+LEASE_S = 600.0
+"""How long pads are booked in a holder's name by one process at least, beyond thrice the time of the search."""
 
 
 def plan_fleet(
@@ -51,22 +54,34 @@ def plan_fleet(
 
     if ledger is None:
         return planned(())
+    ids = {one.id for one in work.orders}
+    lasts_s = min(LEASE_S + 3.0 * time_limit_s, MAX_LEASE_S)
     with open_ledger(ledger) as book:
-        lease = book.acquire(holder, f"{socket.gethostname()} {os.getpid()}", LEASE_S)
-        ids = {one.id for one in work.orders}
-        for number in range(ROUNDS):
-            others = [one for one in book.holds(begin=depart) if one.holder != holder or one.itinerary not in ids]
-            plan = planned(others)
-            lease = book.renew(lease, LEASE_S)
-            try:
-                _book(book, lease, plan)
-            except TakenError:
-                if number == ROUNDS - 1:
-                    _give_up(book, lease, ids)
-                    raise
-            else:
-                return plan
+        lease = book.acquire(holder, f"{socket.gethostname()} {os.getpid()}", lasts_s)
+        try:
+            _refuse_under_way(book, work, holder)
+            for number in range(ROUNDS):
+                others = [one for one in book.holds(begin=depart) if one.holder != holder or one.itinerary not in ids]
+                plan = planned(others)
+                lease = book.renew(lease, lasts_s)
+                try:
+                    _book(book, lease, plan)
+                except TakenError:
+                    if number == ROUNDS - 1:
+                        _give_up(book, lease, ids)
+                        raise
+                else:
+                    return plan
+        finally:
+            book.give_back(lease)
     raise AssertionError
+
+
+def _refuse_under_way(book: Ledger, work: Work, holder: str) -> None:
+    """Refuse orders whose drone stands on a pad already: their bookings must not be given up."""
+    begun = {hold.itinerary for hold in book.holds() if hold.holder == holder and hold.state in ("in use", "late")}
+    remedy = "leave it out: what flies already is not planned anew"
+    refuse([fault_at(one.source, "id", "is under way", one.id, remedy) for one in work.orders if one.id in begun])
 
 
 def _book(book: Ledger, lease: Lease, plan: DispatchPlan) -> None:
@@ -78,7 +93,7 @@ def _book(book: Ledger, lease: Lease, plan: DispatchPlan) -> None:
 
 
 def _give_up(book: Ledger, lease: Lease, ids: set[str]) -> None:
-    """Release what the holder has booked for some orders and not begun to use."""
+    """Release what the holder has booked for some orders."""
     mine = {hold.itinerary for hold in book.holds() if hold.holder == lease.holder and hold.itinerary in ids}
     for itinerary in sorted(mine):
         book.mark(lease, itinerary, "released")

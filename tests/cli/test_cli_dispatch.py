@@ -54,6 +54,20 @@ def test_another_operator_plans_around_what_is_booked(skyway, files):
         assert audit(ledger) == []
 
 
+def test_an_order_whose_drone_stands_on_a_pad_is_not_planned_anew(skyway, files):
+    assert skyway(*PLAN, "--ledger", "ledger.db").code == 0
+    with open_ledger(str(files / "ledger.db")) as ledger:
+        holder = ledger.holds()[0]
+        lease = ledger.acquire("dispatch", "another process")  # the command has given its lease back
+        ledger.mark(lease, holder.itinerary, "in use", number=holder.number)
+        ledger.give_back(lease)
+    done = skyway(*PLAN, "--ledger", "ledger.db")
+    assert done.code == 2
+    assert f"id: is under way (got {holder.itinerary!r})" in done.err
+    with open_ledger(str(files / "ledger.db")) as ledger:
+        assert "in use" in {one.state for one in ledger.holds()}
+
+
 def test_nothing_served_is_no(skyway, files):
     (files / "orders.csv").write_text(
         "\n".join(line for line in ORDERS.splitlines() if line[:2] in ("id", "fa")) + "\n"
