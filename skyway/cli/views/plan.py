@@ -120,7 +120,9 @@ def _add_flights(sheet: Sheet, c: Composition, zone: ZoneInfo, day: datetime) ->
         if leg.origin in stops:
             stop = stops.pop(leg.origin)
             zoned = any(note.endswith(WAITS.format(stop.station)) for note in c.notes)
-            said = stop_text(stop, leg.destination, for_a_zone=zoned)
+            opens = any(one.startswith(f"waits at {stop.station} for {leg.destination} to open") for one in c.notes)
+            timed = opens or (c.not_before is not None and leg is c.services[-1])
+            said = stop_text(stop, leg.destination, for_a_zone=zoned, for_a_time=timed)
             sheet.note(f"{clock(stop.arrive, zone, day)}  {said}")
         sheet.add(clock(leg.depart, zone, day), *_leg_cells(leg, runs))
         if len(leg.segments) > 1:
@@ -172,7 +174,7 @@ def _kept(p_reserve: float | None, runs: int | None) -> str:
     return probability(p_reserve)
 
 
-def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False) -> str:
+def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False, for_a_time: bool = False) -> str:
     """What is done at a stop, each wait by its reason."""
     doing = []
     if stop.recharge_s > 0:
@@ -180,7 +182,8 @@ def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False) -> str:
         doing.append(f"{wait} (free on arrival {probability(stop.p_pad_free)})")
         doing.append(f"charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}")
     if stop.hold_room_s >= 0.5:
-        doing.append(f"hold {duration(stop.hold_room_s)} for free capacity at {bound_for}")
+        what = f"until {bound_for} may be landed at" if for_a_time else f"for free capacity at {bound_for}"
+        doing.append(f"hold {duration(stop.hold_room_s)} {what}")
     if stop.hold_s - stop.hold_room_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for {'a zone' if for_a_zone else 'the wind'}")
     return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
