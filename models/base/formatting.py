@@ -237,6 +237,8 @@ def later_text(later: Figure) -> str:
     """Return how much later something arrives on average, or that no difference can be told."""
     if not _known(later):
         return UNKNOWN
+    if later.low == later.high == 0.0:
+        return "no difference on average"
     if later.low < 0.0 < later.high:
         return f"no clear difference on average ({minutes(later)} min)"
     word = "later" if later.value > 0.0 else "earlier"

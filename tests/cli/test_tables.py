@@ -159,3 +159,8 @@ def test_a_clock_shows_no_seconds_that_are_not_sure(value, half_width):
     told = 3600 * hours + 60 * rest[0] + (rest[1] if len(rest) > 1 else 0)
     off = (told - (18 * 3600 + value) + 43_200.0) % 86_400.0 - 43_200.0
     assert abs(off) <= max(31.0 + 0.5 * half_width, 0.6) if len(rest) == 1 else abs(off) <= 1.0
+
+
+def test_what_takes_exactly_as_long_is_told_as_no_difference():
+    assert later_text(Figure(0.0, 0.0, 0.0)) == "no difference on average"
+    assert later_text(Figure(-60.0, -60.0, -60.0)).endswith("min earlier on average")
