@@ -60,6 +60,8 @@ def insertions(
     """Find for each of some drones where an order fits best into its route: what that adds to the cost, and the position.
 
     `added`, infinite where it does not fit, and `position` have the shape (drones,). The trace has no rows.
+
+    Takes an order and drones of the fleet, any number of them, and routes that `lay_out` has flown.
     """
     for number in range(len(drones)):
         drone = drones[number]
@@ -86,7 +88,10 @@ def insertions(
 
 @compiled
 def book(calendar: Calendar, pad: int, start_s: float, end_s: float, drone: int) -> bool:
-    """Write a window into the calendar; false where there is no room for it."""
+    """Write a window into the calendar; false where there is no room for it.
+
+    Takes a pad of the calendar, finite times and any owner.
+    """
     count = calendar.filled[pad]
     if count >= calendar.start_s.shape[1]:
         return False
@@ -103,7 +108,10 @@ def book(calendar: Calendar, pad: int, start_s: float, end_s: float, drone: int)
 
 @compiled
 def unbook(calendar: Calendar, routes: Routes, drone: int) -> None:
-    """Take all windows of a drone out of the calendar."""
+    """Take all windows of a drone out of the calendar.
+
+    Takes a drone of the routes, whose windows lie on pads of the calendar.
+    """
     for number in range(routes.windows[drone]):
         pad, start_s = int(routes.window[drone, number, 0]), routes.window[drone, number, 1]
         count = calendar.filled[pad]
@@ -123,7 +131,10 @@ def unbook(calendar: Calendar, routes: Routes, drone: int) -> None:
 
 @compiled
 def rebook(calendar: Calendar, routes: Routes, drone: int) -> bool:
-    """Write all windows of a drone into the calendar; false where there is no room."""
+    """Write all windows of a drone into the calendar; false where there is no room.
+
+    Takes a drone as `unbook` does.
+    """
     for number in range(routes.windows[drone]):
         pad = int(routes.window[drone, number, 0])
         if not book(calendar, pad, routes.window[drone, number, 1], routes.window[drone, number, 2], drone):
@@ -138,6 +149,8 @@ def lay_out(
     """Fly the route of a drone from its beginning and book its pads; false, with nothing booked, where it cannot.
 
     The trace has rows; what the drone does is in it afterwards.
+
+    Takes a drone of the fleet, whose route is of orders that are known.
     """
     unbook(calendar, routes, drone)
     trace.filled[0] = 0

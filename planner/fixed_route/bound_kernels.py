@@ -130,6 +130,8 @@ def onward(
     `g` is the departure profile there; `left_at` and `pad` are -1 at the start of the route. `curves` are the kind of each pad, and of
     each kind seconds and SoC. A row is a bound of the end, position, pad (-1: the end of the route), and bounds of what is there: the
     earliest arrival, and the greatest charging potential (`planner.schedule.profile_kernels`).
+
+    Takes positions and pads of the hops, and fastest and other curves of two points at least, both of which increase.
     """
     positions, pads = left.shape
     kind_of, curve_s, curve_soc = curves

@@ -55,6 +55,8 @@ def way(
 
     It begins at `pad`, work having been left at `left_at`, or at `NOWHERE` at the start of the route; it ends on `to_pad`, with the
     work done as far as position `until`, or at `NOWHERE` at the end of the route.
+
+    Takes positions and pads of the hops, `until` no less than `left_at`, and any time.
     """
     now, soc, same = time_s, 0.0, math.inf
     if pad >= 0 and until == left_at:  # from pad to pad
@@ -90,6 +92,8 @@ def pieces_of(
     """Pieces (t0, t1, seconds, SoC) of a way by its take-off from `from_s` to `to_s`, sorted; gaps are times nobody takes off at.
 
     Left out are take-offs after which a later one arrives no later: a drone that waits has more charge, too.
+
+    Takes a way as `way` does, and finite times.
     """
     out = np.empty((16, 4))
     size = 0

@@ -37,7 +37,10 @@ _NONE = -math.inf
 
 @compiled
 def interpolate(x: float, xs: NDArray[np.float64], ys: NDArray[np.float64]) -> float:
-    """Piecewise-linear function through points whose x increase, constant outside them; NaN of NaN."""
+    """Piecewise-linear function through points whose x increase, constant outside them; NaN of NaN.
+
+    Takes any x, and one point at least.
+    """
     if math.isnan(x):
         return x
     if x <= xs[0]:
