@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.areas import leaves_fence
-from skyway.missions.checks.hops import Hops
+from skyway.missions.checks.hops import SAME_PLACE_M, Hops
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.flight.rules import STEP_MPS2
 from skyway.models.flight.way_heights import level_over_m
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: F
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
     hops = _hops(here, heights, ways, ways.back_level_m, rules, conditions, back=True)
     again = np.array([_flown_again_s(work, number) for number in range(len(work.points))])
-    return hops._replace(hold_s=np.repeat(STEADY_S + again, len(ways.pads)))
+    return hops._replace(hold_s=hops.hold_s + np.repeat(STEADY_S + again, len(ways.pads)))
 
 
 def _flown_again_s(work: Work, number: int) -> float:
@@ -199,13 +200,16 @@ def _hops(
     ends = (pad_lat, pad_lon, lat, lon) if back else (lat, lon, pad_lat, pad_lon)
     length, bearing = geodesy.inverse(*ends)
     middle = geodesy.midpoint(ends[0], ends[1], bearing, length)
+    # straight up or down over a place that is flown through, it brakes and speeds up again
+    speed = min(rules.speed_mps, conditions.drone.max_ground_speed_mps)
+    stops = (level - height > 0.0) & (length > SAME_PLACE_M)
     climb, descent = (level - ground, level - height) if back else (level - height, level - ground)
     return Hops(
         *middle,
         length,
         bearing,
         np.full(len(length), rules.speed_mps),
-        np.zeros(len(length)),
+        np.where(stops, speed / STEP_MPS2, 0.0),
         climb / conditions.climb_rate_mps,
         descent / conditions.descent_rate_mps,
         np.ones(len(length), dtype=bool),

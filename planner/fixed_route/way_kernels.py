@@ -20,6 +20,8 @@ from skyway.planner.schedule.profile_kernels import departure_profile
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+BEFORE_CHANGE_S = 1e-5
+"""Who wants what a slot says takes off at least so long before it ends."""
 NO_OTHERS = np.empty(0)
 AT_ONCE = np.array([-math.inf])
 NO_DELAY = np.zeros(1)
@@ -106,7 +108,9 @@ def pieces_of(
                 grown = np.empty((2 * size, 4))
                 grown[:size] = out
                 out = grown
-            out[size, 0], out[size, 1], out[size, 2], out[size, 3] = now, max(end, now), seconds, soc
+            # at the change itself the way is begun in the next slot
+            last = end if end >= to_s else max(end - BEFORE_CHANGE_S, now)
+            out[size, 0], out[size, 1], out[size, 2], out[size, 3] = now, last, seconds, soc
             size += 1
         if end >= to_s:
             break

@@ -63,7 +63,7 @@ class Vehicle:
         return tuple(sorted((*self.held.items(), ("taking", self.every_m), ("speed", self.speed)), key=str))
 
     def go(self, place):
-        length = math.dist(self.at[:2], place[:2])
+        length, held = math.dist(self.at[:2], place[:2]), self.state()
         begin, count = self.at, max(1, math.ceil(max(length, abs(place[2] - self.at[2])) / STEP_M))
         for number in range(1, count + 1):
             before, after = (self.between(begin, place, one / count) for one in (number - 1, number))
@@ -78,7 +78,7 @@ class Vehicle:
                 self.elapsed_s = -part * seconds
             self.elapsed_s += seconds
             self.at = after
-            self.track.append((self.at, self.state()))
+            self.track.append((self.at, held))
 
     @staticmethod
     def between(begin, end, share):
