@@ -158,8 +158,9 @@ def observed() -> dict[str, list[list[Any]]]:
         if called := getattr(kernel, "called", None):
             found[name] = json.loads(json.dumps(called))
         for signature in getattr(kernel, "nopython_signatures", []):
-            given = [argument for argument in signature.args if not isinstance(argument, types.Omitted)]
-            found.setdefault(name, []).append([_kind(argument) for argument in given])
+            given = [_kind(argument) for argument in signature.args if not isinstance(argument, types.Omitted)]
+            if (kinds := json.loads(json.dumps(given))) not in found.setdefault(name, []):
+                found[name].append(kinds)
     return found
 
 
