@@ -57,6 +57,7 @@ def served(folder: Path, *options: str) -> Served:
         str(folder),
     ]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
     line = process.stderr.readline()
     found = re.search(r":(\d+)\S* in a browser", line)
     if not found:
@@ -72,7 +73,8 @@ def ended(page: Served) -> None:
         page.process.wait(20)
     finally:
         page.process.kill()
-        page.process.stderr.close()
+        if page.process.stderr is not None:
+            page.process.stderr.close()
 
 
 @pytest.fixture(scope="session")

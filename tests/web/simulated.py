@@ -49,11 +49,13 @@ def simulated(at: str, *, speedup: float = 20.0, pad_speedup: float = 40.0, **mo
         *(word for name, value in more.items() for word in (f"--{name}", value)),
     ]  # fmt: skip
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    printed = process.stdout
     found = Simulated(f"tcp:127.0.0.1:{drone}", f"tcp:127.0.0.1:{pads}")
     ready = threading.Event()
 
     def read() -> None:
-        for line in process.stdout:
+        for line in printed:
             found.lines.append(line.rstrip())
             if line.startswith("pads"):
                 ready.set()
@@ -67,4 +69,4 @@ def simulated(at: str, *, speedup: float = 20.0, pad_speedup: float = 40.0, **mo
         process.terminate()
         process.wait(20.0)
         reader.join(5.0)
-        process.stdout.close()
+        printed.close()
