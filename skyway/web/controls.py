@@ -124,6 +124,40 @@ def say(element: ui.element, words: str) -> None:
         element.update()
 
 
+class Status(ui.element):
+    """A line that tells what is going on, also to those who do not see it."""
+
+    def __init__(self) -> None:
+        super().__init__("p")
+        self.classes("status").props("role=status")
+
+    def tell(self, words: str, *, wrong: bool = False) -> None:
+        """Tell something, in place of what was told before."""
+        self.classes(replace="status wrong" if wrong else "status")
+        say(self, words)
+
+
+class CommandShown:
+    """The command that does the same, with a button that copies it.
+
+    Parameters
+    ----------
+    name : str
+        Of the element: ``NAME-command``.
+    words : str
+        Shown at first.
+    """
+
+    def __init__(self, name: str, words: str = "") -> None:
+        with ui.element("div").classes("command"):
+            self._code = text("code", words, id=f"{name}-command")
+            text("button", "Copy", "plain", type="button", data_copy=f"{name}-command")
+
+    def show(self, words: str) -> None:
+        """Show another command."""
+        say(self._code, words)
+
+
 class Drop(ui.element, component="static/drop.js"):
     """A place where files are dropped; they go to the work folder.
 

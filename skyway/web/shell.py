@@ -5,21 +5,28 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from nicegui import ui
+from nicegui import Client, ui
 
 from skyway import __version__
 from skyway.web.controls import text
 from skyway.web.preferences import CHOICES, Preferences
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from nicegui import Client
+    from collections.abc import Callable, Iterator
 
     from skyway.web.site import Site
 
 PAGES = (("/", "Plan"), ("/missions", "Missions"), ("/fly", "Fly"), ("/replay", "Replay"), ("/history", "History"))
 """Address and name of each page."""
+
+
+def add(site: Site, address: str, make: Callable[[Site, Client, Preferences], object]) -> None:
+    """Add a page of `PAGES`; `make` lays out its main part for each browser that opens it."""
+
+    @ui.page(address, title=f"skyway: {dict(PAGES)[address].lower()}")
+    async def opened(client: Client) -> None:
+        with page(site, client, address) as wanted:
+            make(site, client, wanted)
 
 
 @contextmanager

@@ -42,6 +42,13 @@ class Served:
                 told = {name.lower(): value for name, value in answer.getheaders()}
                 return answer.status, told, answer.read().decode("utf-8", "replace")
 
+    def kill(self) -> None:
+        """End it as nothing foresaw."""
+        self.process.kill()
+        self.process.wait()
+        if self.process.stderr is not None:
+            self.process.stderr.close()
+
 
 def served(folder: Path, *options: str) -> Served:
     """Start the page on a free port."""

@@ -164,8 +164,7 @@ def test_a_browser_whose_server_is_killed_finds_its_question_when_it_is_back(bro
     tab = context.new_page()
     tab.goto(first.address + QUESTION)
     tab.wait_for_selector("dl.figures")
-    first.process.kill()
-    first.process.wait()
+    first.kill()
     second = served(tmp_path, "--port", str(first.port))
     try:
         tab.wait_for_selector("dl.figures", state="detached")

@@ -199,9 +199,7 @@ def test_the_page_is_killed_again_and_again_and_the_flight_neither_notices_nor_i
             def killed_within(most_s):
                 nonlocal page
                 time.sleep(rng.uniform(0.0, most_s))
-                page.process.kill()
-                page.process.wait()
-                page.process.stderr.close()
+                page.kill()
                 page = pages[0] = served(tmp_path, "--port", str(page.port))
                 done("window.skywayFlights.flight.live.state")
 

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from skyway.flights.starting import FlightOptions
 from skyway.models.base.errors import InputError, SkywayError
-from skyway.web.controls import Button, Field, say, text
+from skyway.web.controls import Button, CommandShown, Field, Status, say, text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,10 +60,8 @@ class DepartureForm:
             Button("Connect and check", self.start, "main")
             Button("Read the folder again", self.read)
         text("p", "Nothing moves yet: the checks are shown, then the take-off is asked for.", "faint")
-        self.status = text("p", "", "status", role="status")
-        with ui.element("div").classes("command"):
-            self.command = text("code", "skyway fly PLAN --connect CONNECTION", id="fly-command")
-            text("button", "Copy", "plain", type="button", data_copy="fly-command")
+        self.status = Status()
+        self.command = CommandShown("fly", "skyway fly PLAN --connect CONNECTION")
 
     async def read(self) -> None:
         """Offer the plans, and the drags, of the folder."""
@@ -72,7 +70,7 @@ class DepartureForm:
         try:
             found = await self.site.workers.ask("departure.plans", str(self.site.folder.root.resolve()), names)
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.status.tell(str(error), wrong=True)
             return
         self.plans = {one["name"]: one for one in found}
         self.choice.offer(
@@ -92,9 +90,9 @@ class DepartureForm:
             typed: Any = value if isinstance(value, bool) else str(value).strip()[:300]
             self.options = replace(self.options, **{name: typed})
             try:
-                say(self.command, shlex.join(["skyway", *self.options.words()]))
+                self.command.show(shlex.join(["skyway", *self.options.words()]))
             except InputError:
-                say(self.command, "skyway fly PLAN --connect CONNECTION")
+                self.command.show("skyway fly PLAN --connect CONNECTION")
 
         return take
 
@@ -109,11 +107,7 @@ class DepartureForm:
             whole = replace(options, plan=str(folder.existing(options.plan)), drag=drag)
             name = self.site.flights.begin(whole, plan["origin"], plan["destination"])
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.status.tell(str(error), wrong=True)
             return
-        self._tell(f"started: {name}")
+        self.status.tell(f"started: {name}")
         self._begun(name)
-
-    def _tell(self, words: str, *, wrong: bool = False) -> None:
-        self.status.classes(replace="status wrong" if wrong else "status")
-        say(self.status, words)

@@ -12,7 +12,7 @@ from nicegui import Client, ui
 
 from skyway.models.base.errors import SkywayError
 from skyway.web import shell
-from skyway.web.controls import Button, Field, say, text
+from skyway.web.controls import Button, Field, Status, text
 from skyway.web.live import demonstration
 from skyway.web.map_layer import FlightPanel, MapLayer
 from skyway.web.pages.departure import DepartureForm
@@ -27,11 +27,7 @@ ACTIONS = [{"action": "divert", "words": "Land here instead", "station": True, "
 
 def add(site: Site) -> None:
     """Add the page."""
-
-    @ui.page("/fly", title="skyway: fly")
-    async def fly(client: Client) -> None:
-        with shell.page(site, client, "/fly") as wanted:
-            FlyPage(site, client, wanted)
+    shell.add(site, "/fly", FlyPage)
 
 
 class FlyPage:
@@ -65,7 +61,7 @@ class FlyPage:
         Field("Connection", self._typed, hint="udpin:127.0.0.1:14550, tcp:127.0.0.1:5760")
         with ui.element("div").classes("line"):
             Button("Watch", self.watch)
-        self.status = text("p", "", "status", role="status")
+        self.status = Status()
         self.watched = ui.element("div").classes("chips")
         text("h2", "Demonstration")
         text("p", "A delivery across a simulated New York, ten times faster than life. No drone is needed.", "faint")
@@ -73,8 +69,6 @@ class FlyPage:
             Button("Fly the demonstration", self.demonstrate)
 
     async def _begin(self) -> None:
-        for name in ("region", "base", "outline"):
-            self.map.load(name, f"/api/{name}")
         try:
             region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
         except SkywayError:
@@ -102,17 +96,17 @@ class FlyPage:
         try:
             self.site.flights.resume(str(event.args)[:300])
         except SkywayError as error:
-            self._tell(str(error))
+            self.status.tell(str(error), wrong=True)
 
     async def demonstrate(self) -> None:
         """Fly the demonstration, from the click on."""
-        self._tell("planning the demonstration: a few seconds")
+        self.status.tell("planning the demonstration: a few seconds")
         try:
             name = await demonstration.begin(self.site)
         except SkywayError as error:
-            self._tell(str(error))
+            self.status.tell(str(error), wrong=True)
             return
-        self._tell("")
+        self.status.tell("")
         self._begun(name)
 
     # Watches
@@ -125,18 +119,15 @@ class FlyPage:
         try:
             self.site.fleet.watch(self.connection)
         except SkywayError as error:
-            self._tell(str(error))
+            self.status.tell(str(error), wrong=True)
             return
-        self._tell("")
+        self.status.tell("")
         self._list()
 
     def stop(self, connection: str) -> None:
         """Stop to listen on a connection."""
         self.site.fleet.stop(connection)
         self._list()
-
-    def _tell(self, words: str) -> None:
-        say(self.status, words)
 
     def _list(self) -> None:
         self.watched.clear()

@@ -6,33 +6,32 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from nicegui import Client, ui
+from nicegui import ui
 
 from skyway.models.base.errors import SkywayError
 from skyway.models.base.formatting import distance_text, duration, percent
 from skyway.report.svg import safe
 from skyway.web import shell
-from skyway.web.controls import Button, Field, say, text
+from skyway.web.controls import Button, CommandShown, Field, Status
 from skyway.web.work.history import energy_per_km
 
 if TYPE_CHECKING:
+    from nicegui import Client
+
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
 
 def add(site: Site) -> None:
     """Add the page."""
-
-    @ui.page("/history", title="skyway: history")
-    async def history(client: Client) -> None:
-        with shell.page(site, client, "/history") as wanted:
-            HistoryPage(site, wanted)
+    shell.add(site, "/history", HistoryPage)
 
 
 class HistoryPage:
     """One open page."""
 
-    def __init__(self, site: Site, wanted: Preferences) -> None:
+    def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
+        del client
         self.site, self.wanted = site, wanted
         self.rows: list[dict[str, Any]] = []
         self.sought = ""
@@ -41,25 +40,22 @@ class HistoryPage:
             with ui.element("div").classes("line"):
                 Field("Search", self.seek, hint="Station, drone, state, file; several words narrow it")
                 Button("Read the folder again", self._read)
-            self.status = text("p", "", "status", role="status")
+            self.status = Status()
             self.totals = ui.html("")
             self.table = ui.html("")
-            with ui.element("div").classes("command"):
-                text("code", "skyway report JOURNAL.jsonl", id="history-command")
-                text("button", "Copy", "plain", type="button", data_copy="history-command")
+            CommandShown("history", "skyway report JOURNAL.jsonl")
         ui.timer(0.01, self._read, once=True)
 
     async def _read(self) -> None:
-        say(self.status, "Reading …")
+        self.status.tell("Reading …")
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
         try:
             self.timezone = (await self.site.workers.ask("region.region", self.site.scenario))["timezone"]
             self.rows = await self.site.workers.ask("history.told", str(self.site.folder.root.resolve()), names)
         except SkywayError as error:
-            say(self.status, str(error))
+            self.status.tell(str(error), wrong=True)
             return
-        say(
-            self.status,
+        self.status.tell(
             "" if self.rows else "No journals in the work folder yet: skyway fly and skyway demo write them.",
         )
         self._draw()

@@ -13,7 +13,7 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import SkywayError
 from skyway.report.svg import safe
 from skyway.web import drawn, shell
-from skyway.web.controls import Button, Drop, Field, say, text
+from skyway.web.controls import Button, CommandShown, Drop, Field, Status, say, text
 from skyway.web.folder import MISSIONS
 from skyway.web.live.runs import Run
 from skyway.web.map_layer import MapLayer
@@ -30,11 +30,7 @@ _ITEM_OF_CLICK = "(e) => { const b = e.target.closest('[data-item]'); if (b) emi
 
 def add(site: Site) -> None:
     """Add the page."""
-
-    @ui.page("/missions", title="skyway: missions")
-    async def missions(client: Client) -> None:
-        with shell.page(site, client, "/missions") as wanted:
-            MissionsPage(site, client, wanted)
+    shell.add(site, "/missions", MissionsPage)
 
 
 class MissionsPage:
@@ -76,7 +72,7 @@ class MissionsPage:
             "Drop a .plan or .waypoints here, or choose",
             ",".join(MISSIONS),
             self.uploaded,
-            lambda why: self._tell(why, wrong=True),
+            lambda why: self.status.tell(why, wrong=True),
         )
         self.choice = Field("Missions in the work folder", self.choose, kind="select")
         with ui.element("div").classes("pair"):
@@ -111,11 +107,11 @@ class MissionsPage:
         with ui.element("div").classes("line"):
             Button("Upload and read back", self.upload, "main")
         self.bar = ui.element("progress").props('max=1 value=0 aria-label="Upload"')
-        self.progress = text("p", "", "status", role="status")
+        self.progress = Status()
         self.output = text("pre", "", "output")
 
     def _answer(self) -> None:
-        self.status = text("p", "", "status", role="status")
+        self.status = Status()
         self.verdict = ui.html("")
         self.findings = ui.html("")
         self.findings.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
@@ -125,13 +121,9 @@ class MissionsPage:
             Button("Convert to .waypoints", lambda: self.convert(".waypoints"))
         self.flights = ui.html("")
         self.items = ui.html("")
-        with ui.element("div").classes("command"):
-            self.command = text("code", "", id="mission-command")
-            text("button", "Copy", "plain", type="button", data_copy="mission-command")
+        self.command = CommandShown("mission")
 
     async def _begin(self) -> None:
-        for name in ("region", "base", "outline"):
-            self.map.load(name, f"/api/{name}")
         self._list()
         try:
             region = await self.site.workers.ask("region.region", self.site.scenario)
@@ -167,16 +159,16 @@ class MissionsPage:
     async def _show(self) -> None:
         """Read and check the file, and show what was found."""
         if not self.file:
-            self._tell("Choose a mission, or drop one.")
+            self.status.tell("Choose a mission, or drop one.")
             return
         try:
             path = self.site.folder.existing(self.file)
             self.found = await self.site.workers.ask("missions.shown", str(path), self.site.scenario, self.asked)
         except SkywayError as error:
             self.found = None
-            self._tell(str(error), wrong=True)
+            self.status.tell(str(error), wrong=True)
             return
-        self._tell("")
+        self.status.tell("")
         self._draw(self.found)
 
     def _draw(self, found: dict[str, Any]) -> None:
@@ -218,7 +210,7 @@ class MissionsPage:
         ]
         words_ = ["skyway", "check", self.file, *(word for option, value in given if value for word in (option, value))]
         words_ += ["--scenario", self.site.scenario or "newyork"] if self.asked["region"] else []
-        say(self.command, shlex.join(words_))
+        self.command.show(shlex.join(words_))
 
     def at_item(self, event: Any) -> None:
         """Show where a finding is."""
@@ -245,12 +237,12 @@ class MissionsPage:
             for name, (_, content) in zip(names, made["files"], strict=True):
                 self.site.folder.write(name, content)
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.status.tell(str(error), wrong=True)
             return
         self.file = names[0]
         self._list()
         await self._show()
-        self._tell("; ".join((f"saved {', '.join(names)}", *made["told"])))
+        self.status.tell("; ".join((f"saved {', '.join(names)}", *made["told"])))
 
     async def compare(self) -> None:
         """Compare the file with what the vehicle holds."""
@@ -259,7 +251,9 @@ class MissionsPage:
     async def upload(self) -> None:
         """Upload the file, and read it back."""
         if not self.sure:
-            self._progress("An upload replaces the mission of the vehicle: say above that you are sure.", wrong=True)
+            self.progress.tell(
+                "An upload replaces the mission of the vehicle: say above that you are sure.", wrong=True
+            )
             return
         await self._on_vehicle(["upload"], "--yes")
 
@@ -268,17 +262,17 @@ class MissionsPage:
         try:
             path = self.site.folder.existing(self.file)
         except SkywayError as error:
-            self._progress(str(error), wrong=True)
+            self.progress.tell(str(error), wrong=True)
             return
         if not self.connect or self.connect.startswith("-"):
-            self._progress("Say above how the vehicle is connected.", wrong=True)
+            self.progress.tell("Say above how the vehicle is connected.", wrong=True)
             return
         if self.run is not None and self.run.code is None:
-            self._progress("Wait for what is running.", wrong=True)
+            self.progress.tell("Wait for what is running.", wrong=True)
             return
         words = [*command, str(path), "--connect", self.connect, *more]
         self.run = Run(words, self._heard, outlives=True)
-        self._progress(f"skyway {shlex.join([*command, self.file, '--connect', self.connect, *more])}")
+        self.progress.tell(f"skyway {shlex.join([*command, self.file, '--connect', self.connect, *more])}")
         say(self.output, "")
         code = await self.run.finished()
         done = {
@@ -287,24 +281,16 @@ class MissionsPage:
             2: "not done: see above",
             3: "failed: the vehicle or the link",
         }
-        self._progress(f"{command[0]}: {done.get(code, f'ended with {code}')}", wrong=code != 0)
+        self.progress.tell(f"{command[0]}: {done.get(code, f'ended with {code}')}", wrong=code != 0)
 
     def _heard(self, line: str) -> None:
         with self.client:
             step = _STEP.match(line)
             if step is not None:
                 self.bar.props(f"max={step[3]} value={step[2]}")
-                say(self.progress, line)
+                self.progress.tell(line)
             elif self.run is not None:
                 say(self.output, "\n".join(one for one in self.run.lines if not _STEP.match(one)))
-
-    def _progress(self, words: str, *, wrong: bool = False) -> None:
-        self.progress.classes(replace="status wrong" if wrong else "status")
-        say(self.progress, words)
-
-    def _tell(self, words: str, *, wrong: bool = False) -> None:
-        self.status.classes(replace="status wrong" if wrong else "status")
-        say(self.status, words)
 
 
 def _bounds(found: dict[str, Any]) -> list[float] | None:

@@ -14,7 +14,7 @@ from nicegui import Client, ui
 from skyway.models.base.errors import SkywayError
 from skyway.models.base.formatting import direction_text
 from skyway.web import shell
-from skyway.web.controls import Button, Field, say, text
+from skyway.web.controls import Button, CommandShown, Field, Status, say, text
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
 from skyway.web.pages.plan_files import PlanFiles
@@ -39,11 +39,7 @@ PLACE_ACTIONS = (
 
 def add(site: Site) -> None:
     """Add the page."""
-
-    @ui.page("/", title="skyway: plan")
-    async def plan(client: Client) -> None:
-        with shell.page(site, client, "/") as wanted:
-            PlanPage(site, client, wanted)
+    shell.add(site, "/", PlanPage)
 
 
 class PlanPage:
@@ -93,7 +89,7 @@ class PlanPage:
                     self.told = text("span", "", "told", role="status")
                     Field("wind", lambda on: self.map.put(layers={"wind": on}), kind="check", value=True)
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
-                self.status = text("p", "", "status", role="status")
+                self.status = Status()
                 self.first = ui.element("p")
                 with self.first:
                     text("a", "Or watch a delivery being flown: the demonstration", href="/fly")
@@ -105,20 +101,15 @@ class PlanPage:
                     self.reasons = ui.html("")
                     self.notes = ui.html("")
                     self.files = PlanFiles(self.site, self._shown_plan, self.ask)
-                with ui.element("div").classes("command"):
-                    self.command = text("code", "", id="plan-command")
-                    text("button", "Copy", "plain", type="button", data_copy="plan-command")
+                self.command = CommandShown("plan")
 
     async def _begin(self) -> None:
         """Fill the page: the map fetches the region by itself, the form needs it here."""
-        self.map.load("region", "/api/region")
-        self.map.load("base", "/api/base")
-        self.map.load("outline", "/api/outline")
         self.map.put(actions=list(PLACE_ACTIONS))
         try:
             self.region = await self.site.workers.ask("region.region", self.site.scenario)
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.status.tell(str(error), wrong=True)
             return
         self.form.offer(self.region, self.wanted.zone(self.region["timezone"]))
         self.form.show(self.question)
@@ -201,9 +192,9 @@ class PlanPage:
             if not self.question.complete:
                 self.answer = self.more = None
                 self._draw()
-                self._tell("Choose a start and a target: click on the map, or type a station.")
+                self.status.tell("Choose a start and a target: click on the map, or type a station.")
                 return
-            self._tell("Planning …")
+            self.status.tell("Planning …")
             asked = msgspec.to_builtins(self.question)
             try:
                 self.answer, self.more, self.chosen = (
@@ -214,17 +205,17 @@ class PlanPage:
             except SkywayError as error:
                 self.answer = self.more = None
                 self._draw()
-                self._tell(str(error), wrong=True)
+                self.status.tell(str(error), wrong=True)
                 return
             self._draw()
-            self._tell("Reasons and other routes follow …")
+            self.status.tell("Reasons and other routes follow …")
             try:
                 self.more = await self.site.workers.ask("planned.explained", self.site.scenario, asked)
             except SkywayError as error:
-                self._tell(str(error), wrong=True)
+                self.status.tell(str(error), wrong=True)
                 return
             self._draw()
-            self._tell("")
+            self.status.tell("")
 
     async def _weather(self) -> None:
         """Wind and queues of the hours from the departure on."""
@@ -282,7 +273,7 @@ class PlanPage:
         if answer is None:
             for part in (self.figures, self.pictures, self.beside, self.reasons, self.notes):
                 part.set_content("")
-            say(self.command, self.question.command(self.site.scenario) if self.question.complete else "")
+            self.command.show(self.question.command(self.site.scenario) if self.question.complete else "")
             return
         plan = plans[self.chosen]
         zone = self.wanted.zone(self.timezone)
@@ -291,7 +282,7 @@ class PlanPage:
         self.beside.set_content(plan_answer.beside(plans, self.chosen, answer["without"]))
         self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more))
         self.notes.set_content(plan_answer.notes(plan, answer))
-        say(self.command, self.question.command(self.site.scenario, plan["planner"]))
+        self.command.show(self.question.command(self.site.scenario, plan["planner"]))
 
     def _show_kept(self) -> None:
         """What was asked of the route, each with a button that takes it back."""
@@ -326,10 +317,6 @@ class PlanPage:
             avoid=list(self.question.avoid),
             stopAt=list(self.question.stop_at),
         )
-
-    def _tell(self, words: str, *, wrong: bool = False) -> None:
-        self.status.classes(replace="status wrong" if wrong else "status")
-        say(self.status, words)
 
 
 def without(names: tuple[str, ...], *gone: str) -> tuple[str, ...]:

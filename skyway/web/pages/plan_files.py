@@ -10,7 +10,7 @@ from nicegui import ui
 
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import SkywayError
-from skyway.web.controls import Button, Field, say, text
+from skyway.web.controls import Button, Field, Status, text
 from skyway.web.folder import safe_name
 from skyway.web.work.exports import KINDS
 from skyway.web.work.question import Question
@@ -60,7 +60,7 @@ class PlanFiles:
                 with ui.element("div").classes("line"):
                     self.choice = Field("Plans in the work folder", self._set("wanted"), kind="select")
                     Button("Open", self.open)
-                self.told = text("p", "", "status", role="status")
+                self.told = Status()
         self._list()
 
     def _set(self, name: str) -> Callable[[Any], None]:
@@ -90,9 +90,9 @@ class PlanFiles:
             for name, content in await self._made():
                 ui.download.content(content, name)
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.told.tell(str(error), wrong=True)
         else:
-            self._tell("")
+            self.told.tell("")
 
     async def save(self) -> None:
         """Write the files into the work folder, under names that are free."""
@@ -104,10 +104,10 @@ class PlanFiles:
             for name, (_, content) in zip(names, made, strict=True):
                 self.site.folder.write(name, content)
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.told.tell(str(error), wrong=True)
             return
         self._list()
-        self._tell(f"saved {', '.join(names)}")
+        self.told.tell(f"saved {', '.join(names)}")
 
     async def open(self) -> None:
         """Ask again what a plan of the folder was asked for."""
@@ -115,11 +115,7 @@ class PlanFiles:
             path = self.site.folder.existing(self.wanted)
             found = await self.site.workers.ask("exports.opened", str(path))
         except SkywayError as error:
-            self._tell(str(error), wrong=True)
+            self.told.tell(str(error), wrong=True)
             return
-        self._tell(f"opened {self.wanted}: planned again with what it was asked for")
+        self.told.tell(f"opened {self.wanted}: planned again with what it was asked for")
         self._ask(msgspec.convert(found["question"], Question))
-
-    def _tell(self, words: str, *, wrong: bool = False) -> None:
-        self.told.classes(replace="status wrong" if wrong else "status")
-        say(self.told, words)

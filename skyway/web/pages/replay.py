@@ -9,7 +9,7 @@ from nicegui import Client, ui
 
 from skyway.models.base.errors import SkywayError
 from skyway.web import shell
-from skyway.web.controls import Drop, Field, say, text
+from skyway.web.controls import CommandShown, Drop, Field, Status
 from skyway.web.folder import LOGS
 from skyway.web.map_layer import MapLayer, Player
 
@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 def add(site: Site) -> None:
     """Add the page."""
-
-    @ui.page("/replay", title="skyway: replay")
-    async def replay(client: Client) -> None:
-        with shell.page(site, client, "/replay") as wanted:
-            ReplayPage(site, client, wanted)
+    shell.add(site, "/replay", ReplayPage)
 
 
 class ReplayPage:
@@ -48,20 +44,16 @@ class ReplayPage:
                     "Log", lambda name: self.choose(0, name), kind="select", hint="Of the work folder, newest first"
                 )
                 self.second = Field("Beside it", lambda name: self.choose(1, name), kind="select")
-                self.status = text("p", "", "status", role="status")
+                self.status = Status()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer("Map of the flight. Arrow keys move it, plus and minus zoom, 0 shows everything.")
             with ui.element("section").classes("panel answer").props('aria-label="Player"'):
                 self.player = Player(wanted)
-                self.player.on("failed", lambda event: self._tell(str(event.args), wrong=True))
-                with ui.element("div").classes("command"):
-                    self.command = text("code", "", id="replay-command")
-                    text("button", "Copy", "plain", type="button", data_copy="replay-command")
+                self.player.on("failed", lambda event: self.status.tell(str(event.args), wrong=True))
+                self.command = CommandShown("replay")
         ui.timer(0.01, self._begin, once=True)
 
     async def _begin(self) -> None:
-        for name in ("region", "base", "outline"):
-            self.map.load(name, f"/api/{name}")
         try:
             region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
         except SkywayError:
@@ -93,19 +85,15 @@ class ReplayPage:
 
     def refused(self, why: str) -> None:
         """Tell why a file was refused."""
-        self._tell(why, wrong=True)
+        self.status.tell(why, wrong=True)
 
     def _open(self) -> None:
         names = [name for name in self.files if name]
-        self._tell(
+        self.status.tell(
             ""
             if names
             else "Choose a log, or drop one. Logs of skyway fly and skyway watch are in the folder that they were started in."
         )
         if names:
             self.player.run_method("open", names)
-            say(self.command, shlex.join(["skyway", "report" if names[0].endswith(".jsonl") else "replay", names[0]]))
-
-    def _tell(self, words: str, *, wrong: bool = False) -> None:
-        self.status.classes(replace="status wrong" if wrong else "status")
-        say(self.status, words)
+            self.command.show(shlex.join(["skyway", "report" if names[0].endswith(".jsonl") else "replay", names[0]]))

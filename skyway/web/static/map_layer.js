@@ -2,6 +2,8 @@
 import { h } from "vue";
 import { SkywayMap } from "skyway-map";
 
+const EVERYWHERE = ["region", "base", "outline"];
+
 export default {
   props: { label: String },
   render() {
@@ -10,6 +12,7 @@ export default {
   mounted() {
     this.map = new SkywayMap(this.$el, this.label, (name, detail) => this.$emit(name, detail));
     window.skywayMap = this.map; // for tests and for the page's own scripts
+    for (const name of EVERYWHERE) this.load(name, `/api/${name}`);
   },
   unmounted() {
     this.map.destroy();

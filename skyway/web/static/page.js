@@ -7,12 +7,15 @@ function keep(name, value) {
   document.cookie = `skyway_${name}=${value}; Path=/; SameSite=Strict; Max-Age=31536000`;
 }
 
+// The style sheet and the map know light and dark; "as the system" is one of them.
+const system = matchMedia("(prefers-color-scheme: dark)");
+
 function theme(name) {
-  if (name === "light" || name === "dark") document.documentElement.dataset.theme = name;
-  else delete document.documentElement.dataset.theme;
+  document.documentElement.dataset.theme = name === "light" || name === "dark" ? name : system.matches ? "dark" : "light";
 }
 
 theme(chosen("theme"));
+system.addEventListener("change", () => theme(chosen("theme")));
 
 document.addEventListener("change", (event) => {
   const { preference } = event.target.dataset || {};

@@ -48,8 +48,6 @@ export class SkywayMap {
       this.colours = palette(root);
       this.changed();
     };
-    this.scheme = matchMedia("(prefers-color-scheme: dark)");
-    this.scheme.addEventListener("change", this.themed);
     this.watch = new MutationObserver(this.themed);
     this.watch.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
   }
@@ -58,7 +56,6 @@ export class SkywayMap {
     this.gone = true;
     this.sized.disconnect();
     this.watch.disconnect();
-    this.scheme.removeEventListener("change", this.themed);
     cancelAnimationFrame(this.frame);
   }
 
