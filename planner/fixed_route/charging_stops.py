@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.fixed_route.bound_kernels import onward, remaining
+from skyway.planner.fixed_route.pad_windows import ALWAYS, Window, landed_within
 from skyway.planner.fixed_route.way_kernels import NOWHERE, flown, landed, pieces_of, way
 from skyway.planner.schedule.profile_kernels import covers, interpolate, profile_at
 
@@ -55,6 +56,8 @@ class FixedRoute:
     """What hops take on average, over what `hops` say."""
     sure_ratio: float = 1.0
     """What a way from pad to pad must have charge for."""
+    windows: tuple[Window, ...] = ()
+    """Of each pad, when it can be used; none: all of them always."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +119,11 @@ class _Search:
         )
         self.ratios = (route.mean_ratio, route.sure_ratio)
         self.least_wait_s = np.array([float(wait[:, 1].min()) for wait in route.waits])
+        self.windows = route.windows or (ALWAYS,) * len(route.waits)
+        slots = route.slots
+        changes = [slots.start_s + slots.slot_s * slots.length] if slots.length > 1 else []
+        opens = [first for first, _ in self.windows if math.isfinite(first)]
+        self.last_change_s = max([*changes, *opens], default=-math.inf)
         self.tau_soc, self.tau_s = fastest(route.curves)
         self.bounds = (
             route.can_leave, self.least_wait_s, self.ratios, route.reserve_soc, self.tau_soc, self.tau_s
@@ -192,15 +200,11 @@ class _Search:
             return
 
     def _pieces(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
-        slots = self.route.slots
-        last_s = slots.start_s + slots.slot_s * slots.length if slots.length > 1 else -math.inf
-        until_s = min(max(float(label.g[-1, 0]), last_s), self.best_s) + 1.0
-        begin_s = float(label.g[0, 0])
-        return np.asarray(
-            pieces_of(
-                self.route.hops, slots, label.position, label.pad, position, pad, begin_s, max(until_s, begin_s + 1.0)
-            )
-        )  # fmt: skip
+        slots, begin_s = self.route.slots, float(label.g[0, 0])
+        until_s = max(min(max(float(label.g[-1, 0]), self.last_change_s), self.best_s), begin_s) + 1.0
+        if label.pad != NOWHERE:
+            until_s = min(until_s, self.windows[label.pad][1])
+        return np.asarray(pieces_of(self.route.hops, slots, label.position, label.pad, position, pad, begin_s, until_s))
 
     def _end(self, label: _Label, position: int) -> None:
         pieces = self._pieces(label, position, NOWHERE)
@@ -212,15 +216,24 @@ class _Search:
 
     def _land(self, label: _Label, position: int, pad: int) -> _Label | None:
         """Fly to a pad; None where nobody can, or no more can come of it than of a label that is known."""
-        route = self.route
         pieces = self._pieces(label, position, pad)
-        z, h, g = landed(label.g, pieces, self.ratios, route.reserve_soc, route.waits[pad], *route.curves[pad])
+        z, h, g = self._on_pad(label.g, pieces, pad)
         known = self.known.setdefault((position, pad), [])
         if not len(g) or any(covers(other, g, 1e-12) for other in known):
             return None
         known.append(g)
         self.reached.setdefault((position, pad), []).append((z[:, 0].tolist(), z[:, 1].tolist()))
         return _Label(position, pad, g, z, h, label)
+
+    def _on_pad(
+        self, g: NDArray[np.float64], pieces: NDArray[np.float64], pad: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        route = self.route
+        if self.windows[pad] == ALWAYS:
+            return landed(g, pieces, self.ratios, route.reserve_soc, route.waits[pad], *route.curves[pad])
+        return landed_within(
+            g, pieces, self.ratios, route.reserve_soc, route.waits[pad], route.curves[pad], self.windows[pad]
+        )  # fmt: skip
 
     def _traced(self, label: _Label, depart_s: float) -> ChargingPlan:
         """Turn the best chain of labels into stops, from the end to the start."""

@@ -13,13 +13,16 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base.errors import InputError
+from skyway.models.base.units import parse_instant
 from skyway.models.drones.fleet import read_fleet
 from skyway.models.network.files import read_stations
+from skyway.models.network.van_stands import read_van_stands
 from skyway.models.scenario.file import FILE
 from skyway.recharge.problem import PadQueues, RechargeOptions
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from skyway.missions.checks.energy import FlightConditions
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.drones.drone import Drone
     from skyway.models.network.network import Station
+    from skyway.models.network.van_stands import VanStand
     from skyway.models.scenario.scenario import Scenario
 
 GREATEST_SPEED_MPS = 20.0
@@ -36,7 +40,8 @@ GREATEST_SPEED_MPS = 20.0
 class Asked:
     """What is typed besides the mission, in the units of the command line."""
 
-    pads: Path
+    pads: Path | None = None
+    vans: Path | None = None
     drone: str | None = None
     fleet: Path | None = None
     wind: str | None = None
@@ -63,6 +68,10 @@ class Asked:
 def region_of(asked: Asked) -> Scenario | None:
     """Return the scenario that the pads are named by, None where they are a file of stations."""
     path = asked.pads
+    if path is None:
+        if asked.vans is None:
+            raise InputError("no pads are given", field="--pads", remedy="give --pads, or --vans")
+        return None
     named = path.is_dir() or path.suffix == ".toml" or path.name == FILE or not path.exists()
     if not path.exists() and str(path) != "newyork":
         raise InputError(
@@ -71,9 +80,32 @@ def region_of(asked: Asked) -> Scenario | None:
     return load_scenario(path) if named else None
 
 
-def pads_of(asked: Asked, region: Scenario | None) -> tuple[Station, ...]:
-    """Return the pads that are named."""
-    return region.network.stations if region is not None else read_stations(asked.pads)
+def stands_of(asked: Asked) -> tuple[VanStand, ...]:
+    """Return where vans stand from when until when."""
+    if asked.vans is None:
+        return ()
+    depart_s = None if asked.depart is None else parse_instant(asked.depart, field="--depart").timestamp()
+    return read_van_stands(asked.vans, depart_s)
+
+
+def pads_of(asked: Asked, region: Scenario | None, stands: Sequence[VanStand] = ()) -> tuple[Station, ...]:
+    """Return the pads that are named, and those of vans."""
+    fixed: tuple[Station, ...] = ()
+    if region is not None:
+        fixed = region.network.stations
+    elif asked.pads is not None:
+        fixed = read_stations(asked.pads)
+    known = {pad.id for pad in fixed}
+    for stand in stands:
+        if stand.station.id in known:
+            raise InputError(
+                "is also the id of a pad",
+                str(asked.vans),
+                field="van",
+                value=stand.station.id,
+                remedy="name the van otherwise",
+            )
+    return (*fixed, *(stand.station for stand in stands))
 
 
 def with_home(document: MissionDocument, asked: Asked) -> MissionDocument:
@@ -95,11 +127,15 @@ def with_home(document: MissionDocument, asked: Asked) -> MissionDocument:
 
 
 def options_of(
-    asked: Asked, document: MissionDocument, region: Scenario | None, zones: Airspace | None
+    asked: Asked,
+    document: MissionDocument,
+    region: Scenario | None,
+    zones: Airspace | None,
+    stands: Sequence[VanStand] = (),
 ) -> RechargeOptions:
     """Return how a mission is cut; an `InputError` names each option that is wrong."""
     over = over_of(region, asked.terrain, asked.obstacles, asked.clearance_m)
-    weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=zones is not None)
+    weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=zones is not None or bool(stands))
     conditions = conditions_of(
         region,
         None if asked.fleet else asked.drone,
@@ -133,6 +169,7 @@ def options_of(
         asked.swap_s,
         asked.single,
         asked.seed,
+        {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands},
     )
 
 

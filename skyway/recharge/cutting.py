@@ -20,8 +20,7 @@ from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
 from skyway.missions.recharge.parts import Cut, PartBuilder, completed
 from skyway.missions.recharge.work import work_of
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.formatting import height_text, probability
-from skyway.planner.fixed_route.charging_stops import charging_stops
+from skyway.models.base.formatting import duration, height_text, probability
 from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of
 from skyway.recharge.reasons import no_plan
 
@@ -44,6 +43,7 @@ MAX_ROUNDS = 6
 MORE_SURE = 1.02
 ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
+LATE_S = 1.0
 _OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
 """Findings of a whole mission that its flights may not have."""
 
@@ -101,7 +101,7 @@ def recharged(
     problem = problem_of(work, ways, options)
     sure = ROUNDED * sure_ratio_of(options)
     for _ in range(MAX_ROUNDS):
-        plan = charging_stops(problem.route(sure))
+        plan = problem.stops(sure)
         if plan is None:
             raise no_plan(problem, sure)
         if options.swap_s is not None:
@@ -135,6 +135,8 @@ def recharged(
         left_out += [
             f"no single mission for {name}: it leaves its mission when it lands" for name in fit if name not in whole
         ]
+    if plan.depart_s >= LATE_S:
+        left_out.append(f"the first take-off is {duration(plan.depart_s)} later than it could be: pads are there later")
     found = Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
     if options.swap_s is None or not plan.stops:
         return found

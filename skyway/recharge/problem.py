@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +14,13 @@ from skyway.missions.recharge.work_hops import times_and_charges, work_hops
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
-from skyway.planner.fixed_route.charging_stops import FixedRoute
+from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
+from skyway.planner.fixed_route.pad_windows import ALWAYS
 from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from skyway.missions.checks.energy import FlightConditions
@@ -26,10 +29,14 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work
     from skyway.models.network.network import Station
     from skyway.models.queues.load import PadLoad
+    from skyway.planner.fixed_route.charging_stops import ChargingPlan
+    from skyway.planner.fixed_route.pad_windows import Window
 
 MAX_SLOTS = 24
 """Slots of a forecast that are looked at; the last one holds on."""
 AT_ONCE_S = 1e-3
+_BY_PAD, _BETWEEN = ("to_s", "to_soc", "from_s", "from_soc"), ("between_s", "between_soc")
+"""Hops whose last axis, and last two, are pads."""
 EPSILON = 0.001
 """A flight may miss the reserve with this probability; that of checks."""
 
@@ -60,6 +67,8 @@ class RechargeOptions:
     single: bool = False
     """All flights in one mission, too."""
     seed: int = 0
+    windows: Mapping[str, tuple[Window, ...]] = field(default_factory=dict)
+    """By the id of a pad, when it can be used, seconds after the first take-off; always where nothing is said."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,22 +85,47 @@ class RechargeProblem:
     p_free: tuple[NDArray[np.float64], ...] = field(default=())
     """Probability that an arrival finds a free pad, at the points of `waits`."""
 
+    @property
+    def usable(self) -> tuple[tuple[int, Window], ...]:
+        """Pads and when each can be used: one for each window."""
+        windows = self.options.windows
+        return tuple(
+            (number, window) for number, pad in enumerate(self.ways.pads) for window in windows.get(pad.id, (ALWAYS,))
+        )
+
     def route(self, sure_ratio: float) -> FixedRoute:
-        """Return the route that is begun with charge for so many times what the model says of each flight."""
-        conditions = self.options.conditions
+        """Return the route that is begun with charge for so many times what the model says of each flight.
+
+        Its pads are those of `usable`.
+        """
+        conditions, hops = self.options.conditions, self.hops
         can_leave = np.array([point.hinders is None for point in self.work.points])
+        pads = [pad for pad, _ in self.usable]
+        if pads != list(range(len(self.ways.pads))):
+            of_pads = {name: np.ascontiguousarray(getattr(hops, name)[:, :, pads]) for name in _BY_PAD}
+            between = {name: np.ascontiguousarray(getattr(hops, name)[:, pads][:, :, pads]) for name in _BETWEEN}
+            hops = hops._replace(**of_pads, **between)
         return FixedRoute(
-            self.hops,
+            hops,
             self.slots,
             can_leave,
-            self.curves,
-            self.waits,
+            tuple(self.curves[pad] for pad in pads),
+            tuple(self.waits[pad] for pad in pads),
             0.0,
             conditions.soc_start,
             conditions.reserve_soc,
             1.0,
             sure_ratio,
+            tuple(window for _, window in self.usable) if self.options.windows else (),
         )
+
+    def stops(self, sure_ratio: float) -> ChargingPlan | None:
+        """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""
+        plan = charging_stops(self.route(sure_ratio))
+        if plan is None:
+            return None
+        stops = tuple(replace(stop, pad=self.usable[stop.pad][0]) for stop in plan.stops)
+        return replace(plan, stops=stops)
 
 
 def slots_of(conditions: FlightConditions) -> Slots:
@@ -141,15 +175,18 @@ def _waits(
     pads: tuple[Station, ...], queues: PadQueues | None
 ) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
     """Return the expected wait at each pad by arrival, seconds after the first take-off; none where nobody else is known."""
+    waits, free = [np.zeros((1, 2)) for _ in pads], [np.ones(1) for _ in pads]
     if queues is None:
-        return tuple(np.zeros((1, 2)) for _ in pads), tuple(np.ones(1) for _ in pads)
+        return tuple(waits), tuple(free)
     numbers = {station.id: number for number, station in enumerate(queues.stations)}
     counts = np.array([station.pads for station in queues.stations], dtype=np.int64)
-    wanted = [numbers[pad.id] for pad in pads]
-    found = forecast_waits(queues.load, counts, wanted, queues.depart_s, float(MAX_SLOTS), {})
-    waits = [found[number].wait_s for number in wanted]
-    grid = STEP_S * np.arange(len(waits[0]) if waits else 0, dtype=np.float64)
-    return tuple(np.column_stack((grid, wait)) for wait in waits), tuple(found[number].p_free for number in wanted)
+    wanted = {place: numbers[pad.id] for place, pad in enumerate(pads) if pad.id in numbers}  # nobody else uses a van
+    found = forecast_waits(queues.load, counts, list(wanted.values()), queues.depart_s, float(MAX_SLOTS), {})
+    for place, number in wanted.items():
+        wait = found[number].wait_s
+        waits[place] = np.column_stack((STEP_S * np.arange(len(wait), dtype=np.float64), wait))
+        free[place] = found[number].p_free
+    return tuple(waits), tuple(free)
 
 
 def sure_ratio_of(options: RechargeOptions) -> float:

@@ -6,6 +6,7 @@ on a pad it is charged to what the plan says, however long that takes.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,10 +15,12 @@ import numpy as np
 from skyway.missions.checks.energy import fly_leg
 from skyway.missions.checks.route import fly
 from skyway.models.base.statistics import weighted_quantile
+from skyway.planner.fixed_route.pad_windows import ALWAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.planner.fixed_route.pad_windows import Window
     from skyway.recharge.cutting import Recharged
 
 RUNS = 4000
@@ -68,11 +71,17 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) ->
         if number < len(plan.stops):
             stop = plan.stops[number]
             clock = clock + _waits(found, stop.pad, clock, rng)
+            first_s, last_s = _window(found, number)
+            clock = np.maximum(clock, first_s)
             if options.swap_s is not None:
                 clock, soc = clock + options.swap_s, np.ones(runs)
                 continue
             curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
             target = np.maximum(soc, stop.soc_leave)
+            if math.isfinite(last_s):  # then the van drives on, whoever it has on its roof
+                stay_s = np.maximum(last_s - clock, 0.0)
+                most = curve.soc(np.asarray(curve.time_from_empty_s(np.maximum(soc, 0.0))) + stay_s)
+                target = np.maximum(soc, np.minimum(target, np.asarray(most)))
             clock = clock + np.asarray(curve.duration_s(np.maximum(soc, 0.0), target))
             soc = target
     one = np.ones(runs)
@@ -103,6 +112,13 @@ def _in_each_wind(
             np.add(sums, np.where(flown.flyable, values, typical), out=sums)
         height_m = leg.next_ground_m
     return time_s, energy_j
+
+
+def _window(found: Recharged, number: int) -> Window:
+    """Return the window of a pad in which the plan has a stop."""
+    stop = found.plan.stops[number]
+    windows = found.problem.options.windows.get(found.problem.ways.pads[stop.pad].id, (ALWAYS,))
+    return min(windows, key=lambda one: max(one[0] - stop.arrive_s, stop.leave_s - one[1], 0.0))
 
 
 def _waits(found: Recharged, pad: int, arrive_s: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

@@ -149,3 +149,25 @@ def test_a_mission_without_a_home_gets_one_by_word(skyway, patrol):
     answer = skyway(*typed, "--home", "47.398,8.545", "--home-elevation", "488")
     assert answer.code == 0
     assert "the mission ended in the air: it returns to launch" in answer.out
+
+
+VANS = "van,lat,lon,elevation_m,from,until\nvan,47.3978,8.5450,488,{0},{1}\nvan,47.4045,8.5580,495,0:45,2:30\n"
+
+
+def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
+    vans = patrol / "vans.csv"
+    vans.write_text(VANS.format("0:00", "0:30"))
+    typed = ["recharge", str(patrol / "patrol.plan"), "--vans", str(vans), "-o", str(patrol / "out")]
+    answer = skyway(*typed, "--drone", "m200-v2", "--wind", "6@250", "--autopilot", "px4", "--json")
+    assert answer.code == 0, answer.err
+    windows = {"van-1": (0.0, 1800.0), "van-2": (2700.0, 9000.0)}
+    stays = [flight["stay"] for flight in json.loads(answer.out)["flights"] if flight["stay"]]
+    assert stays
+    for stay in stays:
+        first, last = windows[stay["pad"]]
+        assert first - 1e-6 <= stay["arrive_s"] < stay["leave_s"] <= last + 1e-6
+    vans.write_text(VANS.format("0:30", "0:00"))
+    reversed_times = skyway(*typed, "--force")
+    assert reversed_times.code == 2
+    assert "vans.csv:2: until: is not later than from" in reversed_times.err
+    assert "give --pads, or --vans" in skyway("recharge", str(patrol / "patrol.plan"), "-o", str(patrol / "no")).err

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import airspace_options, options
+from skyway.cli.option_groups import with_groups
 from skyway.cli.options import FamilyName
+from skyway.cli.recharge_options import CrewOptions
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability
 from skyway.models.base.json_text import json_text
@@ -153,10 +155,12 @@ def _verdict(report: CheckReport) -> str:
     return told if report.ok or "error" in told else f"{told}: not ok"
 
 
+@with_groups
 def recharge(
     mission: Annotated[Path, typer.Argument(help="Mission file in any known format.")],
-    pads: Annotated[Path, typer.Option(help="Stations with pads (CSV, GeoJSON), or a scenario folder.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write: one mission a battery.")],
+    crew: CrewOptions,
+    pads: Annotated[Path | None, typer.Option(help="Stations with pads (CSV, GeoJSON), or a scenario folder.")] = None,
     wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
     depart: Annotated[
         str | None, typer.Option(help="First take-off, with UTC offset. With a scenario, its forecast is used.")
@@ -215,12 +219,13 @@ def recharge(
     --------
       skyway recharge survey.plan --pads pads.csv -o flights
       skyway recharge survey.plan --pads pads.csv --wind 6@250 --drone m200-v2 --autopilot px4 -o flights
+      skyway recharge survey.plan --vans vans.csv -o flights
       skyway recharge patrol.waypoints --pads newyork --depart 2013-07-10T14:00-04:00 --laps 5 -o flights
     """
     from skyway.cli.views.recharge import print_recharge
     from skyway.missions import family_named, read
     from skyway.missions.autopilots import NAMES
-    from skyway.recharge.asking import Asked, options_of, pads_of, region_of, with_home
+    from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
     from skyway.recharge.cutting import recharged
     from skyway.recharge.output import names_of, refuse_folder, write_folder
     from skyway.recharge.rehearsal import rehearsed
@@ -229,6 +234,7 @@ def recharge(
     refuse_folder(output, force=force)
     asked = Asked(
         pads=pads,
+        vans=crew.vans,
         drone=drone,
         fleet=fleet,
         wind=wind,
@@ -255,9 +261,9 @@ def recharge(
     region = region_of(asked)
     airspace = airspace_options.zones_of(region, zones or (), authorized or ())
     families = [family_named(name) for name in ((autopilot,) if autopilot else NAMES)]
-    found = recharged(
-        document, pads_of(asked, region), families, options_of(asked, document, region, airspace)
-    )  # fmt: skip
+    stands = stands_of(asked)
+    chosen = options_of(asked, document, region, airspace, stands)
+    found = recharged(document, pads_of(asked, region, stands), families, chosen)
     summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
     files = write_folder(found, summary, output, force=force)
     if as_json:

@@ -16,7 +16,7 @@ from skyway.planner.fixed_route.way_kernels import Hops
 SLOT_S = 40.0
 
 
-def random_route(seed, *, slots=1, waiting=False, positions=3, pads=2):
+def random_route(seed, *, slots=1, waiting=False, positions=3, pads=2, windows=False):
     """Whole seconds everywhere, so that a grid of seconds holds many good plans."""
     rng = np.random.default_rng(seed)
 
@@ -55,7 +55,21 @@ def random_route(seed, *, slots=1, waiting=False, positions=3, pads=2):
         0.1,
         float(rng.uniform(0.9, 1.1)),
         float(rng.uniform(1.1, 1.3)),
+        random_windows(rng, pads) if windows else (),
     )
+
+
+def random_windows(rng, pads):
+    """Pads that are there for a while only, but for the last one, which may be there always."""
+    begins = rng.integers(0, 90, pads).astype(float)
+    found = [(begin, begin + float(rng.integers(15, 120))) for begin in begins.tolist()]
+    if rng.random() < 0.5:
+        found[-1] = (-math.inf, math.inf)
+    return tuple(found)
+
+
+def window_of(route, pad):
+    return route.windows[pad] if route.windows else (-math.inf, math.inf)
 
 
 def flight(route, left_at, pad, until, to_pad, now):
@@ -112,10 +126,13 @@ def least_end_on_grid(route, last_s=250):
             if to_pad is None:
                 best = min(best, there)
                 continue
+            first, last = window_of(route, to_pad)
+            if not first - 1e-9 <= there <= last + 1e-9:
+                continue
             wait = route.waits[to_pad]
             on_pad = there + float(np.interp(there, wait[:, 0], wait[:, 1]))
             curve_s, curve_soc = route.curves[to_pad]
-            for leave in range(math.ceil(there - 1e-9), last_s):
+            for leave in range(math.ceil(there - 1e-9), int(min(last_s, last + 1.0))):
                 charged = landed
                 if leave >= on_pad:
                     charged = np.interp(np.interp(landed, curve_soc, curve_s) + leave - on_pad, curve_s, curve_soc)
@@ -152,6 +169,9 @@ def assert_flies(route, plan):
             curve_s, curve_soc = route.curves[stop.pad]
             charged = np.interp(np.interp(charged, curve_soc, curve_s) + stop.leave_s - on_pad, curve_s, curve_soc)
         assert stop.leave_s >= there - 1e-6
+        first, last = window_of(route, stop.pad)
+        assert first - 1e-6 <= there
+        assert stop.leave_s <= last + 1e-6
         assert stop.soc_leave <= charged + 1e-6
         now, charge, left_at, pad = stop.leave_s, stop.soc_leave, stop.position, stop.pad
     there, taken = flight(route, left_at, pad, len(route.can_leave) - 1, None, now)
@@ -180,6 +200,21 @@ def test_no_plan_on_a_grid_of_seconds_ends_earlier(seed):
 @given(st.integers(0, 10**6))
 def test_nor_where_the_wind_changes_and_pads_are_taken(seed):
     compare_with_all_plans(seed, slots=5, waiting=True)
+
+
+@settings(max_examples=3, deadline=None)
+@given(st.integers(0, 10**6))
+def test_nor_where_pads_are_there_for_a_while_only(seed):
+    compare_with_all_plans(seed, slots=3, windows=True)
+
+
+@pytest.mark.slow
+def test_no_plan_ends_earlier_in_many_worlds_of_pads_that_come_and_go():
+    stops = [
+        compare_with_all_plans(seed, slots=1 + seed % 3, waiting=seed % 2 == 0, windows=True, positions=4)
+        for seed in range(120)
+    ]
+    assert sum(count > 0 for count in stops) >= 15
 
 
 @pytest.mark.slow

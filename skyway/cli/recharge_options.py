@@ -1,0 +1,19 @@
+"""Options of missions that are cut at pads, beside what they are checked with: vans, batteries, drones, order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CrewOptions:
+    """Who is in the field."""
+
+    vans: Annotated[
+        Path | None,
+        typer.Option(help="Vans with pads: where each stands from when until when (CSV, GeoJSON)."),
+    ] = None
