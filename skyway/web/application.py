@@ -12,25 +12,21 @@ from nicegui import ui
 
 from skyway.web.live import demonstration
 from skyway.web.server import RECONNECT_S
-from skyway.web.site import Site
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-    from skyway.web.server import ServeOptions
+    from skyway.web.site import Site
 
 
-def application(options: ServeOptions) -> Any:
+def application(site: Site) -> Any:
     """Return the application; one for each process."""
     from skyway.web import documents
     from skyway.web.pages import fly, history, missions, plan, replay
 
-    site = Site(options)
-
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        site.start()
-        demo = asyncio.create_task(demonstration.begin_once(site)) if options.demo else None
+        demo = asyncio.create_task(demonstration.begin_once(site)) if site.options.demo else None
         yield
         if demo is not None:
             demo.cancel()

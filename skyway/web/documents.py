@@ -15,7 +15,6 @@ from skyway.link.supervisor.command.request_file import Request as OrderRequest
 from skyway.models.base.errors import SkywayError
 from skyway.web.folder import LOGS, MISSIONS, safe_name
 from skyway.web.guard import browser
-from skyway.web.work import tiles
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -55,7 +54,10 @@ def add(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/region")
     async def region() -> Response:
-        return await answer("region.region", site.scenario)
+        try:
+            return JSONResponse(await site.region(), headers={"cache-control": "no-store"})
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 422)
 
     @app.get("/api/wind")
     async def wind(request: Request) -> Response:
@@ -126,20 +128,20 @@ def add(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/base")
     async def base() -> Response:
-        return await answer("tiles.about", None if site.options.base is None else str(site.options.base))
+        return JSONResponse(site.options.base.about())
 
     @app.get("/api/tile")
     def tile(z: int, x: int, y: int) -> Response:
-        given = site.options.base
-        found = None if given is None else tiles.tile(str(given), z, x, y)
+        found = site.options.base.tile(z, x, y)
         if found is None:
             return Response(status_code=204)
-        return Response(found[1], media_type=found[0], headers={"cache-control": "max-age=3600"})
+        headers = {"cache-control": "max-age=3600"} | ({"content-encoding": found.encoding} if found.encoding else {})
+        return Response(found.content, media_type=found.media_type, headers=headers)
 
     @app.get("/api/outline")
     async def outline() -> Response:
         given = site.options.outline
-        return await answer("outline.shapes", None if given is None else str(given))
+        return JSONResponse({"shapes": []}) if given is None else await answer("outline.shapes", str(given))
 
 
 def _conditions(request: Request) -> dict[str, Any]:

@@ -107,6 +107,14 @@ class Folder:
         raise InputError("a thousand files of this name are there", field="file", value=wanted[:200])
 
 
+def stamp(folder: str | Path | None) -> tuple[tuple[str, int, int], ...]:
+    """Return the state of the files of a folder: another one where any has changed."""
+    if folder is None or not Path(folder).is_dir():
+        return ()
+    states = ((one.name, one.stat()) for one in sorted(Path(folder).iterdir()) if one.is_file())
+    return tuple((name, state.st_mtime_ns, state.st_size) for name, state in states)
+
+
 def safe_name(name: str) -> str:
     """Return a name of a file without folders and odd signs; 120 characters at most."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]

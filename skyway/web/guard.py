@@ -17,6 +17,9 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
+from skyway.web.tiles.base import BaseMap
+from skyway.web.tiles.content import PICTURES, VECTORS
+
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 
@@ -39,10 +42,10 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _POLICY = (
     "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; font-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; "
+    "img-src 'self' data: blob:{pictures}; font-src 'self'; connect-src 'self'{vectors}; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'; object-src 'none'"
 )
-"""Nothing from another host. NiceGUI's Vue compiles templates in the browser, hence 'unsafe-eval'; a script in the page needs the nonce."""
+"""Nothing from another host, but for a tile server that the operator names. NiceGUI's Vue compiles templates in the browser, hence 'unsafe-eval'; a script in the page needs the nonce."""
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -65,11 +68,14 @@ class Guard:
         What a person types once in each browser; None lets everyone in who may connect.
     max_body : int
         Bytes of one request.
+    tiles : BaseMap
+        The base map: where it is on another host, browsers may load its tiles from there.
     """
 
     app: App
     token: str | None = None
     max_body: int = MAX_BODY
+    tiles: BaseMap = field(default_factory=BaseMap)
     _trying: asyncio.Lock = field(default_factory=asyncio.Lock)
 
     async def __call__(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
@@ -109,6 +115,12 @@ class Guard:
         if not length.isdigit() or int(length) > self.max_body:
             return 413, f"more than {self.max_body // 2**20} MiB in one request"
         return None
+
+    def _policy(self, nonce: str) -> str:
+        """Return what a browser may load."""
+        host = "" if self.tiles.origin is None else f" {self.tiles.origin}"
+        pictures, vectors = (host if self.tiles.kind == kind else "" for kind in (PICTURES, VECTORS))
+        return _POLICY.format(nonce=nonce, pictures=pictures, vectors=vectors)
 
     def _known(self, headers: dict[str, str]) -> bool:
         if self.token is None:
@@ -156,7 +168,7 @@ class Guard:
         async def answer(message: Message) -> None:
             if message["type"] == "http.response.start":
                 kept = [(name, value) for name, value in message["headers"] if name.lower() != b"server"]
-                kept += [*_HEADERS, (b"content-security-policy", _POLICY.format(nonce=nonce).encode())]
+                kept += [*_HEADERS, (b"content-security-policy", self._policy(nonce).encode())]
                 if fresh is not None and _is_html(kept):
                     cookie = f"{BROWSER}={fresh}; HttpOnly; SameSite=Strict; Path=/; Max-Age=31536000"
                     kept.append((b"set-cookie", cookie.encode()))

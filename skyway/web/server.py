@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import InputError
 from skyway.web.guard import LOOPBACK, Guard
-from skyway.web.work.tiles import about
+from skyway.web.tiles.base import BaseMap
 from skyway.web.work.weather_and_zones import Given
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ class ServeOptions:
     """A simulated delivery is flown from the start on."""
     given: Given = field(default_factory=Given)
     """Weather and pads of now, terrain, zones."""
-    base: Path | None = None
-    """MBTiles with pictures, drawn beneath everything."""
+    base: BaseMap = field(default_factory=BaseMap)
+    """Drawn beneath everything."""
     outline: Path | None = None
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
@@ -50,8 +50,7 @@ class ServeOptions:
         """Return the same, or raise an `InputError` that says what is not safe or not there."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
-        if self.base is not None:
-            about(str(self.base))
+        self.base.checked()
         if self.demo and self.scenario is not None:
             remedy = "leave one of them out"
             raise InputError(
@@ -87,10 +86,14 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.devnull)  # nothing of NiceGUI's is kept on disk
     import uvicorn
 
-    from skyway.web.application import application
+    from skyway.web.site import Site
 
     listening = _listening(options)
-    app = Guard(application(options), options.token)
+    site = Site(options)
+    site.start()  # they load their libraries while this process loads its own
+    from skyway.web.application import application
+
+    app = Guard(application(site), options.token, tiles=options.base)
     config = uvicorn.Config(
         app, log_level="warning", access_log=False, server_header=False, date_header=False, limit_concurrency=MAX_CONNECTIONS,
         timeout_keep_alive=30, timeout_graceful_shutdown=2, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
@@ -98,7 +101,9 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
     shown = f"[{options.host}]" if ":" in options.host else options.host
     address = f"http://{shown}:{listening.getsockname()[1]}{'/fly' if options.demo else ''}"
     say(f"skyway: open {address} in a browser; Ctrl-C ends the page, not a flight")
-    with listening, suppress(KeyboardInterrupt):  # Ctrl-C is how it ends
+    if options.base.origin is not None:
+        say(f"skyway: browsers fetch the base map from {options.base.origin}, as --tiles says")
+    with listening, closing(site.workers), suppress(KeyboardInterrupt):  # Ctrl-C is how it ends
         uvicorn.Server(config).run(sockets=[listening])
 
 

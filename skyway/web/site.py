@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from skyway.web.folder import Folder
+from skyway.web.folder import Folder, stamp
 from skyway.web.live.fleet import Fleet
 from skyway.web.live.flights import Flights
 from skyway.web.work.weather_and_zones import give
@@ -38,17 +38,25 @@ class Site:
         self.workers = Workers(options.given)
         self.fleet = Fleet(self)
         self.flights = Flights(self.folder)
+        self._region: tuple[object, dict[str, Any]] | None = None
 
     @property
     def scenario(self) -> str | None:
         """The scenario as a worker wants it: its folder, None the built-in one."""
         return None if self.options.scenario is None else str(self.options.scenario)
 
+    async def region(self) -> dict[str, Any]:
+        """Return what the map shows of the scenario; worked out once for each state of its files, so that no page waits for what is planned."""
+        now = stamp(self.options.scenario)
+        if self._region is None or self._region[0] != now:
+            self._region = now, await self.workers.ask("region.region", self.scenario)
+        return self._region[1]
+
     def start(self) -> None:
         """Start the processes; the first one loads its libraries and the scenario while nobody waits."""
         self.workers.start(self.scenario)
 
     def stop(self) -> None:
-        """End them."""
+        """End them; again does nothing."""
         self.fleet.stop_all()
-        self.workers.stop()
+        self.workers.close()

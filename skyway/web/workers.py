@@ -29,7 +29,7 @@ class Workers:
         """Start a process, which loads what it will need."""
         self._opened().submit(prepare, scenario)
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End all processes, and what they are at."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)

@@ -22,15 +22,19 @@ AXE = os.environ.get("SKYWAY_AXE", "node_modules/axe-core/axe.min.js")
 HELD_MS = 1_500
 
 
-@contextmanager
-def chromium() -> Iterator[Any]:
-    """Start the browser; skip where there is none."""
-    api = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+def installed() -> str:
+    """Return the browser that is installed; skip where there is none."""
     found = next(
         (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
     )
-    if found is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
+    return found or pytest.skip("no Chromium is installed: apt-get install chromium")
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """Start the browser."""
+    api = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+    found = installed()
     with api.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=found, args=FLAGS)
         yield browser
@@ -38,8 +42,10 @@ def chromium() -> Iterator[Any]:
 
 
 @contextmanager
-def person(browser: Any, address: str, path: str, *, minds: bool = True, **how: Any) -> Iterator[Any]:
-    """Open a page as a person of their own; nothing may be asked of another host, and nothing go wrong in the console, if that is minded."""
+def person(
+    browser: Any, address: str, path: str, *, minds: bool = True, also: str | None = None, **how: Any
+) -> Iterator[Any]:
+    """Open a page as a person of their own; nothing may be asked of another host, but `also`, and nothing go wrong in the console, if that is minded."""
     context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | how))
     context.set_default_timeout(PATIENT_MS)
     tab = context.new_page()
@@ -47,9 +53,8 @@ def person(browser: Any, address: str, path: str, *, minds: bool = True, **how: 
     elsewhere: list[str] = []
     tab.on("console", lambda message: wrong.append(message.text) if message.type in {"error", "warning"} else None)
     tab.on("pageerror", lambda error: wrong.append(str(error)))
-    tab.on(
-        "request", lambda one: None if one.url.startswith((address, "blob:", "data:")) else elsewhere.append(one.url)
-    )
+    fine = (address, "blob:", "data:", *([] if also is None else [also]))
+    tab.on("request", lambda one: None if one.url.startswith(fine) else elsewhere.append(one.url))
     tab.goto(address + path)
     tab.wait_for_selector("#main *")
     yield tab

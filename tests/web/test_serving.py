@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import shlex
-import sqlite3
 import subprocess
 import sys
 
@@ -13,9 +11,7 @@ import msgspec
 import pytest
 
 from skyway.cli.main import main
-from skyway.models.base.errors import InputError
 from skyway.web.work.question import Question
-from skyway.web.work.tiles import about, tile
 from tests.web.conftest import ROOT
 
 HTML = {"Accept": "text/html"}
@@ -147,32 +143,6 @@ def test_the_command_shown_gives_the_plan_shown(capsys, tmp_path):
         assert told["planner"] == figures["planner"]
         assert [stop["station"] for stop in told["stops"]] == figures["stops"]
         assert told["reserve_soc"] == figures["reserve_soc"] == 0.25
-
-
-def mbtiles(path, data):
-    with contextlib.closing(sqlite3.connect(path)) as base:
-        base.execute("CREATE TABLE metadata (name text, value text)")
-        base.execute("CREATE TABLE tiles (zoom_level integer, tile_column integer, tile_row integer, tile_data blob)")
-        base.execute("INSERT INTO tiles VALUES (3, 2, 5, ?)", (data,))
-        base.commit()
-    return str(path)
-
-
-def test_a_base_map_is_the_operators_own_file_and_counts_rows_from_the_north(tmp_path):
-    picture = b"\x89PNG rest"
-    path = mbtiles(tmp_path / "a.mbtiles", picture)
-    assert about(path) == {"low": 3, "high": 3, "attribution": ""}
-    assert about(None) == {}
-    assert tile(path, 3, 2, 2) == ("image/png", picture)
-    for nowhere in ((3, 2, 5), (3, -1, 2), (3, 8, 2), (99, 0, 0), (-1, 0, 0)):
-        assert tile(path, *nowhere) is None
-    (tmp_path / "b.mbtiles").write_bytes(b"nonsense")
-    for name, why in (("b.mbtiles", "no MBTiles"), ("c.mbtiles", "no such file")):
-        with pytest.raises(InputError, match=why):
-            about(str(tmp_path / name))
-    with pytest.raises(InputError, match="no pictures"):
-        about(mbtiles(tmp_path / "d.mbtiles", b"\x1f\x8bvector"))
-    assert main(["serve", "--map", str(tmp_path / "c.mbtiles")]) == 2
 
 
 def test_without_a_base_map_there_are_no_tiles(page):

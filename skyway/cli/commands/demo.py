@@ -96,8 +96,17 @@ def serve(
     zones: options.Zones = None,
     authorized: options.Authorized = None,
     base: Annotated[
-        Path | None, typer.Option("--map", help="Base map of pictures, FILE.mbtiles, drawn beneath the network.")
+        Path | None, typer.Option("--map", help="Base map, FILE.mbtiles or FILE.pmtiles, drawn beneath the network.")
     ] = None,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            help="Base map of a tile server: https://HOST/{z}/{x}/{y}.png, or .pbf for vectors. Browsers ask that host, and only then any other."
+        ),
+    ] = None,
+    attribution: Annotated[
+        str, typer.Option(help="Who made the base map, shown on it. Without it: what its file says, or its host.")
+    ] = "",
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")
     ] = None,
@@ -108,11 +117,12 @@ def serve(
     --------
       skyway serve
       skyway serve --demo --folder out/demo
-      skyway serve my-scenario --port 8081 --outline coast.geojson
+      skyway serve my-scenario --port 8081 --outline coast.geojson --map city.pmtiles
       SKYWAY_TOKEN=$(openssl rand -hex 16) skyway serve --host 0.0.0.0
     """
     from skyway.web.server import ServeOptions
     from skyway.web.server import serve as run
+    from skyway.web.tiles.base import BaseMap
     from skyway.web.work.weather_and_zones import Given
 
     known = Given(
@@ -128,7 +138,7 @@ def serve(
         folder=folder,
         outline=outline,
         demo=show_demo,
-        base=base,
+        base=BaseMap(base, tiles, attribution),
         given=known,
     )
     run(given, lambda words: typer.echo(words, err=True))

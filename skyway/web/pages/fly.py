@@ -70,7 +70,7 @@ class FlyPage:
 
     async def _begin(self) -> None:
         try:
-            region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
+            region: dict[str, Any] = await self.site.region()
         except SkywayError:
             region = {"timezone": "UTC"}
         self.panel.in_zone(region["timezone"])

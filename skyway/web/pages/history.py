@@ -50,7 +50,7 @@ class HistoryPage:
         self.status.tell("Reading …")
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
         try:
-            self.timezone = (await self.site.workers.ask("region.region", self.site.scenario))["timezone"]
+            self.timezone = (await self.site.region())["timezone"]
             self.rows = await self.site.workers.ask("history.told", str(self.site.folder.root.resolve()), names)
         except SkywayError as error:
             self.status.tell(str(error), wrong=True)

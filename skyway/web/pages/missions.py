@@ -126,7 +126,7 @@ class MissionsPage:
     async def _begin(self) -> None:
         self._list()
         try:
-            region = await self.site.workers.ask("region.region", self.site.scenario)
+            region = await self.site.region()
         except SkywayError:
             region = {"drones": [], "bounds": [-180, -60, 180, 70]}
         self.drone.offer([("", "assume M200 V2"), *((one["id"], one["id"]) for one in region["drones"])])

@@ -107,7 +107,7 @@ class PlanPage:
         """Fill the page: the map fetches the region by itself, the form needs it here."""
         self.map.put(actions=list(PLACE_ACTIONS))
         try:
-            self.region = await self.site.workers.ask("region.region", self.site.scenario)
+            self.region = await self.site.region()
         except SkywayError as error:
             self.status.tell(str(error), wrong=True)
             return

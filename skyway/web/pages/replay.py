@@ -55,7 +55,7 @@ class ReplayPage:
 
     async def _begin(self) -> None:
         try:
-            region: dict[str, Any] = await self.site.workers.ask("region.region", self.site.scenario)
+            region: dict[str, Any] = await self.site.region()
         except SkywayError:
             region = {"timezone": "UTC", "bounds": [-180, -60, 180, 70]}
         self.player.in_zone(region["timezone"])

@@ -17,11 +17,12 @@ def begin(what: Given) -> None:
 
 
 def prepare(scenario: str | None) -> None:
-    """Load what planning needs, before anybody waits for it."""
-    from skyway.web.work.region import loaded
+    """Load what the map and planning need, before anybody waits for it."""
+    from skyway.web.work.region import region
 
     try:
-        loaded(scenario)
+        region(scenario)
+        import_module("skyway.web.work.planned")
     except SkywayError:
         return  # who asks for it is told
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,13 @@ WATER = ("water", "sea", "ocean", "lake", "river", "bay", "coastline")
 """Words that make a shape water, in any of its properties ``kind``, ``natural``, ``class``, ``type``, ``water``."""
 
 
-def shapes(path: str | None) -> dict[str, Any]:
-    """Return the shapes of a file: ``kind`` (water or land), ``closed``, and ``rings`` of longitude and latitude."""
-    if path is None:
-        return {"shapes": []}
+def shapes(path: str) -> dict[str, Any]:
+    """Return the shapes of a file: ``kind`` (water or land), ``closed``, and ``rings`` of longitude and latitude; read again where it has changed."""
+    return _shapes(path, Path(path).stat().st_mtime_ns if Path(path).is_file() else 0)
+
+
+@lru_cache(maxsize=2)
+def _shapes(path: str, changed_ns: int) -> dict[str, Any]:  # noqa: ARG001  part of the key
     found: list[dict[str, Any]] = []
     points = 0
     for one in features(read_geojson(Path(path)), path):

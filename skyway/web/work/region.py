@@ -15,6 +15,7 @@ from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 from skyway.planning import Conditions
 from skyway.plots.wind_summary import wind_report
+from skyway.web.folder import stamp
 from skyway.web.work.weather_and_zones import given
 
 if TYPE_CHECKING:
@@ -31,19 +32,12 @@ HOURS = 24
 
 def loaded(scenario: str | None) -> Scenario:
     """Return a scenario; read once, and again when one of its files has changed."""
-    return _kept(scenario, _stamp(scenario))
+    return _kept(scenario, stamp(scenario))
 
 
 @lru_cache(maxsize=2)
 def _kept(scenario: str | None, stamp: tuple[tuple[str, int, int], ...]) -> Scenario:  # noqa: ARG001  the stamp is the key
     return Conditions(scenario=None if scenario is None else Path(scenario), **given().region()).loaded()
-
-
-def _stamp(scenario: str | None) -> tuple[tuple[str, int, int], ...]:
-    if scenario is None or not Path(scenario).is_dir():
-        return ()
-    states = ((one.name, one.stat()) for one in sorted(Path(scenario).iterdir()) if one.is_file())
-    return tuple((name, state.st_mtime_ns, state.st_size) for name, state in states)
 
 
 def region(scenario: str | None) -> dict[str, Any]:

@@ -1,4 +1,5 @@
 // What the canvas shows, from the bottom up. Colours come from the page's style sheet, so that dark and light agree.
+import { attribution } from "skyway-map/tiles.js";
 import { mercator } from "skyway-map/view.js";
 
 const NAMES = ["water", "land", "street", "grid", "segment", "zone", "zone-fill", "station", "ink", "paper", "faint", "wind", "route", "other", "start", "target", "vehicle", "warn", "halo"];
@@ -14,7 +15,7 @@ export function draw(context, view, state, colours, map) {
   c.lineCap = "round";
   c.fillStyle = colours.water;
   c.fillRect(0, 0, view.width, view.height);
-  if (state.base?.high !== undefined && state.layers.base !== false) map.tiles.draw(c, view, state.base);
+  if (state.base?.high !== undefined && state.layers.base !== false) map.tiles.draw(c, view, state.base, colours);
   if (state.outline) outline(c, view, state.outline, colours);
   graticule(c, view, colours);
   const { region } = state;
@@ -33,6 +34,7 @@ export function draw(context, view, state, colours, map) {
   ends(c, view, state, colours);
   if (map.dragged?.x !== undefined) ghost(c, view, state, map.dragged, colours);
   scaleBar(c, view, colours);
+  if (state.base?.attribution) attribution(c, state.base, colours);
 }
 
 function outline(c, view, found, colours) {

@@ -46,6 +46,7 @@ export class SkywayMap {
     on("keydown", (e) => this.key(e));
     this.themed = () => {
       this.colours = palette(root);
+      if (this.state.base?.kind === "vectors") this.tiles.forget();
       this.changed();
     };
     this.watch = new MutationObserver(this.themed);
