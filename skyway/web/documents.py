@@ -63,6 +63,10 @@ def add(app: FastAPI, site: Site) -> None:
     async def wind(request: Request) -> Response:
         return await answer("region.winds", site.scenario, _conditions(request))
 
+    @app.get("/api/ground")
+    async def ground() -> Response:
+        return await answer("region.ground", site.scenario)
+
     @app.get("/api/queues")
     async def queues(request: Request) -> Response:
         return await answer("region.queues", site.scenario, _conditions(request))

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import tzinfo
 
+    from skyway.web.preferences import Preferences
+
 WIDTH = 720.0
 LEFT, RIGHT = 76.0, 14.0
 BAR = 22.0
@@ -206,6 +208,55 @@ def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
         bottom + 18.0,
         f"Heights above home along {distance_text(1000.0 * far)}, up to {high * factor:.0f} {unit}",
     )
+
+
+def heights(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
+    """Return ground, what stands in the corridor, and the way flown, leg after leg, with the least clearance of all."""
+    if not legs:
+        return ""
+    top, bottom = 16.0, 126.0
+    low: float = min(min(leg["ground_m"]) for leg in legs)
+    high: float = max(max(*leg["path_height_m"], *leg["top_m"]) for leg in legs)
+    far_m: float = sum(leg["along_m"][-1] for leg in legs)
+    begin_m, parts = 0.0, list[str]()
+    least = min(legs, key=lambda leg: float(leg["least_m"]))
+
+    def y(height_m: float) -> float:
+        return bottom - (bottom - top) * (height_m - low) / max(high - low, 30.0)
+
+    def line(along: Sequence[float], values: Sequence[float]) -> str:
+        return "L".join(f"{x(at):.1f} {y(value):.1f}" for at, value in zip(along, values, strict=True))
+
+    def x(at_m: float) -> float:
+        return LEFT + (WIDTH - LEFT - RIGHT) * (begin_m + at_m) / max(far_m, 1.0)
+
+    for leg in legs:
+        for name, style in (("top_m", "standing"), ("ground_m", "soil")):
+            ends = f"L{x(leg['along_m'][-1]):.1f} {bottom:g}L{x(0.0):.1f} {bottom:g}Z"
+            parts.append(f'<path class="{style}" d="M{line(leg["along_m"], leg[name])}{ends}"/>')
+        parts.append(f'<path class="typical" d="M{line(leg["path_along_m"], leg["path_height_m"])}"/>')
+        for at_m, top_m, name in leg["obstacles"]:
+            words = safe(f"{name}: {wanted.height_text(top_m)}")
+            parts.append(
+                f'<path class="tower" d="M{x(at_m):.1f} {bottom:g}V{y(top_m):.1f}"><title>{words}</title></path>'
+            )
+        if leg is least:
+            parts.append(f'<path class="mark deadline" d="M{x(leg["least_along_m"]):.1f} {top:g}V{bottom:g}"/>')
+            near = "end" if x(leg["least_along_m"]) > 0.7 * WIDTH else "start"
+            said = f"least clearance {wanted.height_text(leg['least_m'])}"
+            parts.append(
+                f'<text class="mark-name" x="{x(leg["least_along_m"]) + (4 if near == "start" else -4):.1f}" y="{top - 4:g}" text-anchor="{near}">{said}</text>'
+            )
+        begin_m += float(leg["along_m"][-1])
+    parts += [
+        f'<text class="tick" x="{LEFT - 8:g}" y="{y(height_m) + 4:.1f}" text-anchor="end">{wanted.height_text(height_m)}</text>'
+        for height_m in (low, high)
+    ]
+    parts.append(
+        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 14:g}" text-anchor="end">{distance_text(far_m)}</text>'
+    )
+    words = f"Heights along {distance_text(far_m)}, least clearance {wanted.height_text(least['least_m'])} on the way from {least['from']} to {least['to']}"
+    return _svg("".join(parts), bottom + 20.0, words)
 
 
 def _svg(inner: str, height: float, words: str) -> str:

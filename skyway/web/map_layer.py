@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "static/map"}):
-    """A map. It fetches the region, the base map and the outline by itself.
+    """A map. It fetches the region, the ground, the base map and the outline by itself.
 
     Parameters
     ----------

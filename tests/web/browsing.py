@@ -17,6 +17,8 @@ FLAGS = [
     "--disable-sync",
 ]  # fmt: skip
 PATIENT_MS = 120_000
+FLIGHT_MS = 600_000
+"""A simulated flight takes no longer, on a busy machine either."""
 AXE = os.environ.get("SKYWAY_AXE", "node_modules/axe-core/axe.min.js")
 """axe-core of the npm registry: `npm install axe-core`; without it accessibility is not judged."""
 HELD_MS = 1_500
@@ -79,5 +81,7 @@ def hold(tab: Any, words: str) -> None:
 def state(tab: Any, *wanted: str) -> None:
     """Wait until the flight that is open is in one of some states."""
     tab.wait_for_function(
-        "(wanted) => wanted.includes(document.querySelector('.flight .state')?.textContent)", arg=list(wanted)
+        "(wanted) => wanted.includes(document.querySelector('.flight .state')?.textContent)",
+        arg=list(wanted),
+        timeout=FLIGHT_MS,
     )

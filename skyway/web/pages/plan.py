@@ -19,13 +19,15 @@ from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
 from skyway.web.pages.plan_files import PlanFiles
 from skyway.web.pages.plan_form import PlanForm
-from skyway.web.work.question import ROBUST, Question
+from skyway.web.work.question import MOST_PLANS, ROBUST, Question
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
 MAX_UNDO = 100
+LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
+"""What can be left out of the map: as it is called, and its name there."""
 PLACE_ACTIONS = (
     {"name": "start", "words": "Start here"},
     {"name": "to", "words": "Deliver here"},
@@ -55,6 +57,7 @@ class PlanPage:
         self.more: dict[str, Any] | None = None
         self.chosen = 0
         self.winds: dict[str, Any] = {"hours": []}
+        self.layers: dict[str, bool] = {}
         self.task: asyncio.Task[None] | None = None
         self.weather: asyncio.Task[None] | None = None
         self._lay_out()
@@ -87,7 +90,8 @@ class PlanPage:
                         step="1",
                     )
                     self.told = text("span", "", "told", role="status")
-                    Field("wind", lambda on: self.map.put(layers={"wind": on}), kind="check", value=True)
+                    for layer in LAYERS:
+                        Field(layer, partial(self._see, layer), kind="check", value=True)
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
                 self.status = Status()
                 self.first = ui.element("p")
@@ -114,6 +118,10 @@ class PlanPage:
         self.form.offer(self.region, self.wanted.zone(self.region["timezone"]))
         self.form.show(self.question)
         self.task = asyncio.create_task(self._answer())
+
+    def _see(self, layer: str, on: object) -> None:
+        self.layers[LAYERS[layer]] = bool(on)
+        self.map.put(layers=self.layers)
 
     @property
     def timezone(self) -> str:
@@ -163,7 +171,7 @@ class PlanPage:
             self.changed(stop_at=(*q.stop_at, place), avoid=without(q.avoid, place), planner=ROBUST)
         elif action == "avoid":
             self.changed(avoid=(*q.avoid, place), stop_at=without(q.stop_at, place))
-        elif action in {"not_stop_at", "not_avoid"}:
+        elif action in {"not_stop_at", "not_avoid", "not_others"}:
             name = str(action).removeprefix("not_")
             self.changed(**{name: without(getattr(q, name), place)})
         elif action == "avoid_segment":
@@ -254,7 +262,7 @@ class PlanPage:
             return []
         others = [] if self.more is None else self.more["alternatives"]
         first, *planners = self.answer["plans"]
-        return [first, *others, *planners][:4]
+        return [first, *planners, *others][:MOST_PLANS]
 
     def _shown_plan(self) -> dict[str, Any] | None:
         """The plan that is shown, as its file has it."""
@@ -278,7 +286,7 @@ class PlanPage:
         plan = plans[self.chosen]
         zone = self.wanted.zone(self.timezone)
         self.figures.set_content(plan_answer.figures(plan))
-        self.pictures.set_content(plan_answer.pictures(plans, self.chosen, zone))
+        self.pictures.set_content(plan_answer.pictures(plans, self.chosen, zone, self.wanted))
         self.beside.set_content(plan_answer.beside(plans, self.chosen, answer["without"]))
         self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more))
         self.notes.set_content(plan_answer.notes(plan, answer))
@@ -288,7 +296,7 @@ class PlanPage:
         """What was asked of the route, each with a button that takes it back."""
         self.kept.clear()
         with self.kept:
-            for name, words in (("stop_at", "stop at"), ("avoid", "avoid")):
+            for name, words in (("stop_at", "stop at"), ("avoid", "avoid"), ("others", "beside it")):
                 for place in getattr(self.question, name):
                     act = {"action": f"not_{name}", "station": place}
                     Button(

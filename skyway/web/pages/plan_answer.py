@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import tzinfo
 
+    from skyway.web.preferences import Preferences
+
 LEGEND = (
     '<ul class="legend"><li><i class="fly"></i>fly</li><li><i class="wait"></i>wait for a pad</li><li><i class="charge"></i>charge</li>'
     '<li><i class="hold"></i>hold for wind or room</li></ul>'
@@ -40,15 +42,21 @@ def figures(plan: dict[str, Any]) -> str:
     return f"<p class='big'>{safe(plan['headline'])}</p><dl class='figures'>{''.join(parts)}</dl>{never}"
 
 
-def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo) -> str:
-    """The bars of all plans, and arrival and charge of the one that is chosen."""
+def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo, wanted: Preferences) -> str:
+    """The bars of all plans; arrival, charge, and heights over terrain of the one that is chosen."""
     plan = plans[chosen]
     names = [label(one, number) for number, one in enumerate(plans)]
     return (
         f"<h2>Schedule, as it is most typically flown</h2>{LEGEND}{drawn.bars(plans, names, zone)}"
-        f"<h2>Arrival in the simulated deliveries</h2>{drawn.arrivals(plan, zone)}"
+        f"{_titled('Arrival in the simulated deliveries', drawn.arrivals(plan, zone))}"
         f"<h2>Charge over the legs: 9 of 10 deliveries, half of them, and the typical schedule</h2>{drawn.charge(plan)}"
+        f"{_titled('Heights above sea level, and the least clearance', drawn.heights(plan['heights'], wanted))}"
     )
+
+
+def _titled(title: str, drawing: str) -> str:
+    """A chart with its title; nothing where there is nothing to draw."""
+    return f"<h2>{title}</h2>{drawing}" if drawing else ""
 
 
 def label(plan: dict[str, Any], number: int) -> str:

@@ -6,14 +6,27 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from skyway.web.controls import Field
+from skyway.web.controls import Field, text
 from skyway.web.preferences import from_instant, to_instant
+from skyway.web.work.question import MOST_PLANS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import tzinfo
 
     from skyway.web.work.question import Question
+
+
+AIMS = (
+    ("energy", "least energy"),
+    ("cost", "least cost"),
+    ("p95", "soonest, 95 % within"),
+    ("cost within 5%, then mean", "soonest of the cheap"),
+    ("mean within 5%, then cost", "cheapest of the soon"),
+)
+RETURNS = (("home", "where it came from"), ("none", "it stays at the target"))
+AFTER = ("return_to", "dwell", "if_undelivered")
+MAX_OTHERS = MOST_PLANS - 1
 
 
 class PlanForm:
@@ -30,6 +43,7 @@ class PlanForm:
     def __init__(self, question: Question, changed: Callable[..., None]) -> None:
         self._changed = changed
         self._zone: tzinfo | None = None
+        self._others = question.others
         q = question
         with ui.element("div").classes("rows wide"):
             self.start = Field("Start", self._takes("start"), kind="listed", value=q.start, hint="Station, or lat,lon")
@@ -56,8 +70,10 @@ class PlanForm:
             self.aim = Field(
                 "Aim",
                 self._takes("aim"),
+                kind="listed",
                 value=q.aim,
-                hint="energy; cost; cost + 12/h*time; cost within 5%, then mean",
+                options=AIMS,
+                hint="Or a sum such as cost + 12/h*time",
                 placeholder="soonest",
             )
             with ui.element("div").classes("pair"):
@@ -68,7 +84,30 @@ class PlanForm:
                     "Wind", self._takes("wind"), value=q.wind, hint="8@270; empty: forecast", unit="m/s@° from"
                 )
                 self.others = Field(
-                    "Beside it", self._takes_other, kind="select", value="", options=[("", "no other planner")]
+                    "Beside it", self._takes_other, kind="select", value="", options=[("", "add a planner")]
+                )
+        self.after = ui.element("details").classes("after")
+        with self.after:
+            text("summary", "After the delivery")
+            with ui.element("div").classes("rows wide"):
+                self.return_to = Field(
+                    "Drone goes to",
+                    self._takes("return_to"),
+                    kind="listed",
+                    value=q.return_to,
+                    placeholder="nearest pad",
+                    hint="home, none, or a station",
+                )
+                self.dwell = Field(
+                    "Time at the target", self._takes("dwell"), value=q.dwell, hint="5min", placeholder="none"
+                )
+                self.if_undelivered = Field(
+                    "Package goes to, if not handed over",
+                    self._takes("if_undelivered"),
+                    kind="listed",
+                    value=q.if_undelivered,
+                    placeholder="nothing kept for it",
+                    hint="back, or a station",
                 )
 
     def offer(self, region: dict[str, Any], zone: tzinfo) -> None:
@@ -83,13 +122,18 @@ class PlanForm:
         names = [(name, name) for name in region["planners"]]
         told = [(name, f"{name} (perfect information)") for name in region["clairvoyant"]]
         self.planner.offer([*names, *told])
-        self.others.offer([("", "no other planner"), *names, *told])
+        self.others.offer([("", "add a planner"), *names, *told])
+        self.return_to.offer([*RETURNS, *stations])
+        self.if_undelivered.offer([("back", "to where it came from"), *stations])
 
     def show(self, question: Question) -> None:
         """Show a question."""
-        for name in ("start", "to", "payload", "drone", "window", "planner", "aim", "reserve", "soc", "wind"):
+        for name in ("start", "to", "payload", "drone", "window", "planner", "aim", "reserve", "soc", "wind", *AFTER):
             getattr(self, name).show(getattr(question, name))
-        self.others.show(question.others[0] if question.others else "")
+        self.others.show("")
+        self._others = question.others
+        if any(getattr(question, name) for name in AFTER):
+            self.after.props("open")
         for name in ("depart", "deadline", "not_before"):
             field: Field = getattr(self, name)
             field.show("" if self._zone is None else from_instant(getattr(question, name), self._zone))
@@ -109,5 +153,7 @@ class PlanForm:
         return take
 
     def _takes_other(self, value: Any) -> None:
+        """Put one more planner beside; it stands below the form, where it can be taken back."""
         self.others.keep(str(value))
-        self._changed(others=(str(value),) if value else ())
+        if value:
+            self._changed(others=tuple(dict.fromkeys((*self._others, str(value))))[-MAX_OTHERS:])

@@ -2,7 +2,7 @@
 import { h } from "vue";
 import { SkywayMap } from "skyway-map";
 
-const EVERYWHERE = ["region", "base", "outline"];
+const EVERYWHERE = ["region", "base", "outline", "ground"];
 
 export default {
   props: { label: String },

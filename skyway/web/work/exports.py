@@ -10,6 +10,7 @@ from typing import Any
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 from skyway.models.composition.file import from_json
+from skyway.planner.problem.request import NEAREST_PAD
 
 KINDS = {
     "plan.json": "Plan (skyway)",
@@ -73,12 +74,17 @@ def opened(path: str) -> dict[str, Any]:
 
     composition = load(path)
     soc = composition.services[0].soc_depart if composition.services else 1.0
+    back, not_before = composition.way_back, composition.not_before
     return {
         "plan": to_json(composition),
         "question": {
             "start": _named(composition, composition.origin), "to": _named(composition, composition.destination),
             "payload": f"{composition.payload_kg:g}", "depart": composition.depart.isoformat(), "drone": composition.drone,
             "planner": composition.planner, "reserve": f"{100.0 * composition.reserve_soc:g}", "soc": f"{100.0 * soc:g}",
+            "not_before": "" if not_before is None else not_before.isoformat(),
+            "return_to": "" if back is None or back.asked == NEAREST_PAD else back.asked,
+            "dwell": "" if back is None or not back.dwell_s else f"{back.dwell_s:g}s",
+            "if_undelivered": "" if back is None else back.undelivered_to or "",
         },
     }  # fmt: skip
 

@@ -164,6 +164,7 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         "bars": _bars(result),
         "arrivals": _arrivals(result),
         "charge": _charge(result),
+        "heights": _heights(c),
         "notes": [*way_back_lines(c, zone), *c.notes],
         "diverts": sorted({name for leg in c.services for name in leg.diverts}),
     }
@@ -237,6 +238,21 @@ def _charge(result: PlanResult) -> dict[str, Any]:
             for number, leg in enumerate(legs)
         ],
     }  # fmt: skip
+
+
+def _heights(composition: Composition) -> list[dict[str, Any]]:
+    """Heights of the legs over terrain; nothing where the ground is not known below them."""
+    found = []
+    for leg in composition.there_and_back.services:
+        if leg.heights is not None:
+            ends = {
+                "from": leg.origin,
+                "to": leg.destination,
+                "obstacles": [[one.along_m, one.top_m, one.name] for one in leg.heights.obstacles],
+            }
+            names = ("along_m", "ground_m", "top_m", "path_along_m", "path_height_m", "least_m", "least_along_m")
+            found.append(ends | {name: getattr(leg.heights, name) for name in names})
+    return found
 
 
 def _departures(result: PlanResult, tried: Sequence[Departure], zone: ZoneInfo) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from skyway.planner.problem.request import NEAREST_PAD
 from skyway.planning import Conditions, Delivery, Pads
 from skyway.web.work.weather_and_zones import given
 
@@ -36,7 +37,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Empty lets the planner choose."""
     planner: str = ROBUST
     others: tuple[str, ...] = ()
-    """Planners whose plans are shown beside it."""
+    """Planners whose plans are shown beside it; the first three."""
     alternatives: int = 3
     """Largest number of plans by `robust`, the best one included."""
     reserve: str = "20"
@@ -46,6 +47,12 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """m/s; empty is the drone's."""
     wind: str = ""
     """One constant wind, m/s@degrees FROM; empty is the forecast."""
+    return_to: str = ""
+    """What becomes of the drone: home, none, a station; empty is the nearest pad."""
+    dwell: str = ""
+    """Time at the target: 5min."""
+    if_undelivered: str = ""
+    """Where the package goes that cannot be handed over: back, a station; empty keeps nothing for it."""
     avoid: tuple[str, ...] = ()
     """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()
@@ -62,6 +69,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
             not_before=self.not_before.strip() or None, drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
             airspeed=number(self.airspeed, "--airspeed") if self.airspeed.strip() else None,
+            return_to=self.return_to.strip() or NEAREST_PAD, dwell=self.dwell.strip() or None, if_undelivered=self.if_undelivered.strip() or None,
         )  # fmt: skip
 
     def conditions(self) -> dict[str, Any]:
@@ -79,9 +87,9 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         words += ["--from", self.start.strip(), "--to", self.to.strip(), "--payload", _point(self.payload)]
         named = {
             "--depart": self.depart, "--depart-window": self.window, "--drone": self.drone, "--airspeed": _point(self.airspeed),
-            "--wind": self.wind,
+            "--wind": self.wind, "--not-before": self.not_before, "--return": self.return_to, "--dwell": self.dwell,
+            "--if-undelivered": self.if_undelivered,
         }  # fmt: skip
-        named["--not-before"] = self.not_before
         for option, value in named.items():
             words += [option, value.strip()] if value.strip() else []
         for option, value, usual in (("--reserve", self.reserve, "20"), ("--soc", self.soc, "100")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +22,14 @@ from skyway.web.work.weather_and_zones import given
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.models.airspace.zone import Volume
     from skyway.models.network.network import Network
     from skyway.models.scenario.scenario import Scenario
 
 ARROWS = 8
 """Wind arrows across the longer side of the region."""
+HEIGHTS = 240
+"""Heights of the ground across the region, each way."""
 HOURS = 24
 """Of wind and queues that the page shows."""
 
@@ -65,7 +69,7 @@ def region(scenario: str | None) -> dict[str, Any]:
             for one, x in zip(network.stations, lon.tolist(), strict=True)
         ],
         "segments": sorted(pairs),
-        "zones": _zones(network, middle),
+        "zones": _zones(network, middle, _highest_m(scenario, network)),
         "drones": [
             {"id": one.id, "name": one.name, "max_payload_kg": one.max_payload_kg, "wind_limit_mps": one.wind_limit_mps}
             for one in world.drones
@@ -76,8 +80,31 @@ def region(scenario: str | None) -> dict[str, Any]:
     }
 
 
-def _zones(network: Network, middle: float) -> list[dict[str, Any]]:
-    """Zones with the outer rings of their volumes, and whether each is closed."""
+def ground(scenario: str | None) -> dict[str, Any]:
+    """Return heights of the ground over the region, rows from the north at equal distances on a Mercator map; nothing without terrain.
+
+    Heights are metres above mean sea level, None where the model has none.
+    """
+    world = loaded(scenario)
+    if world.network.over is None:
+        return {}
+    middle = middle_longitude(world.network.lon)
+    lon = about(world.network.lon, middle)
+    margin = 0.08 * max(float(np.ptp(lon)), float(np.ptp(world.network.lat)), 0.05)
+    west, east = float(lon.min()) - margin, float(lon.max()) + margin
+    south, north = (
+        max(-85.0, min(85.0, one)) for one in (world.network.lat.min() - margin, world.network.lat.max() + margin)
+    )
+    top, low = np.arctanh(np.sin(np.radians([north, south]))).tolist()
+    flat = np.linspace(top, low, HEIGHTS)
+    lat, x = np.meshgrid(np.degrees(np.arcsin(np.tanh(flat))), np.linspace(west, east, HEIGHTS), indexing="ij")
+    found = world.network.over.terrain.ground_m(lat.ravel(), np.array([wrapped(one) for one in x.ravel().tolist()]))
+    heights = [None if np.isnan(one) else round(one) for one in found.tolist()]
+    return {"box": [west, south, east, north], "rows": HEIGHTS, "columns": HEIGHTS, "heights_m": heights}
+
+
+def _zones(network: Network, middle: float, top_m: float) -> list[dict[str, Any]]:
+    """Zones with the outer rings of their volumes, and whether each closes the air in which drones cruise."""
     if network.zones is None:
         return []
     found = []
@@ -89,7 +116,9 @@ def _zones(network: Network, middle: float) -> list[dict[str, Any]]:
                 turns = round((float(ring[:, 0].mean()) - middle) / 360.0)
                 rings.append(np.round(ring - (360.0 * turns, 0.0), 6).tolist())
         words = "; ".join(str(volume) for volume in zone.volumes[:3])
-        closed = network.zones.is_closed(zone)
+        closed = network.zones.is_closed(zone) and any(
+            _low(volume, network.zones.cruise_height_m, top_m) for volume in zone.volumes
+        )
         found.append(
             {
                 "id": zone.id, "name": zone.label, "kind": zone.kind, "closed": closed, "rings": rings, "limits": words,
@@ -97,6 +126,19 @@ def _zones(network: Network, middle: float) -> list[dict[str, Any]]:
             }
         )  # fmt: skip
     return found
+
+
+def _highest_m(scenario: str | None, network: Network) -> float:
+    """Highest ground of the region as far as it is known; infinite where that of a station is not."""
+    heights = [math.inf if one.elevation_m is None else one.elevation_m for one in network.stations]
+    known: list[float] = [one for one in ground(scenario).get("heights_m", ()) if one is not None]
+    return max([*heights, *known])
+
+
+def _low(volume: Volume, cruise_height_m: float, top_m: float) -> bool:
+    """Whether a volume may reach down to where drones cruise, over ground up to `top_m`."""
+    floor_m, over_ground = volume.floor.lowest()
+    return floor_m <= cruise_height_m + (0.0 if over_ground else top_m)
 
 
 def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) -> dict[str, Any]:

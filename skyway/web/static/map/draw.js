@@ -1,4 +1,5 @@
 // What the canvas shows, from the bottom up. Colours come from the page's style sheet, so that dark and light agree.
+import { shaded } from "skyway-map/ground.js";
 import { attribution } from "skyway-map/tiles.js";
 import { mercator } from "skyway-map/view.js";
 
@@ -17,6 +18,7 @@ export function draw(context, view, state, colours, map) {
   c.fillRect(0, 0, view.width, view.height);
   if (state.base?.high !== undefined && state.layers.base !== false) map.tiles.draw(c, view, state.base, colours);
   if (state.outline) outline(c, view, state.outline, colours);
+  if (state.ground?.heights_m && state.layers.ground !== false) shaded(c, view, state.ground, map.colours);
   graticule(c, view, colours);
   const { region } = state;
   if (region && state.layers.zones !== false) zones(c, view, region.zones, colours);

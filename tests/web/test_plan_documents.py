@@ -1,0 +1,86 @@
+"""What the plan page shows, asks and opens again, without a browser."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import msgspec
+import pytest
+
+from skyway.cli.main import main
+from skyway.models.terrain.files import read_terrain
+from skyway.web import drawn
+from skyway.web.preferences import Preferences
+from skyway.web.work.exports import export, opened
+from skyway.web.work.planned import plan
+from skyway.web.work.question import Question
+from skyway.web.work.region import ground, region
+
+ROUND = {"start": "bellevue", "to": "40.75,-73.93", "payload": "0.5", "depart": "2013-07-10T14:00-04:00", "wind": "3@250", "drone": "m300",
+         "return_to": "home", "dwell": "5min", "if_undelivered": "back", "not_before": "2013-07-10T14:20-04:00"}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def hills(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scenario") / "hills"
+    assert main(["scenario", "init", str(folder), "--example", "hills"]) == 0
+    return folder
+
+
+def test_a_round_is_planned_as_by_the_command_and_asked_again_from_its_file(capsys, tmp_path):
+    question = Question(**ROUND)
+    shown = plan(None, msgspec.to_builtins(question))["plans"][0]
+    words = [one for one in shlex.split(question.command(None)) if one not in {"skyway", "--explain"}]
+    assert main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["return"]["asked"] == "home"
+    assert told["return"]["dwell_s"] == 300.0
+    assert told["return"]["undelivered_to"] == "bellevue"
+    assert told["arrival"]["delivery_mean_s"]["value"] == shown["mean_s"]
+    assert any(bar["kind"] == "fly" and bar["where"].endswith("to bellevue") for bar in shown["bars"])
+    ((name, content),) = export(None, shown["composition"], "plan.json", "round", {})
+    (tmp_path / name).write_bytes(content)
+    again = msgspec.convert(opened(str(tmp_path / name))["question"], Question)
+    assert (again.return_to, again.dwell, again.if_undelivered) == ("home", "300s", "bellevue")
+    same = plan(None, msgspec.to_builtins(msgspec.structs.replace(again, wind=question.wind)))["plans"][0]
+    assert same["mean_s"] == shown["mean_s"]
+    assert same["bars"] == shown["bars"]
+
+
+def test_the_ground_of_the_map_is_that_of_the_terrain_model(hills):
+    found = ground(str(hills))
+    west, south, east, north = found["box"]
+    rows, columns = found["rows"], found["columns"]
+    terrain = read_terrain([str(hills / "terrain.tif")], [])
+    import numpy as np
+
+    for row, column in ((0, 0), (rows // 2, columns // 3), (rows - 1, columns - 1), (rows // 4, columns // 2)):
+        y = [np.log(np.tan(np.pi / 4 + np.radians(lat) / 2)) for lat in (north, south)]  # Mercator, as a map is drawn
+        lat = 2.0 * np.arctan(np.exp(y[0] + (y[1] - y[0]) * row / (rows - 1))) - np.pi / 2
+        lon = west + (east - west) * column / (columns - 1)
+        expected = terrain.ground_m(np.degrees(np.array([lat])), np.array([lon]))[0]
+        told = found["heights_m"][row * columns + column]
+        assert (told is None) == bool(np.isnan(expected))
+        assert told is None or told == pytest.approx(expected, abs=0.51)
+    assert ground(None) == {}
+
+
+def test_zones_far_above_the_flights_do_not_close_the_map(hills):
+    closed = {one["id"]: one["closed"] for one in region(str(hills))["zones"]}
+    assert closed == {
+        "HERON": True,
+        "QUARRY": True,
+        "FIELD": True,
+        "AREA": False,
+    }  # the last from 900 m above the sea on
+
+
+def test_heights_over_terrain_are_drawn_with_the_least_clearance_in_the_units_wanted(hills):
+    question = Question(start="depot", to="midvale", depart="2026-06-01T10:00Z", wind="6@250")
+    found = plan(str(hills), msgspec.to_builtins(question))["plans"][0]["heights"]
+    least_m = min(leg["least_m"] for leg in found)
+    assert least_m >= 29.9  # what the scenario keeps
+    assert f"least clearance {least_m:.0f} m" in drawn.heights(found, Preferences())
+    assert f"least clearance {least_m / 0.3048:.0f} ft" in drawn.heights(found, Preferences(height="ft"))
+    assert drawn.heights([], Preferences()) == ""
