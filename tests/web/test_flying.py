@@ -15,6 +15,7 @@ import pytest
 
 from skyway.cli.main import main
 from skyway.flights.live import read_live
+from skyway.link.pads import TcpPads
 from skyway.link.supervisor import read_journal
 from tests.web.browsing import AXE, chromium, hold, person, state
 from tests.web.conftest import ended, served
@@ -60,16 +61,20 @@ def planned(folder, start, target, **more):
                  "-o", str(folder / "plan.json"), *words]) == 0  # fmt: skip
 
 
-def departs(tab, simulation, plan="plan.json"):
-    """Fill the form and start; the flight's tab is open then."""
+def departs(tab, simulation, plan="plan.json", *, pads=True):
+    """Fill the form and start; the flight's tab is open then. Without pads people charge."""
     tab.wait_for_function(
         "(plan) => [...document.querySelectorAll('option')].some((one) => one.value === plan)", arg=plan
     )
     tab.get_by_label("Plan", exact=True).select_option(plan)
-    for label, words in (("Connection to the drone", simulation.drone), ("Pads", simulation.pads)):
+    for label, words in (
+        ("Connection to the drone", simulation.drone),
+        ("Pads", simulation.pads if pads else "manual"),
+    ):
         tab.get_by_label(label).fill(words)
         tab.get_by_label(label).press("Tab")
-    tab.wait_for_function("document.querySelector('#fly-command').textContent.includes('--pads tcp:')")
+    told = "--pads tcp:" if pads else "--pads manual"
+    tab.wait_for_function("(told) => document.querySelector('#fly-command').textContent.includes(told)", arg=told)
     tab.get_by_role("button", name="Connect and check").click()
     tab.wait_for_selector(".flight")
 
@@ -114,7 +119,9 @@ def judged(tab):
 
 
 def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alone(browser, site, tmp_path):
-    question = "/?start=bellevue&to=jacobi&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m200&payload=0.8"
+    question = (
+        "/?start=bellevue&to=jacobi&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m200&payload=0.8&reserve=60"
+    )
     with simulated("bellevue") as simulation, person(browser, site.address, question, color_scheme="dark") as tab:
         tab.wait_for_selector("dl.figures")
         tab.get_by_text("Save, export, open").click()
@@ -142,10 +149,39 @@ def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alon
         tab.get_by_role("button", name="Go on").click()
         state(tab, "flying", *ENDS)
         state(tab, "charging", *ENDS)
+        assert tab.inner_text(".flight .state") == "charging"
         state(tab, *ENDS)
         records = the_journal(tmp_path)
         assert tab.inner_text(".flight .state") == "delivered"
     assert taken(records) == ["take", "yes", "pause", "go"]
+    no_flight_twice(records, simulation)
+
+
+def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
+    planned(tmp_path, "bellevue", "jacobi", reserve="50")
+    charges = 0
+    with simulated("bellevue") as simulation, person(browser, site.address, "/fly") as tab:
+        departs(tab, simulation, pads=False)
+        hold(tab, "Start: take off")
+        pads = TcpPads(simulation.pads)  # the person beside the drone, who connects it
+        while True:
+            state(tab, "charging", *ENDS)
+            if tab.inner_text(".flight .state") != "charging":
+                break
+            station = next(r.data["destination"] for r in reversed(the_journal(tmp_path)) if r.event == "leg")
+            to = tab.evaluate("window.skywayFlights.flight.live.charge_to")
+            while pads.charge(station, "1", to).state != "done":
+                tab.wait_for_timeout(500)
+            pads.release(station, "1")
+            tab.get_by_label("Charged to, %").fill(f"{100 * to:.0f}")
+            hold(tab, "Charged")
+            charges += 1
+            tab.wait_for_function("document.querySelector('.flight .state')?.textContent !== 'charging'")
+        pads.close()
+        assert tab.inner_text(".flight .state") == "delivered"
+    records = the_journal(tmp_path)
+    assert charges >= 1
+    assert [word.split(" ")[0] for word in taken(records)] == ["take", "yes", *["charged"] * charges]
     no_flight_twice(records, simulation)
 
 

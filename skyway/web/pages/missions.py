@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +12,11 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import SkywayError
 from skyway.report.svg import safe
 from skyway.web import drawn, shell
-from skyway.web.controls import Button, CommandShown, Drop, Field, Status, say, text
+from skyway.web.controls import Button, CommandShown, Drop, Field, Status
 from skyway.web.folder import MISSIONS
-from skyway.web.live.runs import Run
 from skyway.web.map_layer import MapLayer
+from skyway.web.pages import mission_answer
+from skyway.web.pages.mission_transfer import Transfer
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
-_STEP = re.compile(r"^(.*?) (\d+)/(\d+)$")
 _ITEM_OF_CLICK = "(e) => { const b = e.target.closest('[data-item]'); if (b) emit(b.dataset.item); }"
 
 
@@ -49,9 +48,7 @@ class MissionsPage:
             "depart": "",
             "region": "",
         }
-        self.connect, self.sure = "", False
         self.found: dict[str, Any] | None = None
-        self.run: Run | None = None
         with ui.element("div").classes("work"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="File and vehicle"'),
@@ -90,29 +87,13 @@ class MissionsPage:
             Field("Charge", self._set("soc"), value="100", unit="%", inputmode="decimal")
             Field("Reserve", self._set("reserve"), value="20", unit="%", inputmode="decimal")
         Field("with zones, pads and fleet of the scenario", self._set("region"), kind="check", value=False)
-        text("h2", "Vehicle")
-        Field(
-            "Connection",
-            lambda value: setattr(self, "connect", str(value).strip()[:200]),
-            hint="udpin:127.0.0.1:14540, tcp:…, /dev/ttyUSB0,57600",
-        )
-        with ui.element("div").classes("line"):
-            Button("Compare with the vehicle", self.compare)
-        Field(
-            "I am sure: replace the mission of the vehicle",
-            lambda on: setattr(self, "sure", bool(on)),
-            kind="check",
-            value=False,
-        )
-        with ui.element("div").classes("line"):
-            Button("Upload and read back", self.upload, "main")
-        self.bar = ui.element("progress").props('max=1 value=0 aria-label="Upload"')
-        self.progress = Status()
-        self.output = text("pre", "", "output")
+        self.transfer = Transfer(self.site, self.client, lambda: self.file, self._differ)
 
     def _answer(self) -> None:
         self.status = Status()
         self.verdict = ui.html("")
+        self.differences = ui.html("")
+        self.differences.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
         self.findings = ui.html("")
         self.findings.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
         with ui.element("div").classes("line"):
@@ -148,11 +129,13 @@ class MissionsPage:
     async def choose(self, name: Any) -> None:
         """Show a file of the folder."""
         self.file = str(name)
+        self._differ([])
         await self._show()
 
     async def uploaded(self, name: str) -> None:
         """Show a file that has come."""
         self.file = name
+        self._differ([])
         self._list()
         await self._show()
 
@@ -182,7 +165,7 @@ class MissionsPage:
         for one in found["findings"]:
             if one["place"] and one["severity"] != "info":
                 marks.append({"place": one["place"], "label": "!", "colour": "warn"})
-        self.map.put(tracks=tracks, marks=marks, bounds=_bounds(found), fitted=True)
+        self.map.put(tracks=tracks, marks=marks, bounds=mission_answer.bounds(found), fitted=True)
         self.profile.set_content(drawn.profile(found["legs"], self.wanted.height))
         counts = [sum(one["severity"] == kind for one in found["findings"]) for kind in ("error", "warning")]
         words = ", ".join(
@@ -194,9 +177,9 @@ class MissionsPage:
         self.verdict.set_content(
             f"<p class='big'>{safe(Path(self.file).name)}: <span class='{style}'>{words or 'ok'}</span></p>"
         )
-        self.findings.set_content(_findings(found["findings"]))
-        self.flights.set_content(_flights(found["flights"]))
-        self.items.set_content(_items(found))
+        self.findings.set_content(mission_answer.findings(found["findings"]))
+        self.flights.set_content(mission_answer.flights(found["flights"]))
+        self.items.set_content(mission_answer.items(found))
         self.fix.enable(any(one["certain"] for one in found["findings"]))
         given = [
             ("--drone", self.asked["drone"]),
@@ -212,12 +195,15 @@ class MissionsPage:
         words_ += ["--scenario", self.site.scenario or "newyork"] if self.asked["region"] else []
         self.command.show(shlex.join(words_))
 
+    def _differ(self, found: list[dict[str, Any]]) -> None:
+        """Show what the vehicle holds otherwise."""
+        self.differences.set_content(mission_answer.differences(found))
+
     def at_item(self, event: Any) -> None:
-        """Show where a finding is."""
-        for one in (self.found or {"findings": ()})["findings"]:
-            if str(one["item"]) == str(event.args) and one["place"]:
-                self.map.put(centre=one["place"])
-                return
+        """Show where an item is."""
+        place = (self.found or {"places": {}})["places"].get(str(event.args))
+        if place:
+            self.map.put(centre=place)
 
     async def mend(self) -> None:
         """Write a new file with the certain findings mended."""
@@ -243,107 +229,3 @@ class MissionsPage:
         self._list()
         await self._show()
         self.status.tell("; ".join((f"saved {', '.join(names)}", *made["told"])))
-
-    async def compare(self) -> None:
-        """Compare the file with what the vehicle holds."""
-        await self._on_vehicle(["verify"])
-
-    async def upload(self) -> None:
-        """Upload the file, and read it back."""
-        if not self.sure:
-            self.progress.tell(
-                "An upload replaces the mission of the vehicle: say above that you are sure.", wrong=True
-            )
-            return
-        await self._on_vehicle(["upload"], "--yes")
-
-    async def _on_vehicle(self, command: list[str], *more: str) -> None:
-        """Run a command of the link in its own process, and show what it prints."""
-        try:
-            path = self.site.folder.existing(self.file)
-        except SkywayError as error:
-            self.progress.tell(str(error), wrong=True)
-            return
-        if not self.connect or self.connect.startswith("-"):
-            self.progress.tell("Say above how the vehicle is connected.", wrong=True)
-            return
-        if self.run is not None and self.run.code is None:
-            self.progress.tell("Wait for what is running.", wrong=True)
-            return
-        words = [*command, str(path), "--connect", self.connect, *more]
-        self.run = Run(words, self._heard, outlives=True)
-        self.progress.tell(f"skyway {shlex.join([*command, self.file, '--connect', self.connect, *more])}")
-        say(self.output, "")
-        code = await self.run.finished()
-        done = {
-            0: "done: both are equal",
-            1: "they differ",
-            2: "not done: see above",
-            3: "failed: the vehicle or the link",
-        }
-        self.progress.tell(f"{command[0]}: {done.get(code, f'ended with {code}')}", wrong=code != 0)
-
-    def _heard(self, line: str) -> None:
-        with self.client:
-            step = _STEP.match(line)
-            if step is not None:
-                self.bar.props(f"max={step[3]} value={step[2]}")
-                self.progress.tell(line)
-            elif self.run is not None:
-                say(self.output, "\n".join(one for one in self.run.lines if not _STEP.match(one)))
-
-
-def _bounds(found: dict[str, Any]) -> list[float] | None:
-    points = (
-        [at for leg in found["legs"] for at in leg["points"]]
-        + found["rally"]
-        + [at for area in found["fence"] for at in area["points"]]
-    )
-    if not points:
-        return None
-    lat, lon = [at[0] for at in points], [at[1] for at in points]
-    return [min(lon), min(lat), max(lon), max(lat)]
-
-
-def _findings(found: list[dict[str, Any]]) -> str:
-    if not found:
-        return "<p class='good'>Nothing was found.</p>"
-    rows = []
-    for one in found:
-        where = (
-            "mission"
-            if one["item"] is None
-            else f'<button type="button" class="chip" data-item="{one["item"]}">item {one["item"]}</button>'
-        )
-        style = {"error": "warn", "warning": "warn"}.get(one["severity"], "faint")
-        mend = " (certain: it can be mended)" if one["certain"] else ""
-        rows.append(
-            f"<tr><td class='{style}'>{safe(one['severity'])}</td><td>{where}</td><td>{safe(one['message'])}</td><td>{safe(one['remedy'])}{mend}</td></tr>"
-        )
-    head = "<tr><th>kind</th><th>where</th><th>finding</th><th>what would be right</th></tr>"
-    return (
-        f"<h2>Findings</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
-    )
-
-
-def _flights(flights: list[dict[str, str]]) -> str:
-    names = ("items", "distance", "time", "energy", "ends", "kept")
-    rows = ["".join(f"<td>{safe(one.get(name, ''))}</td>" for name in names) for one in flights]
-    head = "<tr><th>items</th><th>distance</th><th>time</th><th>energy</th><th>ends with</th><th>reserve kept</th></tr>"
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return (
-        f"<h2>Flights</h2><div class='scroll'><table><thead>{head}</thead><tbody>{body}</tbody></table></div>"
-        if flights
-        else ""
-    )
-
-
-def _items(found: dict[str, Any]) -> str:
-    rows = "".join(f"<tr>{''.join(f'<td>{safe(cell)}</td>' for cell in row)}</tr>" for row in found["items"])
-    head = "<tr><th>item</th><th>command</th><th>frame</th><th>parameters 1 to 4</th><th>place</th><th>height</th></tr>"
-    more = (
-        f"<p class='faint'>{found['count'] - len(found['items'])} more</p>"
-        if found["count"] > len(found["items"])
-        else ""
-    )
-    return f"<h2>Items</h2><div class='scroll'><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>{more}"

@@ -52,6 +52,7 @@ def shown(path: str, scenario: str | None, asked: dict[str, str]) -> dict[str, A
     home = document.mission.home
     return {
         "legs": legs,
+        "places": {str(item): place for item, place in places.items() if item is not None},
         "home": None if home is None else [home.point.lat, home.point.lon],
         "fence": [_area(area) for area in document.fence.areas],
         "rally": [[one.point.lat, one.point.lon] for one in document.rally.points],

@@ -1,0 +1,126 @@
+"""A mission and a vehicle: what it holds otherwise, and the upload, read back; both by commands in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from skyway.models.base.errors import SkywayError
+from skyway.web.controls import Button, Field, Status, say, text
+from skyway.web.live.runs import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nicegui import Client
+
+    from skyway.web.site import Site
+
+_STEP = re.compile(r"^(.*?) (\d+)/(\d+)$")
+"""A line of progress."""
+ENDS = {0: "done: both are equal", 1: "they differ", 2: "not done: see below", 3: "failed: the vehicle or the link"}
+"""By the exit code of a command."""
+
+
+class Transfer:
+    """The part of the page for the vehicle.
+
+    Parameters
+    ----------
+    site : Site
+        With the work folder.
+    client : Client
+        Whose page it is.
+    file : callable
+        Returns the name of the mission that is shown.
+    differ : callable
+        Called with the differences between the file and what the vehicle holds.
+    """
+
+    def __init__(
+        self, site: Site, client: Client, file: Callable[[], str], differ: Callable[[list[dict[str, Any]]], None]
+    ) -> None:
+        self.site, self.client, self._file, self._differ = site, client, file, differ
+        self.connect, self.sure = "", False
+        self.run: Run | None = None
+        text("h2", "Vehicle")
+        Field(
+            "Connection",
+            lambda value: setattr(self, "connect", str(value).strip()[:200]),
+            hint="udpin:127.0.0.1:14540, tcp:…, /dev/ttyUSB0,57600",
+        )
+        with ui.element("div").classes("line"):
+            Button("Compare with the vehicle", self.compare)
+        Field(
+            "I am sure: replace the mission of the vehicle",
+            lambda on: setattr(self, "sure", bool(on)),
+            kind="check",
+            value=False,
+        )
+        with ui.element("div").classes("line"):
+            Button("Upload and read back", self.upload, "main")
+        self.bar = ui.element("progress").props('max=1 value=0 aria-label="Upload"')
+        self.progress = Status()
+        self.output = text("pre", "", "output")
+
+    async def compare(self) -> None:
+        """Compare the file with what the vehicle holds."""
+        self._differ([])
+        if await self._told("verify", "--json"):
+            self._differ(_report(list(self.run.lines if self.run is not None else ())).get("differences", []))
+
+    async def upload(self) -> None:
+        """Upload the file, and read it back."""
+        if not self.sure:
+            words = "An upload replaces the mission of the vehicle: say above that you are sure."
+            self.progress.tell(words, wrong=True)
+            return
+        self._differ([])
+        await self._told("upload", "--yes")
+
+    async def _told(self, command: str, *more: str) -> bool:
+        """Run a command of the link in its own process, and show what it prints; False where it could not be begun."""
+        try:
+            path = self.site.folder.existing(self._file())
+        except SkywayError as error:
+            self.progress.tell(str(error), wrong=True)
+            return False
+        if not self.connect or self.connect.startswith("-"):
+            self.progress.tell("Say above how the vehicle is connected.", wrong=True)
+            return False
+        if self.run is not None and self.run.code is None:
+            self.progress.tell("Wait for what is running.", wrong=True)
+            return False
+        self.run = Run([command, str(path), "--connect", self.connect, *more], self._heard, outlives=True)
+        self.progress.tell(f"skyway {shlex.join([command, self._file(), '--connect', self.connect])}")
+        self.bar.props("max=1 value=0")
+        say(self.output, "")
+        code = await self.run.finished()
+        self.progress.tell(f"{command}: {ENDS.get(code, f'ended with {code}')}", wrong=code != 0)
+        return True
+
+    def _heard(self, line: str) -> None:
+        with self.client:
+            step = _STEP.match(line)
+            if step is not None:
+                self.bar.props(f"max={step[3]} value={step[2]}")
+                self.progress.tell(line)
+            elif self.run is not None and not line.startswith("{"):
+                plain = (one for one in self.run.lines if not _STEP.match(one) and not one.startswith("{"))
+                say(self.output, "\n".join(plain))
+
+
+def _report(lines: list[str]) -> dict[str, Any]:
+    """Return what a command told for machines, in the last of its lines; nothing where it told something else."""
+    for line in reversed(lines):
+        if line.startswith("{"):
+            try:
+                found = json.loads(line)
+            except ValueError:
+                return {}
+            return found if isinstance(found, dict) else {}
+    return {}
