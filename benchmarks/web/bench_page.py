@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import math
 import os
 import socket
@@ -161,6 +162,7 @@ def memory(page: Any, seconds: float, browsers: int) -> None:
         pids = [stack.enter_context(unwatched(f"{page.address}/fly")) for _ in range(browsers)]
         time.sleep(SETTLE_S)
         first = rss_mb(page.process.pid), *(tree_mb(pid) for pid in pids)
+        moves = json.loads(page.ask("/api/positions?since=0")[2])["version"]
         begun, used = time.monotonic(), cpu_s(page.process.pid)
         while (left := begun + seconds - time.monotonic()) > 0.0:
             time.sleep(min(EVERY_S, left))
@@ -170,6 +172,9 @@ def memory(page: Any, seconds: float, browsers: int) -> None:
                 f"  {(time.monotonic() - begun) / 60.0:5.1f} min: server {last[0]:.1f} MB, browsers {sizes} MB",
                 flush=True,
             )
+        moves = json.loads(page.ask("/api/positions?since=0")[2])["version"] - moves
+        heard = len(json.loads(page.ask("/api/fleet")[2])["vehicles"])
+        told(f"moves heard of {heard} vehicles", moves / (time.monotonic() - begun), "1/s", "")
         share = 100.0 * (cpu_s(page.process.pid) - used) / (time.monotonic() - begun)
     told(f"server with {browsers} browsers", share, "% of a core", "<= 60")
     told(f"growth of the server in {seconds:.0f} s", last[0] - first[0], "MB", "<= 50 in 2 h")

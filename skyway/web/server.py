@@ -92,11 +92,12 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
     site = Site(options)
     site.start()  # they load their libraries while this process loads its own
     from skyway.web.application import application
+    from skyway.web.connections import Prompt
 
     app = Guard(application(site), options.token, tiles=options.base)
     config = uvicorn.Config(
         app, log_level="warning", access_log=False, server_header=False, date_header=False, limit_concurrency=MAX_CONNECTIONS,
-        timeout_keep_alive=30, timeout_graceful_shutdown=2, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
+        timeout_keep_alive=30, timeout_graceful_shutdown=2, http=Prompt, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
     )  # fmt: skip
     shown = f"[{options.host}]" if ":" in options.host else options.host
     address = f"http://{shown}:{listening.getsockname()[1]}{'/fly' if options.demo else ''}"

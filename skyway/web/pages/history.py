@@ -107,6 +107,9 @@ class HistoryPage:
 
 def _totals(found: list[dict[str, Any]]) -> str:
     promised = [row["promise_kept"] for row in found if row["promise_kept"] is not None]
+    kept = [
+        (row["lowest_soc"], row["reserve_soc"]) for row in found if None not in (row["lowest_soc"], row["reserve_soc"])
+    ]
     lows = [row["lowest_soc"] for row in found if row["lowest_soc"] is not None]
     energy = energy_per_km(found)
     cells = [
@@ -117,6 +120,7 @@ def _totals(found: list[dict[str, Any]]) -> str:
         ("energy", "unknown" if energy is None else f"{energy:.1f} Wh/km"),
         ("promises kept", f"{sum(promised)} of {len(promised)}"),
         ("lowest charge", percent(min(lows)) if lows else "unknown"),
+        ("reserve kept", f"{sum(low >= reserve for low, reserve in kept)} of {len(kept)}"),
     ]
     return (
         f"<dl class='figures'>{''.join(f'<div><dt>{name}</dt><dd>{safe(value)}</dd></div>' for name, value in cells)}</dl>"

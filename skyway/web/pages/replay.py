@@ -43,7 +43,12 @@ class ReplayPage:
                 self.first = Field(
                     "Log", lambda name: self.choose(0, name), kind="select", hint="Of the work folder, newest first"
                 )
-                self.second = Field("Beside it", lambda name: self.choose(1, name), kind="select")
+                self.second = Field(
+                    "Beside it",
+                    lambda name: self.choose(1, name),
+                    kind="select",
+                    hint="From the first take-off of both on",
+                )
                 self.status = Status()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer("Map of the flight. Arrow keys move it, plus and minus zoom, 0 shows everything.")

@@ -5,6 +5,20 @@ import { lines, marks } from "skyway-map/traces.js";
 const SPEEDS = [-60, -10, -1, 1, 5, 10, 30, 60, 120];
 const COLOURS = ["vehicle", "start"];
 
+// Two logs are put together where they took off first: the second is moved in time.
+function together(log, first) {
+  const shift = log.flights.length && first.flights.length ? first.flights[0][0] - log.flights[0][0] : 0;
+  if (!shift) return log;
+  const later = (one) => Math.round(100 * (one + shift)) / 100;
+  return {
+    ...log,
+    begin_s: log.begin_s === null ? null : log.begin_s - shift,
+    columns: { ...log.columns, time_s: log.columns.time_s.map(later) },
+    events: log.events.map((one) => ({ ...one, time_s: later(one.time_s) })),
+    flights: log.flights.map((pair) => pair.map(later)),
+  };
+}
+
 export default {
   props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String },
   emits: ["failed"],
@@ -15,8 +29,10 @@ export default {
     end() {
       return Math.max(1, ...this.logs.map((log) => log.columns.time_s.at(-1)));
     },
+    // Of all logs, in the order of time; which log each is of stands before it where there are two.
     events() {
-      return this.logs[0]?.events || [];
+      const all = this.logs.flatMap((log, i) => log.events.map((one) => ({ time_s: one.time_s, text: this.logs.length > 1 ? `log ${i + 1}: ${one.text}` : one.text })));
+      return all.sort((a, b) => a.time_s - b.time_s);
     },
   },
   render() {
@@ -64,10 +80,10 @@ export default {
       for (const name of names) {
         const answer = await fetch(`/api/replay?log=${encodeURIComponent(name)}`);
         const told = await answer.json();
-        if (answer.ok) logs.push(Object.freeze(told));
+        if (answer.ok) logs.push(told);
         else this.$emit("failed", told.error);
       }
-      this.logs = logs;
+      this.logs = logs.map((log) => Object.freeze(together(log, logs[0])));
       this.at = 0;
       this.playing = false;
       this.drawn = undefined;

@@ -1,0 +1,116 @@
+"""Replay and History in a real browser: a delivery that was flown in simulation, its journal and its telemetry beside each other, and totals."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from skyway.cli.main import main
+from tests.web.browsing import chromium, person
+from tests.web.conftest import ended, served
+
+pytestmark = pytest.mark.slow
+AT = "window.skywayPlayer.at"
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A work folder with the journal and the telemetry of a demonstration, and its page."""
+    folder = tmp_path_factory.mktemp("work")
+    assert main(["demo", "-o", str(folder / "demo")]) == 0
+    (journal,) = (folder / "demo").glob("*.jsonl")
+    shutil.copy(journal, folder / "journal.jsonl")
+    log = max((folder / "demo").rglob("*.tlog"), key=lambda one: one.stat().st_size)
+    shutil.copy(log, folder / "telemetry.tlog")
+    shutil.rmtree(folder / "demo")
+    page = served(folder)
+    yield page
+    ended(page)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+def test_two_logs_are_played_forwards_and_backwards_and_from_event_to_event(flown, browser):
+    with person(browser, flown.address, "/replay?log=journal.jsonl") as tab:
+        tab.get_by_label("Beside it").select_option("telemetry.tlog")
+        tab.wait_for_function("window.skywayPlayer?.logs.length === 2")
+        apart = """() => { const p = window.skywayPlayer; const [a, b] = p.logs.map((log) => { const k = p.row(log); return [log.columns.lat[k], log.columns.lon[k]]; });
+            return 111320 * Math.hypot(a[0] - b[0], (a[1] - b[1]) * Math.cos(a[0] * Math.PI / 180)); }"""
+        begun = tab.evaluate("window.skywayPlayer.logs[0].flights[0][0]")
+        tab.evaluate(f"window.skywayPlayer.jump({begun} + 200)")
+        assert tab.evaluate(apart) < 400.0  # the same flight, told by the supervisor every few seconds and by the drone
+        assert tab.evaluate("window.skywayMap.state.vehicles.length") == 2
+        before = tab.evaluate(AT)
+        tab.get_by_label("Speed", exact=True).select_option("30")
+        tab.get_by_role("button", name="Play").click()
+        tab.wait_for_function(f"{AT} > {before} + 30")
+        tab.get_by_role("button", name="Pause").click()
+        there = tab.evaluate(AT)
+        tab.get_by_label("Speed", exact=True).select_option("-60")
+        tab.get_by_role("button", name="Play").click()
+        tab.wait_for_function(f"{AT} < {there} - 60")
+        tab.get_by_role("button", name="Pause").click()
+        tab.get_by_role("button", name="To the beginning").click()
+        assert tab.evaluate(AT) == 0
+        tab.get_by_role("button", name="Next event").click()
+        event = tab.evaluate("window.skywayPlayer.events.find((one) => one.time_s > 0.05).time_s")
+        assert tab.evaluate(AT) == pytest.approx(event)
+        tab.locator(".events button").last.click()
+        last = tab.evaluate("window.skywayPlayer.events.at(-1).time_s")
+        assert tab.evaluate(AT) == pytest.approx(min(last, tab.evaluate("window.skywayPlayer.end")))
+        assert {one[:5] for one in tab.locator(".events li").all_inner_texts() for one in [one.split(" ", 1)[1]]} == {
+            "log 1",
+            "log 2",
+        }
+
+
+def test_units_and_zones_of_time_are_switched_and_said(flown, browser):
+    with person(browser, flown.address, "/replay?log=journal.jsonl") as tab:
+        tab.wait_for_function("window.skywayPlayer?.logs.length === 1")
+        tab.evaluate("window.skywayPlayer.jump(window.skywayPlayer.logs[0].flights[0][0] + 200)")
+
+        def shown(name):
+            tab.wait_for_selector(".nows dl")
+            cells = tab.locator(".nows dl > div").all_inner_texts()
+            return next(one.split("\n", 1)[1] for one in cells if one.startswith(name))
+
+        speed, height = shown("ground speed"), shown("height")
+        assert speed.endswith(" m/s")
+        assert height.endswith(" m")
+        assert "local" in tab.inner_text("output.clock")
+        for name, value in (("Speeds", "kn"), ("Heights", "ft"), ("Times", "utc")):
+            with tab.expect_navigation():
+                tab.get_by_label(name).select_option(value)
+            tab.wait_for_function("window.skywayPlayer?.logs.length === 1")
+        tab.evaluate("window.skywayPlayer.jump(window.skywayPlayer.logs[0].flights[0][0] + 200)")
+        tab.wait_for_timeout(200)
+        assert float(shown("ground speed").removesuffix(" kn")) == pytest.approx(float(speed[:-4]) / 0.514444, abs=0.2)
+        assert float(shown("height").removesuffix(" ft")) == pytest.approx(float(height[:-2]) / 0.3048, abs=2.0)
+        assert "UTC" in tab.inner_text("output.clock")
+
+
+def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser, capsys):
+    capsys.readouterr()
+    assert main(["report", str(flown.folder / "journal.jsonl"), "--json"]) in (0, 1)
+    report = json.loads(capsys.readouterr().out)
+    with person(browser, flown.address, "/history") as tab:
+        tab.wait_for_selector(".panel table tbody tr")
+        cells = dict(one.split("\n", 1) for one in tab.locator("dl.figures > div").all_inner_texts())
+        assert cells["deliveries"] == "1 of 1"
+        assert cells["flights"] == str(report["totals"]["actual"]["flights"])
+        assert cells["promises kept"].endswith("of 1")
+        assert cells["reserve kept"].endswith("of 1")
+        assert float(cells["energy"].removesuffix(" Wh/km")) > 1.0
+        tab.get_by_label("Search").fill("nowhere at all")
+        tab.get_by_label("Search").press("Enter")
+        tab.wait_for_selector(".panel table", state="detached")
+        tab.get_by_label("Search").fill(report["delivery"]["to"])
+        tab.get_by_label("Search").press("Enter")
+        tab.get_by_role("link", name="journal.jsonl").click()
+        tab.wait_for_function("window.skywayPlayer?.logs.length === 1")
