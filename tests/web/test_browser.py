@@ -57,7 +57,8 @@ def opened(browser, page):
 def _place(tab, station):
     """Where a station is on the screen."""
     script = """(id) => { const m = window.skywayMap; const s = m.state.region.stations.find((one) => one.id === id);
-        const box = m.canvas.getBoundingClientRect(); const [x, y] = m.view.toScreen(s.lat, s.lon); return [x + box.x, y + box.y]; }"""
+        const box = m.canvas.getBoundingClientRect(); const k = box.width / m.view.width;
+        const [x, y] = m.view.toScreen(s.lat, s.lon); return [x * k + box.x, y * k + box.y]; }"""
     tab.wait_for_function("window.skywayMap?.state.region")
     tab.wait_for_timeout(300)
     return tab.evaluate(script, station)
@@ -103,8 +104,32 @@ def test_the_map_is_used_by_keys_alone(opened):
     assert f"start={said.split(':')[0]}" in tab.url
 
 
+def test_a_segment_is_left_out_by_keys_alone(opened):
+    tab = opened(QUESTION)
+    tab.wait_for_selector("dl.figures")
+    tab.locator(".map canvas").focus()
+    tab.keyboard.press("s")
+    segment = tab.inner_text(".map-menu-title")
+    tab.get_by_role("menuitem", name="Do not fly this segment").focus()
+    tab.keyboard.press("Enter")
+    tab.wait_for_function(
+        "(one) => document.querySelector('#plan-command').textContent.includes(`--avoid ${one}`)", arg=segment
+    )
+    tab.wait_for_selector(f".chip:has-text('avoid {segment}')")
+    flown = """(pair) => { const r = window.skywayMap.state.plans[0]?.route;
+        return r && !r.slice(1).some((b, i) => [`${r[i]}:${b}`, `${b}:${r[i]}`].includes(pair)); }"""
+    tab.wait_for_function(flown, arg=segment)
+
+
+@pytest.mark.parametrize(("width", "height"), [(820, 1180), (1280, 900), (3840, 2160)])
+def test_a_station_is_hit_where_it_is_seen_on_every_screen(opened, width, height):
+    tab = opened("/", width, height)
+    tab.mouse.click(*_place(tab, "jacobi"))
+    assert tab.inner_text(".map-menu-title").endswith("Jacobi, Bronx")
+
+
 @pytest.mark.parametrize(
-    ("width", "height", "scheme"), [(1024, 768, "light"), (1920, 1080, "dark"), (820, 1180, "light")]
+    ("width", "height", "scheme"), [(1024, 768, "light"), (3840, 2160, "dark"), (820, 1180, "light")]
 )
 @pytest.mark.parametrize("path", [QUESTION, "/missions", "/fly", "/replay", "/history"])
 def test_nothing_is_cut_off_at_any_width_dark_or_light(opened, path, width, height, scheme, tmp_path):

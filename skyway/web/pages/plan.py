@@ -74,7 +74,7 @@ class PlanPage:
                     Button("Clear", lambda: self.ask(Question()), title="Begin again")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
-                    "Map of the network. Arrow keys move it, plus and minus zoom, 0 shows everything, n and p go from station to station, Enter opens the menu of a station.",
+                    "Map of the network. Arrow keys move it, plus and minus zoom, 0 shows everything, n and p go from station to station, Enter opens the menu of a station, s that of the next segment of the plan.",
                     on_choose=self.picked,
                     on_drag=self.dragged,
                 )  # fmt: skip
@@ -90,8 +90,9 @@ class PlanPage:
                         step="1",
                     )
                     self.told = text("span", "", "told", role="status")
-                    for layer in LAYERS:
-                        Field(layer, partial(self._see, layer), kind="check", value=True)
+                    self.seen = {
+                        layer: Field(layer, partial(self._see, layer), kind="check", value=True) for layer in LAYERS
+                    }
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
                 self.status = Status()
                 self.first = ui.element("p")
@@ -115,6 +116,8 @@ class PlanPage:
         except SkywayError as error:
             self.status.tell(str(error), wrong=True)
             return
+        self.seen["zones"].set_visibility(bool(self.region["zones"]))
+        self.seen["terrain"].set_visibility(self.region["terrain"])
         self.form.offer(self.region, self.wanted.zone(self.region["timezone"]))
         self.form.show(self.question)
         self.task = asyncio.create_task(self._answer())

@@ -83,9 +83,7 @@ class PlanForm:
                 self.wind = Field(
                     "Wind", self._takes("wind"), value=q.wind, hint="8@270; empty: forecast", unit="m/s@° from"
                 )
-                self.others = Field(
-                    "Beside it", self._takes_other, kind="select", value="", options=[("", "add a planner")]
-                )
+                self.others = Field("Beside it", self._takes_other, kind="select", value="", options=[("", "add one")])
         self.after = ui.element("details").classes("after")
         with self.after:
             text("summary", "After the delivery")
@@ -122,7 +120,7 @@ class PlanForm:
         names = [(name, name) for name in region["planners"]]
         told = [(name, f"{name} (perfect information)") for name in region["clairvoyant"]]
         self.planner.offer([*names, *told])
-        self.others.offer([("", "add a planner"), *names, *told])
+        self.others.offer([("", "add one"), *names, *told])
         self.return_to.offer([*RETURNS, *stations])
         self.if_undelivered.offer([("back", "to where it came from"), *stations])
 

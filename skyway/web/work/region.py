@@ -55,6 +55,7 @@ def region(scenario: str | None) -> dict[str, Any]:
         "name": world.name,
         "timezone": world.timezone,
         "warnings": list(world.warnings),
+        "terrain": network.over is not None,
         "stations": [
             {
                 "id": one.id,

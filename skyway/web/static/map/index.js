@@ -42,7 +42,7 @@ export class SkywayMap {
     on("pointercancel", (e) => this.pointers.delete(e.pointerId));
     on("pointerleave", () => (this.tip.hidden = true));
     on("wheel", (e) => this.wheel(e), { passive: false });
-    on("dblclick", (e) => this.zoom(e.offsetX, e.offsetY, e.shiftKey ? -1 : 1));
+    on("dblclick", (e) => this.zoom(this.x(e), this.y(e), e.shiftKey ? -1 : 1));
     on("keydown", (e) => this.key(e));
     this.themed = () => {
       this.colours = palette(root);
@@ -89,7 +89,7 @@ export class SkywayMap {
 
   resize(root) {
     const first = this.view.width < 2;
-    const ratio = window.devicePixelRatio || 1;
+    const ratio = (window.devicePixelRatio || 1) * (root.currentCSSZoom || 1);
     const { clientWidth, clientHeight } = root;
     if (!clientWidth || !clientHeight) return;
     this.view.width = clientWidth;
@@ -99,6 +99,17 @@ export class SkywayMap {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     if (first) this.fit();
     this.changed();
+  }
+
+  // Where a pointer is on the map, also where the page is drawn larger.
+  x(e) {
+    const box = this.canvas.getBoundingClientRect();
+    return ((e.clientX - box.left) * this.view.width) / box.width;
+  }
+
+  y(e) {
+    const box = this.canvas.getBoundingClientRect();
+    return ((e.clientY - box.top) * this.view.height) / box.height;
   }
 
   stationAt(x, y) {
@@ -119,30 +130,30 @@ export class SkywayMap {
 
   press(e) {
     this.canvas.setPointerCapture(e.pointerId);
-    this.pointers.set(e.pointerId, { x: e.offsetX, y: e.offsetY, fromX: e.offsetX, fromY: e.offsetY });
+    this.pointers.set(e.pointerId, { x: this.x(e), y: this.y(e), fromX: this.x(e), fromY: this.y(e) });
     this.menu.close();
-    const station = this.stationAt(e.offsetX, e.offsetY);
+    const station = this.stationAt(this.x(e), this.y(e));
     const id = station < 0 ? null : this.state.region.stations[station].id;
     this.dragged = this.pointers.size === 1 && id && this.stops().includes(id) ? { from: id, station } : null;
   }
 
   move(e) {
     const known = this.pointers.get(e.pointerId);
-    if (!known) return this.hover(e.offsetX, e.offsetY);
+    if (!known) return this.hover(this.x(e), this.y(e));
     const others = [...this.pointers.entries()].filter(([id]) => id !== e.pointerId);
     if (others.length) this.pinch(known, e, others[0][1]);
-    else if (this.dragged) this.dragged = { ...this.dragged, x: e.offsetX, y: e.offsetY };
-    else this.view.pan(e.offsetX - known.x, e.offsetY - known.y);
-    known.x = e.offsetX;
-    known.y = e.offsetY;
+    else if (this.dragged) this.dragged = { ...this.dragged, x: this.x(e), y: this.y(e) };
+    else this.view.pan(this.x(e) - known.x, this.y(e) - known.y);
+    known.x = this.x(e);
+    known.y = this.y(e);
     this.changed();
   }
 
   pinch(known, e, other) {
     const before = Math.hypot(known.x - other.x, known.y - other.y);
-    const after = Math.hypot(e.offsetX - other.x, e.offsetY - other.y);
+    const after = Math.hypot(this.x(e) - other.x, this.y(e) - other.y);
     if (before > 1 && after > 1) {
-      this.view.zoomAt((e.offsetX + other.x) / 2, (e.offsetY + other.y) / 2, Math.log2(after / before));
+      this.view.zoomAt((this.x(e) + other.x) / 2, (this.y(e) + other.y) / 2, Math.log2(after / before));
     }
   }
 
@@ -150,8 +161,8 @@ export class SkywayMap {
     const known = this.pointers.get(e.pointerId);
     this.pointers.delete(e.pointerId);
     if (!known || this.pointers.size) return;
-    const far = Math.hypot(e.offsetX - known.fromX, e.offsetY - known.fromY);
-    const station = this.stationAt(e.offsetX, e.offsetY);
+    const far = Math.hypot(this.x(e) - known.fromX, this.y(e) - known.fromY);
+    const station = this.stationAt(this.x(e), this.y(e));
     const { dragged } = this;
     this.dragged = null;
     this.changed();
@@ -160,7 +171,7 @@ export class SkywayMap {
         this.emit("drag_stop", { from: dragged.from, to: this.state.region.stations[station].id });
       }
     } else if (far < DRAGGED) {
-      this.pick(e.offsetX, e.offsetY, station);
+      this.pick(this.x(e), this.y(e), station);
     }
   }
 
@@ -239,7 +250,7 @@ export class SkywayMap {
 
   wheel(e) {
     e.preventDefault();
-    this.zoom(e.offsetX, e.offsetY, Math.max(-1, Math.min(1, -e.deltaY / (e.deltaMode ? 6 : 240))));
+    this.zoom(this.x(e), this.y(e), Math.max(-1, Math.min(1, -e.deltaY / (e.deltaMode ? 6 : 240))));
   }
 
   zoom(x, y, by) {
@@ -256,6 +267,7 @@ export class SkywayMap {
     else if (e.key === "-") this.view.zoomAt(width / 2, height / 2, -0.5);
     else if (e.key === "0") this.fit();
     else if (e.key === "n" || e.key === "p") this.next(e.key === "n" ? 1 : -1);
+    else if (e.key === "s") this.nextSegment();
     else if (e.key === "Enter" && this.selected >= 0) this.open(this.selected);
     else return;
     e.preventDefault();
@@ -271,6 +283,20 @@ export class SkywayMap {
     const { width, height } = this.view;
     if (x < 30 || y < 30 || x > width - 30 || y > height - 30) this.view.pan(width / 2 - x, height / 2 - y);
     this.live.textContent = this.describe(this.selected);
+  }
+
+  // The menu of the next segment of the plan, at its middle.
+  nextSegment() {
+    const places = Object.fromEntries((this.state.region?.stations || []).map((one) => [one.id, one]));
+    const route = (this.state.plans[this.state.chosen]?.route || []).map((id) => places[id]);
+    const found = route.slice(1).map((b, i) => [route[i], b]).filter(([a, b]) => a && b && !a.bend && !b.bend);
+    if (!found.length) return;
+    this.segment = ((this.segment ?? -1) + 1) % found.length;
+    const [a, b] = found[this.segment];
+    const [ax, ay] = this.view.toScreen(a.lat, a.lon);
+    const [bx, by] = this.view.toScreen(b.lat, b.lon);
+    this.pick((ax + bx) / 2, (ay + by) / 2, -1);
+    this.menu.focus();
   }
 
   open(number) {
