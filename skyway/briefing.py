@@ -38,6 +38,11 @@ NEAR_M = 3000.0
 """Zones so near to the route are told."""
 MAX_ZONES = 8
 MAX_DIVERTS = 10
+PAGE_LINES = 48
+"""Of a printed page as it is; with more lines everything is printed smaller."""
+HEAD_LINES = 26
+WIDE = 110
+"""Characters of a line of notes."""
 
 
 def briefing(composition: Composition, scenario: Scenario, contacts: Sequence[str] = ()) -> str:
@@ -60,6 +65,9 @@ def briefing(composition: Composition, scenario: Scenario, contacts: Sequence[st
         or "<li class='write'></li>" * 3,
         "made": safe(f"planner {c.planner}, scenario {scenario.name}, {(c.scenario_sha256 or '')[:12]}"),
     }
+    lines = HEAD_LINES + 3 * len(c.there_and_back.services) + parts["diverts"].count("<tr>") + len(list(contacts))
+    lines += sum(1 + len(note) // WIDE for note in c.notes)
+    parts["zoom"] = f"{min(1.0, PAGE_LINES / lines):.2f}"
     for name, value in parts.items():
         text = text.replace(f"{{{{{name}}}}}", value)
     return text

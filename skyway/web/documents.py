@@ -41,16 +41,20 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return OrderRequest(id=self.id, word=self.word, who=who, name=name, time_s=time.time(), about=self.about)
 
 
+async def _answer(site: Site, name: str, *arguments: Any) -> Response:
+    """Return what a worker answers, or why it does not."""
+    try:
+        found = await site.workers.ask(name, *arguments)
+    except SkywayError as error:
+        return JSONResponse({"error": str(error)}, 422)
+    return JSONResponse(found, headers={"cache-control": "no-store"})
+
+
 def add(app: FastAPI, site: Site) -> None:
     """Add them to an application."""
     app.mount("/static", StaticFiles(directory=str(resources.files("skyway.web") / "static")))
-
-    async def answer(name: str, *arguments: Any) -> Response:
-        try:
-            found = await site.workers.ask(name, *arguments)
-        except SkywayError as error:
-            return JSONResponse({"error": str(error)}, 422)
-        return JSONResponse(found, headers={"cache-control": "no-store"})
+    _logs(app, site)
+    _base_maps(app, site)
 
     @app.get("/api/region")
     async def region() -> Response:
@@ -61,23 +65,15 @@ def add(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/wind")
     async def wind(request: Request) -> Response:
-        return await answer("region.winds", site.scenario, _conditions(request))
+        return await _answer(site, "region.winds", site.scenario, _conditions(request))
 
     @app.get("/api/ground")
     async def ground() -> Response:
-        return await answer("region.ground", site.scenario)
+        return await _answer(site, "region.ground", site.scenario)
 
     @app.get("/api/queues")
     async def queues(request: Request) -> Response:
-        return await answer("region.queues", site.scenario, _conditions(request))
-
-    @app.get("/api/replay")
-    async def replay(request: Request) -> Response:
-        try:
-            path = site.folder.existing(request.query_params.get("log", ""))
-        except SkywayError as error:
-            return JSONResponse({"error": str(error)}, 404)
-        return await answer("replayed.shown", str(path))
+        return await _answer(site, "region.queues", site.scenario, _conditions(request))
 
     @app.get("/api/fleet")
     async def fleet() -> Response:
@@ -130,6 +126,40 @@ def add(app: FastAPI, site: Site) -> None:
             return JSONResponse({"error": str(error)}, 422)
         return JSONResponse({"name": kept})
 
+
+def _logs(app: FastAPI, site: Site) -> None:
+    """Add logs to be played, and reports of journals."""
+
+    @app.get("/api/replay")
+    async def replay(request: Request) -> Response:
+        try:
+            path = site.folder.existing(request.query_params.get("log", ""))
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 404)
+        return await _answer(site, "replayed.shown", str(path))
+
+    @app.get("/api/report")
+    async def report(request: Request) -> Response:
+        """A report to be kept: it is never shown as a page of ours."""
+        name = request.query_params.get("journal", "")
+        try:
+            path = site.folder.existing(name)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 404)
+        try:
+            content = await site.workers.ask("history.report", str(path), site.scenario)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 422)
+        headers = {
+            "content-disposition": f'attachment; filename="{safe_name(f"{path.stem}.html")}"',
+            "cache-control": "no-store",
+        }
+        return Response(content, media_type="application/octet-stream", headers=headers)
+
+
+def _base_maps(app: FastAPI, site: Site) -> None:
+    """Add what is drawn beneath the network."""
+
     @app.get("/api/base")
     async def base() -> Response:
         return JSONResponse(site.options.base.about())
@@ -145,7 +175,7 @@ def add(app: FastAPI, site: Site) -> None:
     @app.get("/api/outline")
     async def outline() -> Response:
         given = site.options.outline
-        return JSONResponse({"shapes": []}) if given is None else await answer("outline.shapes", str(given))
+        return JSONResponse({"shapes": []}) if given is None else await _answer(site, "outline.shapes", str(given))
 
 
 def _conditions(request: Request) -> dict[str, Any]:

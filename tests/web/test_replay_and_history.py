@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -95,7 +96,7 @@ def test_units_and_zones_of_time_are_switched_and_said(flown, browser):
         assert "UTC" in tab.inner_text("output.clock")
 
 
-def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser, capsys):
+def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser, capsys, tmp_path):
     capsys.readouterr()
     assert main(["report", str(flown.folder / "journal.jsonl"), "--json"]) in (0, 1)
     report = json.loads(capsys.readouterr().out)
@@ -107,10 +108,15 @@ def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser,
         assert cells["promises kept"].endswith("of 1")
         assert cells["reserve kept"].endswith("of 1")
         assert float(cells["energy"].removesuffix(" Wh/km")) > 1.0
+        with tab.expect_download() as loading:
+            tab.get_by_role("link", name="report of journal.jsonl").click()
+        assert main(["report", str(flown.folder / "journal.jsonl"), "-o", str(tmp_path / "report.html")]) == 0
+        assert loading.value.suggested_filename == "journal.html"
+        assert Path(loading.value.path()).read_bytes() == (tmp_path / "report.html").read_bytes()
         tab.get_by_label("Search").fill("nowhere at all")
         tab.get_by_label("Search").press("Enter")
         tab.wait_for_selector(".panel table", state="detached")
         tab.get_by_label("Search").fill(report["delivery"]["to"])
         tab.get_by_label("Search").press("Enter")
-        tab.get_by_role("link", name="journal.jsonl").click()
+        tab.get_by_role("link", name="journal.jsonl", exact=True).click()
         tab.wait_for_function("window.skywayPlayer?.logs.length === 1")

@@ -90,6 +90,8 @@ def test_uploads_land_in_the_work_folder_under_plain_names_and_nowhere_else(page
     assert not (page.folder.parent / "evil.plan").exists()
     assert page.ask("/api/replay?log=../secret.tlog")[0] == 404
     assert page.ask("/api/replay?log=mission.plan")[0] == 422
+    assert page.ask("/api/report?journal=../secret.jsonl")[0] == 404
+    assert page.ask("/api/report?journal=mission.plan")[0] == 422
     for path in ("/missions?file=%3Cscript%3E1", "/fly", "/replay?log=%3Cscript%3E1", "/history"):
         status, _, text = page.ask(path, **HTML)
         assert status == 200

@@ -89,14 +89,15 @@ class HistoryPage:
             reserve = f"<span class='{'warn' if below else ''}'>{percent(low)}{' (below the reserve)' if below else ''}</span>"
             state = "<span class='good'>delivered</span>" if row["delivered"] else safe(row["state"])
             link = f'<a href="/replay?log={quote(row["file"])}">{safe(row["file"])}</a>'
+            kept_as = f'<a href="/api/report?journal={quote(row["file"])}" download>report<span class="only-heard"> of {safe(row["file"])}</span></a>'
             rows.append(
                 f"<tr><td>{safe(when)}</td><td>{safe(row['from'])} &gt; {safe(row['to'])}</td><td>{safe(row['drone'])}</td><td>{state}</td>"
                 f"<td class='n'>{row['flights']}</td><td class='n'>{duration(row['delivery_s'])}</td><td>{kept}</td><td class='n'>{reserve}</td>"
-                f"<td class='n'>{row['decisions']}</td><td>{link}</td></tr>"
+                f"<td class='n'>{row['decisions']}</td><td>{link}</td><td>{kept_as}</td></tr>"
             )
         head = (
             "<tr><th>departure</th><th>delivery</th><th>drone</th><th>end</th><th class='n'>flights</th><th class='n'>took</th><th>promise (95 %)</th>"
-            "<th class='n'>lowest charge</th><th class='n'>decisions</th><th>journal</th></tr>"
+            "<th class='n'>lowest charge</th><th class='n'>decisions</th><th>journal</th><th>report</th></tr>"
         )
         return (
             f"<div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,17 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
         "soc_used": sum(used) if used else None, "power_w": sum(energy) / len(energy) if energy else None,
         "decisions": len(report.decisions), "resumed": report.outcome.resumed,
     }  # fmt: skip
+
+
+def report(path: str, scenario: str | None) -> bytes:
+    """Return the report of a journal as ``skyway report`` writes it: a page of HTML that needs nothing else."""
+    from skyway.report.report import write_report
+    from skyway.web.work.region import loaded
+
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "report.html"
+        write_report(Path(path), page, scenario=None if scenario is None else loaded(scenario))
+        return page.read_bytes()
 
 
 def energy_per_km(rows: list[dict[str, Any]]) -> float | None:
