@@ -34,6 +34,8 @@ class FlightOptions:
     release: str = "gripper"
     scenario: str = ""
     """Folder of the scenario; else the one named in the plan."""
+    elevation: str = ""
+    """Heights of the ground that the plan lacks: ``STATION=METRES``, separated by commas or spaces."""
     each: bool = False
     """Ask before each take-off, not only before the first."""
     asks: bool = True
@@ -52,6 +54,7 @@ class FlightOptions:
             ("connection", self.connect),
             ("pads", self.pads),
             ("drag", self.drag),
+            ("ground heights", self.elevation),
         ):
             if value.startswith("-") or len(value) > 1000:
                 raise InputError("cannot begin with a hyphen", field=field, value=value[:80])
@@ -61,6 +64,7 @@ class FlightOptions:
         named = [("--pads", self.pads), ("--drag", self.drag), ("--scenario", self.scenario)]
         words = ["fly", self.plan, "--connect", self.connect]
         words += [word for option, value in named if value for word in (option, value)]
+        words += [word for one in self.elevation.replace(",", " ").split() for word in ("--elevation", one)]
         words += [] if self.release == "gripper" else ["--release", self.release]
         words += ["--manual"] if self.each else []
         words += [] if self.asks else ["--yes"]

@@ -165,7 +165,7 @@ def charge(plan: dict[str, Any]) -> str:
         f'<text class="mark-name" x="{LEFT + 4:g}" y="{y(reserve) + 14:.1f}">reserve {safe(plan["reserve"])}</text>'
     )
     lowest = min(leg["typical"][1] for leg in legs)
-    said = f"Charge over {len(legs)} legs: lowest {percent(lowest)} in the typical schedule, reserve {plan['reserve']}"
+    said = f"Charge over {len(legs)} {'leg' if len(legs) == 1 else 'legs'}: lowest {percent(lowest)} in the typical schedule, reserve {plan['reserve']}"
     return _svg("".join(parts), bottom + 20.0, said)
 
 

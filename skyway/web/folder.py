@@ -106,6 +106,16 @@ class Folder:
                 return name
         raise InputError("a thousand files of this name are there", field="file", value=wanted[:200])
 
+    def free_names(self, wanted: Sequence[str]) -> list[str]:
+        """Return names of files that belong together, which no file has: as wanted, else all with the same number."""
+        first = Path(safe_name(wanted[0])).stem
+        for number in range(1, 1000):
+            stem = first if number == 1 else f"{first}-{number}"
+            names = [stem + safe_name(one).removeprefix(first) for one in wanted]
+            if not any(self.path(name).exists() for name in names):
+                return names
+        raise InputError("a thousand files of this name are there", field="file", value=wanted[0][:200])
+
 
 def stamp(folder: str | Path | None) -> tuple[tuple[str, int, int], ...]:
     """Return the state of the files of a folder: another one where any has changed."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import InputError
 from skyway.web.guard import LOOPBACK, Guard
 from skyway.web.tiles.base import BaseMap
+from skyway.web.work.outline import shapes
 from skyway.web.work.weather_and_zones import Given
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class ServeOptions:
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
         self.base.checked()
+        if self.outline is not None:
+            shapes(str(self.outline))
         if self.demo and self.scenario is not None:
             remedy = "leave one of them out"
             raise InputError(

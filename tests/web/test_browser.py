@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,6 +120,71 @@ def test_a_segment_is_left_out_by_keys_alone(opened):
     flown = """(pair) => { const r = window.skywayMap.state.plans[0]?.route;
         return r && !r.slice(1).some((b, i) => [`${r[i]}:${b}`, `${b}:${r[i]}`].includes(pair)); }"""
     tab.wait_for_function(flown, arg=segment)
+
+
+def test_what_is_typed_is_planned_saved_in_every_format_and_opened_again(opened, page):
+    tab = opened("/?start=bellevue&to=40.75%2C-73.93&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m300")
+    tab.wait_for_selector("dl.figures")
+    tab.get_by_text("After the delivery").click()
+    for label, words in (("Drone goes to", "home"), ("Time at the target", "5min"), ("Package goes to, if not handed over", "back"),
+                         ("Reserve %", "25"), ("Aim", "p95")):  # fmt: skip
+        tab.get_by_label(label, exact=True).fill(words)
+        tab.get_by_label(label, exact=True).press("Tab")
+    tab.get_by_label("Beside it").select_option("pfs")
+    tab.get_by_label("Beside it").select_option("shortest")
+    command = "document.querySelector('#plan-command').textContent"
+    for option in ("--return home", "--dwell 5min", "--if-undelivered back", "--reserve 25", "--objective p95"):
+        tab.wait_for_function(f"(option) => {command}.includes(option)", arg=option)
+    tab.wait_for_function("document.querySelectorAll('button[data-plan]').length >= 2")
+    tab.locator("button[data-plan]").nth(1).click()
+    tab.wait_for_function("window.skywayMap.state.chosen === 1")
+    tab.locator("button[data-plan]").first.click()
+    tab.wait_for_function("window.skywayMap.state.chosen === 0")
+    tab.get_by_text("Save, export, open").click()
+    tab.get_by_label("Name", exact=True).fill("round")
+    tab.get_by_label("Name", exact=True).press("Tab")
+    begins = {
+        "plan.json": "{",
+        "plan": "{",
+        "waypoints": "QGC WPL",
+        "geojson": "{",
+        "kml": "<?xml",
+        "html": "<!doctype html>",
+    }
+    tab.get_by_label("Format").select_option("plan")
+    tab.get_by_role("button", name="Save in the work folder").click()
+    tab.locator(".files .status.wrong").filter(has_text="target").wait_for()  # the ground there is not known
+    tab.get_by_label("Ground heights").fill("target=12")
+    tab.get_by_label("Ground heights").press("Tab")
+    for kind, begin in begins.items():
+        tab.get_by_label("Format").select_option(kind)
+        tab.get_by_role("button", name="Save in the work folder").click()
+        name = re.compile(
+            rf"saved (round(?:-2)?\.{kind.removeprefix('plan.')})\b"
+        )  # with its parameters, which are there twice
+        told = tab.locator(".files .status").filter(has_text=name)
+        told.wait_for()
+        assert (page.folder / name.search(told.inner_text())[1]).read_text().startswith(begin)
+    tab.get_by_role("button", name="Clear").click()
+    tab.wait_for_selector("dl.figures", state="detached")
+    tab.get_by_label("Plans in the work folder").select_option("round.json")
+    tab.get_by_role("button", name="Open").click()
+    tab.wait_for_selector("dl.figures")
+    assert tab.get_by_label("Drone goes to").input_value() == "home"
+    assert tab.get_by_label("Reserve %", exact=True).input_value() == "25"
+
+
+def test_a_station_is_forbidden_by_a_click_and_allowed_again(opened):
+    tab = opened(QUESTION)
+    tab.wait_for_selector("dl.figures")
+    stop = tab.evaluate("window.skywayMap.stops()[0]")
+    tab.mouse.click(*_place(tab, stop))
+    tab.get_by_role("menuitem", name="Do not land here").click()
+    tab.wait_for_function(
+        "(stop) => { const s = window.skywayMap.stops(); return s.length && !s.includes(stop); }", arg=stop
+    )
+    tab.get_by_role("button", name=f"avoid {stop}").click()
+    tab.wait_for_function("(stop) => window.skywayMap.stops().includes(stop)", arg=stop)
 
 
 @pytest.mark.parametrize(("width", "height"), [(820, 1180), (1280, 900), (3840, 2160)])

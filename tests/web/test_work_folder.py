@@ -65,6 +65,17 @@ def test_files_are_listed_newest_first_and_numbered_where_the_name_is_taken(tmp_
         folder.write("b-2.plan", b"2")
 
 
+def test_files_that_belong_together_are_numbered_together(tmp_path):
+    folder = Folder(tmp_path)
+    assert folder.free_names(["a.plan", "a.params"]) == ["a.plan", "a.params"]
+    (tmp_path / "a.params").write_text("")
+    assert folder.free_names(["a.waypoints", "a.fence.waypoints", "a.params"]) == [
+        "a-2.waypoints",
+        "a-2.fence.waypoints",
+        "a-2.params",
+    ]
+
+
 def test_a_wheel_holds_every_file_of_the_page():
     import tomllib
     from fnmatch import fnmatch

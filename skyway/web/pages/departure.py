@@ -54,6 +54,9 @@ class DepartureForm:
             "Package released by", self._set("release"), kind="select",
             options=[("gripper", "the gripper"), ("operator", "a person, who says so")], value="gripper",
         )  # fmt: skip
+        Field(
+            "Ground heights", self._set("elevation"), hint="Where the plan lacks one: target=34, metres above sea level"
+        )
         Field("Ask before each take-off", self._set("each"), kind="check", value=False)
         Field("Leave the drone's parameters as they are", self._set("keep"), kind="check", value=False)
         with ui.element("div").classes("line"):

@@ -217,9 +217,7 @@ class MissionsPage:
         try:
             path = self.site.folder.existing(self.file)
             made = await self.site.workers.ask("missions.converted", str(path), suffix, asked, self.site.scenario)
-            first = Path(made["files"][0][0])
-            free = Path(self.site.folder.free_name(first.name)).stem
-            names = [free + name.removeprefix(first.stem) for name, _ in made["files"]]
+            names = self.site.folder.free_names([name for name, _ in made["files"]])
             for name, (_, content) in zip(names, made["files"], strict=True):
                 self.site.folder.write(name, content)
         except SkywayError as error:

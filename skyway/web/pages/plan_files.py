@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -40,6 +39,7 @@ class PlanFiles:
     def __init__(self, site: Site, shown: Callable[[], dict[str, Any] | None], ask: Callable[[Question], None]) -> None:
         self.site, self._shown, self._ask = site, shown, ask
         self.kind, self.stem, self.autopilot, self.contacts, self.wanted = "plan", "", NAMES[0], "", ""
+        self.elevation = ""
         with ui.element("details").classes("files"):
             text("summary", "Save, export, open")
             with ui.element("div").classes("rows"):
@@ -53,6 +53,11 @@ class PlanFiles:
                         options=[(one, one) for one in NAMES],
                     )
                 self.name = Field("Name", self._set("stem"), hint="Without ending; empty: start and target")
+                Field(
+                    "Ground heights",
+                    self._set("elevation"),
+                    hint="For missions, where the plan lacks one: target=34, metres above sea level",
+                )
                 Field("Contacts on the briefing", self._set("contacts"), kind="area", hint="One line each")
                 with ui.element("div").classes("line"):
                     Button("Download", self.download)
@@ -78,7 +83,7 @@ class PlanFiles:
         if plan is None:
             raise SkywayError("there is no plan yet")
         stem = safe_name(self.stem) if self.stem.strip() else safe_name(f"{plan['from']}-{plan['to']}")
-        more = {"autopilot": self.autopilot, "contacts": self.contacts}
+        more = {"autopilot": self.autopilot, "contacts": self.contacts, "elevation": self.elevation}
         found: list[tuple[str, bytes]] = await self.site.workers.ask(
             "exports.export", self.site.scenario, plan, self.kind, stem, more
         )
@@ -98,9 +103,7 @@ class PlanFiles:
         """Write the files into the work folder, under names that are free."""
         try:
             made = await self._made()
-            first = Path(made[0][0])
-            free = Path(self.site.folder.free_name(first.name)).stem
-            names = [free + name.removeprefix(first.stem) for name, _ in made]
+            names = self.site.folder.free_names([name for name, _ in made])
             for name, (_, content) in zip(names, made, strict=True):
                 self.site.folder.write(name, content)
         except SkywayError as error:

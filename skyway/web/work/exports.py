@@ -26,7 +26,7 @@ KINDS = {
 def export(
     scenario: str | None, plan: dict[str, Any], kind: str, stem: str, more: dict[str, str]
 ) -> list[tuple[str, bytes]]:
-    """Return the files of a plan: name and content; `more` has ``autopilot`` and ``contacts``.
+    """Return the files of a plan: name and content; `more` has ``autopilot``, ``contacts`` and ``elevation``.
 
     A mission comes with its parameters, and as .waypoints with fence and rally points, as ``skyway mission`` writes them.
     """
@@ -51,7 +51,7 @@ def export(
             (f"{stem}.html", briefing(composition, loaded(scenario), more.get("contacts", "").splitlines()).encode())
         ]
     if kind in {"plan", "waypoints"}:
-        from skyway.flying import terrain_of
+        from skyway.flying import heights, terrain_of
         from skyway.missions import family_named
         from skyway.missions.autopilots import NAMES
         from skyway.missions.builder.export_files import write_export
@@ -59,7 +59,8 @@ def export(
         from skyway.missions.builder.mission_options import MissionOptions
 
         flown_by = family_named(more.get("autopilot") or NAMES[0])
-        made = whole_mission(composition, flown_by, MissionOptions(over=terrain_of(composition)))
+        ground = heights(None, more.get("elevation", "").replace(",", " ").split())
+        made = whole_mission(composition, flown_by, MissionOptions(over=terrain_of(composition), elevation_m=ground))
         with tempfile.TemporaryDirectory() as folder:
             written = write_export(
                 made, flown_by.parameter_file(made.parameters, flown_by.released), Path(folder) / f"{stem}.{kind}"

@@ -1,6 +1,7 @@
 // What the canvas shows, from the bottom up. Colours come from the page's style sheet, so that dark and light agree.
 import { shaded } from "skyway-map/ground.js";
 import { attribution } from "skyway-map/tiles.js";
+import { streetWidth } from "skyway-map/vectors.js";
 import { mercator } from "skyway-map/view.js";
 
 const NAMES = ["water", "land", "street", "grid", "segment", "zone", "zone-fill", "station", "ink", "paper", "faint", "wind", "route", "other", "start", "target", "vehicle", "warn", "halo"];
@@ -41,7 +42,7 @@ export function draw(context, view, state, colours, map) {
 
 function outline(c, view, found, colours) {
   found.projected ||= project(found);
-  for (const { kind, rings, closed } of found.projected) {
+  for (const { kind, words, rings, closed } of found.projected) {
     c.beginPath();
     for (const ring of rings) {
       ring.forEach((point, i) => c[i ? "lineTo" : "moveTo"](...view.place(point)));
@@ -51,15 +52,16 @@ function outline(c, view, found, colours) {
       c.fillStyle = kind === "water" ? colours.water : colours.land;
       c.fill("evenodd");
     }
-    c.strokeStyle = kind === "water" ? colours.grid : colours.street;
-    c.lineWidth = closed ? 0.6 : 1;
+    c.strokeStyle = kind !== "water" ? colours.street : closed ? colours.grid : colours.segment;
+    c.lineWidth = closed ? 0.6 : kind === "street" ? streetWidth(words) : 1.2;
     c.stroke();
   }
 }
 
 function project(found) {
-  return found.shapes.map(({ kind, rings, closed }) => ({
+  return found.shapes.map(({ kind, words, rings, closed }) => ({
     kind,
+    words,
     closed,
     rings: rings.map((ring) => ring.map(([lon, lat]) => mercator(lat, lon))),
   }));

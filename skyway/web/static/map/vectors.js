@@ -134,6 +134,9 @@ export function drawn(bytes, colours) {
   return canvas;
 }
 
+// Of a street by what it is called: motorway, primary, path.
+export const streetWidth = (words) => WIDTHS.find(([kinds]) => kinds.test(words))?.[1] ?? 1.4;
+
 function paint(c, what, { kind, words, path: way }, colours) {
   if (!way) return;
   if (kind === AREA) {
@@ -144,7 +147,7 @@ function paint(c, what, { kind, words, path: way }, colours) {
     c.globalAlpha = 1;
     return;
   }
-  const width = WIDTHS.find(([kinds]) => kinds.test(words))?.[1] ?? 1.4;
+  const width = streetWidth(words);
   c.strokeStyle = { water: colours.water, border: colours.faint }[what] || colours.street;
   c.lineWidth = what === "street" ? width : what === "water" ? 2 : 1;
   c.setLineDash(what === "border" ? [6, 5] : []);
