@@ -4,7 +4,7 @@ On 24 held-out days of New York, at two hours each, one airport after the other 
 passes through all three airports (`benchmarks.independent.weather`): *smooth*, straight lines between reports, inverse squares of the distance between airports; *rough*, a spectrum
 between reports, a Gaussian field between airports, a profile that changes with stability. Each tells the mean of ten minutes of its way, three times, with gusts and errors in it. The
 forecast is that of the season's days, without the airport, or that of a weather service (`benchmarks.cases.day_forecast`, error learnt from other days). The product updates it with what
-was measured as `fly` does (`update_forecast`). What each says of the speed at flight height over the airport that was kept back, 15 to 60 minutes later, is scored by the CRPS; the
+was measured as `skyway forecast` does (`assimilated`). What each says of the speed at flight height over the airport that was kept back, 15 to 60 minutes later, is scored by the CRPS; the
 score itself is written here, not the product's. Orders that leave at that hour are planned with each and flown on the day by the out-of-sample evaluation.
 
     python -m benchmarks.tables.anemometer --orders 2
@@ -30,9 +30,10 @@ from benchmarks.independent.weather.series import SiteWinds
 from benchmarks.independent.weather.wind import LENGTH_M, InverseDistance, RandomField, leave_one_out
 from benchmarks.tables.forecast_gain import CITY, Service, held_out_days, learning_days, orders
 from skyway.models.base.units import from_posix
+from skyway.models.wind.estimation.assimilation import assimilated
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
-from skyway.models.wind.estimation.forecast_update import update_forecast
 from skyway.models.wind.forecast import analogue_ensemble
+from skyway.models.wind.triangle import height_factor
 from skyway.planner.evaluation.evaluate import fly_charging, held_out_forecast, sample_realizations
 from skyway.planner.evaluation.statistics import DayBootstrap
 from skyway.planner.parameters.planner import USUAL
@@ -130,8 +131,13 @@ def crps(values: NDArray[np.float64], weight: NDArray[np.float64], truth: float)
 
 
 def updated(before: WindEnsemble, seen: Sequence[WindObservation]) -> WindEnsemble:
-    """The product's answer, as flights have it."""
-    return update_forecast(before, seen, AS_FLOWN, slot_s=900.0, least_members=USUAL.online.least_members)
+    """The product's answer, as ``skyway forecast`` has it."""
+    scenario = planning.told_scenario(CITY, "")
+    factor = float(height_factor(HEIGHT_M, scenario.measured_at_m, scenario.rules.wind_profile_exponent))
+    least = USUAL.online.least_members
+    return assimilated(
+        before, seen, scenario.field_error.at_height(factor), AS_FLOWN, slot_s=900.0, least_members=least
+    )
 
 
 def scored(days: Sequence[date], service: Service, seed: int) -> Iterator[dict[str, Any]]:

@@ -146,6 +146,11 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
             notes.append(
                 f"the forecast of {one.model} was issued {duration(age_s)} before the departure: fetch a newer one"
             )
+        begun_s = region.depart_s - float(one.times_s[0])
+        if not math.isfinite(one.issued_s) and begun_s > OLD_S:
+            notes.append(
+                f"the forecast of {one.model} does not tell when it was issued; it begins {duration(begun_s)} before the departure and may be as old: fetch a newer one"
+            )
         issued = (
             f"issued {iso(from_posix(one.issued_s))}" if math.isfinite(one.issued_s) else "its issue time is not told"
         )

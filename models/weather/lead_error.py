@@ -1,7 +1,8 @@
 """How far forecasts of the wind are off, by lead time, and members that stray so far.
 
-A forecast without members, or with members that lie too close together, gets courses about it: a Gaussian error that keeps its
-sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead.
+A forecast without members, or with members that lie too close together, gets courses about it: an error that keeps its
+sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead. A part of it is of
+one hour and place alone; and some issues are worse than others: the size of each course is log-normal, its mean square that of the lead.
 
 Sources of `PUBLISHED`: PredictWind, "Model Validation Technical Report" (82,000 comparisons on land: the mean absolute error of ECMWF's wind speed is 2.6 kn
 on day 1, which is 1.7 m/s root mean square for a Gaussian error); meteo.matrunich.com/benchmark (2026, 30 days: root mean square errors of the
@@ -24,6 +25,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_text
 from skyway.models.base.formatting import speed_text
 from skyway.models.base.json_text import json_text
+from skyway.models.weather.error_shape import in_wind
 from skyway.models.wind.estimation.field import ResidualModel
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ class LeadError(msgspec.Struct, frozen=True, kw_only=True):
     lead_h: tuple[float, ...]
     """Ascending; before the first and after the last the value next to it holds."""
     sigma_mps: tuple[float, ...]
-    """Standard deviation of a component that the wind has about the forecast's mean, without bias."""
+    """Standard deviation of a component that the wind has about the forecast's mean, without bias, in usual wind."""
     bias_mps: tuple[tuple[float, float], ...] = ()
     """(north, east) of the forecast, to be taken off; empty: none."""
     spread_factor: tuple[float, ...] = ()
@@ -60,6 +62,16 @@ class LeadError(msgspec.Struct, frozen=True, kw_only=True):
     """Standard deviation of a component that each member is given besides; empty: what is missing to `sigma_mps`."""
     tau_s: float = _RESIDUAL.tau_s
     """In which errors fade."""
+    length_m: float = _RESIDUAL.length_m
+    """Over which they do."""
+    brief: float = 0.0
+    """Share of the variance that is of one hour and one place alone."""
+    severity: float = 0.0
+    """Standard deviation of the logarithm of how large the errors of an issue are."""
+    doubling_mps: float = 0.0
+    """Wind in which the variance is twice that in calm air (`error_shape`); 0: it does not depend on the wind."""
+    usual_mps: float = 0.0
+    """The usual wind, root mean square."""
     pairs: int = 0
     """Forecasts compared with observations; 0: from publications."""
 
@@ -68,6 +80,11 @@ class LeadError(msgspec.Struct, frozen=True, kw_only=True):
         if not values:
             return np.full(len(lead_s), otherwise)
         return np.asarray(np.interp(lead_s / 3600.0, self.lead_h, values))
+
+    def in_wind(self, speed_mps: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Size of errors in a wind over that in the usual one."""
+        square = in_wind(self.doubling_mps, speed_mps) / in_wind(self.doubling_mps, np.array(self.usual_mps))
+        return np.asarray(np.sqrt(square))
 
 
 PUBLISHED = LeadError(
@@ -105,6 +122,11 @@ def read_lead_error(path: Path) -> LeadError:
         and all(0.0 <= one <= 30.0 for one in (*found.spread_factor, *found.added_mps))
         and 0.0 < found.height_m <= 1000.0
         and 0.0 < found.tau_s <= 30 * 86_400.0
+        and 0.0 < found.length_m <= 1e7
+        and 0.0 <= found.brief <= 1.0
+        and 0.0 <= found.severity <= 1.0
+        and 0.0 <= found.doubling_mps <= 1000.0
+        and 0.0 <= found.usual_mps <= 100.0
     )
     if not sound:
         raise InputError(Fault("figures are missing, or cannot be", str(path), remedy=remedy))
@@ -161,28 +183,30 @@ def with_errors(
         Of the random numbers.
     """
     given = len(north)
-    wanted = factor * error.at(error.sigma_mps, lead_s, 0.0)
+    sigma = factor * error.at(error.sigma_mps, lead_s, 0.0)
     if error.bias_mps:
         off = [factor * error.at(tuple(pair[part] for pair in error.bias_mps), lead_s, 0.0) for part in (0, 1)]
         north, east = north - off[0][None, :, None], east - off[1][None, :, None]
     stretch = error.at(error.spread_factor, lead_s, 1.0)[None, :, None]
     mean = north.mean(axis=0), east.mean(axis=0)
+    size = error.in_wind(np.hypot(*mean) / factor)  # (slots, places)
+    wanted = sigma[:, None] * size
     variance = np.zeros(north.shape[1:])
     if given > 1:
         north, east = (middle + stretch * (part - middle) for part, middle in zip((north, east), mean, strict=True))
         variance = 0.5 * (north.var(axis=0, ddof=1) + east.var(axis=0, ddof=1))
-        missing = np.sqrt(np.maximum(wanted[:, None] ** 2 - variance, 0.0))
+        missing = np.sqrt(np.maximum(wanted**2 - variance, 0.0))
         if error.added_mps:
-            missing = np.repeat(factor * error.at(error.added_mps, lead_s, 0.0)[:, None], north.shape[2], axis=1)
+            missing = factor * error.at(error.added_mps, lead_s, 0.0)[:, None] * size
         each = max(round(members / given), 1) if missing.any() else 1
         note = "its members are spread so far that they err as such forecasts do"
     else:
-        missing = np.broadcast_to(wanted[:, None], north.shape[1:])
+        missing = wanted
         each = max(2 * (members // 2), 2) if wanted.any() else 1
         note = "its one course is given errors"
     north, east = np.repeat(north, each, axis=0), np.repeat(east, each, axis=0)
-    noise = _noise(given, each, north.shape[1:], distance_m, error.tau_s, slot_s, seed)
-    note = f"{note}: {error.source}, {speed_text(float(wanted[0]))} a component at first"
+    noise = _noise(given, each, north.shape[1:], distance_m, error, slot_s, seed)
+    note = f"{note}: {error.source}, {speed_text(float(wanted[0].mean()))} a component at first"
     return Courses(north + missing * noise[0], east + missing * noise[1], each, note)
 
 
@@ -191,24 +215,41 @@ def _noise(
     each: int,
     shape: tuple[int, ...],
     distance_m: NDArray[np.float64],
-    tau_s: float,
+    error: LeadError,
     slot_s: float,
     seed: int,
 ) -> NDArray[np.float64]:
-    """Errors of variance 1, alike nearby and for a while, shape (2, members, slots, places).
+    """Errors of mean square 1, alike nearby and for a while, shape (2, members, slots, places).
 
-    They come in pairs of opposite sign, of neighbours: what is made of one member has its course on average.
+    They come in pairs of opposite sign: what is made of one member has its course on average. Of one course alone the pairs lie half the members apart, so that
+    of every second member, which plans take of many, there are pairs, too.
     """
     slots, places = shape
     rng = np.random.default_rng(seed)
-    alike = np.exp(-distance_m / _RESIDUAL.length_m) + 1e-9 * np.eye(places)
+    alike = np.exp(-distance_m / error.length_m) + 1e-9 * np.eye(places)
     root = np.linalg.cholesky(alike)
     count = given * each
-    fresh = rng.standard_normal((slots, 2, (count + 1) // 2, places)) @ root.T
-    keep = math.exp(-slot_s / tau_s)
+    half = (count + 1) // 2
+    fresh = rng.standard_normal((slots, 2, half, places)) @ root.T
+    keep = math.exp(-slot_s / error.tau_s)
     found = np.empty_like(fresh)
     found[0] = fresh[0]
     for slot in range(1, slots):
         found[slot] = keep * found[slot - 1] + math.sqrt(1.0 - keep**2) * fresh[slot]
-    both = np.stack((found, -found), axis=3).reshape(slots, 2, -1, places)[:, :, :count]
-    return np.moveaxis(both, 0, 2)
+    if error.brief > 0.0:
+        found = math.sqrt(1.0 - error.brief) * found + math.sqrt(error.brief) * rng.standard_normal(found.shape)
+    if error.severity > 0.0:
+        found *= _sizes(half, error.severity, rng)[:, None]
+    if given == 1:
+        both = np.concatenate((found, -found), axis=2)
+    else:
+        both = np.stack((found, -found), axis=3).reshape(slots, 2, -1, places)
+    return np.moveaxis(both[:, :, :count], 0, 2)
+
+
+def _sizes(count: int, severity: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Sizes of errors, log-normal, of mean square 1, in any order, shape (count,)."""
+    from scipy.special import ndtri
+
+    found = np.exp(severity * ndtri((rng.permutation(count) + 0.5) / count))
+    return np.asarray(found / np.sqrt((found**2).mean()))

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.weather.error_shape import learn_shape
 from skyway.models.weather.lead_error import PUBLISHED, LeadError
 from skyway.models.weather.placing import Placing
 from skyway.models.weather.profile import wind_at_height
@@ -40,8 +41,6 @@ PRIOR_PAIRS = 10.0
 """What is learnt is averaged with the published figures as if these were so many pairs."""
 STRETCH_COST = 0.01
 """Where c and d do as well as each other, as they do where the spread hardly varies, members are stretched less and given more."""
-TAU_S = (3600.0, 24 * 3600.0)
-"""Between these the time lies in which errors fade."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +57,8 @@ class Pairs:
     """Of each pair (2, members): north and east, at the height of the observation."""
     observed: NDArray[np.float64]
     """Shape (pairs, 2). North and east."""
+    where: NDArray[np.float64]
+    """Shape (places, 2). Latitude and longitude of each place, degrees."""
 
     def __len__(self) -> int:
         return len(self.lead_s)
@@ -118,7 +119,7 @@ def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], e
         raise InputError(
             problem, weathers[0].name if weathers else None, remedy="hand over observations of the hours that it is for"
         )
-    return Pairs(np.array(lead), np.array(issue), np.array(place), tuple(forecast), np.array(truth))
+    return Pairs(np.array(lead), np.array(issue), np.array(place), tuple(forecast), np.array(truth), places)
 
 
 def _members(one: Weather, placing: Placing, seen: WindObservation, exponent: float) -> NDArray[np.float64] | None:
@@ -215,11 +216,13 @@ def scores(pairs: Pairs) -> list[LeadScore]:
 def learn(pairs: Pairs, source: str, height_m: float = 10.0) -> LeadError:
     """Learn the error of forecasts by lead from pairs, by EMOS in each range of leads; few pairs leave it near the published one."""
     lead_h, sigma, bias, factor, added = [], [], [], [], []
+    z, speed = np.empty((len(pairs), 2)), np.empty(len(pairs))
+    always = _bias(_moments(pairs, np.arange(len(pairs)))[0] - pairs.observed, pairs.issue)
     for rows in _bins(pairs):
         mean, variance = _moments(pairs, rows)
         error = mean - pairs.observed[rows]
         own = len(rows) / (len(rows) + PRIOR_PAIRS)
-        off = own * error.mean(axis=0)
+        off = always + _bias(error - always, pairs.issue[rows])
         left = error - off
         c, d = _emos(left, variance)
         usual = PUBLISHED.at(PUBLISHED.sigma_mps, pairs.lead_s[rows], 0.0) ** 2
@@ -228,10 +231,14 @@ def learn(pairs: Pairs, source: str, height_m: float = 10.0) -> LeadError:
         bias.append((float(off[0]), float(off[1])))
         factor.append(math.sqrt(own * d + 1.0 - own))
         added.append(math.sqrt(own * c + (1.0 - own) * float(np.maximum(usual - variance, 0.0).mean())))
+        z[rows], speed[rows] = left / max(float(np.sqrt((left**2).mean())), 1e-6), np.hypot(*mean.T)
     several = any(one.shape[1] > 1 for one in pairs.forecast)
+    shape = learn_shape(z, speed, pairs.issue, pairs.place, pairs.lead_s, pairs.where)
     return LeadError(
         source=source, height_m=height_m, lead_h=tuple(lead_h), sigma_mps=tuple(sigma), bias_mps=tuple(bias),
-        spread_factor=tuple(factor) if several else (), added_mps=tuple(added) if several else (), tau_s=_fading_s(pairs), pairs=len(pairs),
+        spread_factor=tuple(factor) if several else (), added_mps=tuple(added) if several else (), pairs=len(pairs),
+        tau_s=shape.tau_s, length_m=shape.length_m, brief=shape.brief, severity=shape.severity, doubling_mps=shape.doubling_mps,
+        usual_mps=float(np.sqrt((speed**2).mean())),
     )  # fmt: skip
 
 
@@ -299,19 +306,16 @@ def _subset(pairs: Pairs, chosen: NDArray[np.bool_]) -> Pairs:
         pairs.place[rows],
         tuple(pairs.forecast[row] for row in rows),
         pairs.observed[rows],
+        pairs.where,
     )
 
 
-def _fading_s(pairs: Pairs) -> float:
-    """Time in which errors fade, by their correlation from one observation of a place to the next, seconds."""
-    mean, _ = _moments(pairs, np.arange(len(pairs)))
-    error = mean - pairs.observed
-    error = error - error.mean(axis=0)
-    order = np.lexsort((pairs.lead_s, pairs.place, pairs.issue))
-    same = (np.diff(pairs.issue[order]) == 0) & (np.diff(pairs.place[order]) == 0)
-    first, second = order[:-1][same], order[1:][same]
-    step = pairs.lead_s[second] - pairs.lead_s[first]
-    if len(step) < LEAST_PAIRS or not float(step.mean()) > 0.0:
-        return LeadError(source="", height_m=10.0, lead_h=(0.0,), sigma_mps=(1.0,)).tau_s
-    together = float((error[first] * error[second]).mean()) / max(float((error**2).mean()), 1e-9)
-    return float(np.clip(-float(step.mean()) / math.log(min(max(together, 0.01), 0.99)), *TAU_S))
+def _bias(error: NDArray[np.float64], issue: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Bias, shape (2,): the mean, as far as it is more than the errors of so many issues would leave (W. James and C. Stein, 1961)."""
+    mean = error.mean(axis=0)
+    _, number, count = np.unique(issue, return_inverse=True, return_counts=True)
+    if len(count) < 2:
+        return np.asarray(mean * len(error) / (len(error) + PRIOR_PAIRS))
+    each = np.stack([np.bincount(number.ravel(), error[:, part]) for part in (0, 1)], axis=1) / count[:, None]
+    chance = each.var(axis=0, ddof=1) / len(count)
+    return np.asarray(mean * np.maximum(1.0 - chance / np.maximum(mean**2, 1e-12), 0.0))

@@ -68,8 +68,8 @@ def forecast(
 ) -> None:
     """Update the wind forecast with winds measured by drones, and write it for skyway plan.
 
-    The winds of all logs are combined: a forecast error is similar at nearby places and times. Members close to the
-    measurements gain weight, and each member is corrected by its own error; the correction fades with the lead time.
+    The winds of all logs are combined: a forecast error is similar at nearby places and times, as far as the members of
+    the forecast say. Each member is moved by its own error; how much fades with the lead time.
     Without logs the forecast is written unchanged.
 
     Examples
@@ -135,8 +135,9 @@ def _update(
     base: list[Path] | None,
     slot_s: float,
 ) -> Update:
+    from skyway.models.wind.estimation.assimilation import assimilated
     from skyway.models.wind.estimation.field import ResidualModel
-    from skyway.models.wind.estimation.forecast_update import update_forecast
+    from skyway.models.wind.triangle import height_factor
     from skyway.planner.parameters.planner import USUAL
 
     if not seen and instant is None:
@@ -161,9 +162,10 @@ def _update(
         before = _at_sites(world, world.forecast(begin, span_h, truth=day))
     exponent = world.rules.wind_profile_exponent
     level = tuple(one.at_height(before.height_m, exponent) for one in fresh)
-    online = USUAL.online  # as flights do
-    residual = ResidualModel(tau_s=online.residual_tau_s)
-    after = update_forecast(before, level, residual, slot_s=slot_s, least_members=online.least_members)
+    field = world.field_error.at_height(float(height_factor(before.height_m, world.measured_at_m, exponent)))
+    residual = ResidualModel(tau_s=USUAL.online.residual_tau_s)
+    least = USUAL.online.least_members
+    after = assimilated(before, level, field, residual, slot_s=slot_s, least_members=least)
     return Update(world, depart_s, before, after, level)
 
 
