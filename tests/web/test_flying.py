@@ -186,6 +186,37 @@ def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
     no_flight_twice(records, simulation)
 
 
+def test_two_deliveries_are_flown_at_once_a_tab_each_and_both_on_one_map(browser, site, tmp_path):
+    for name, ends in (("one.json", ("jersey-city", "hoboken")), ("two.json", ("bellevue", "city-hall"))):
+        planned(tmp_path, *ends)
+        (tmp_path / "plan.json").rename(tmp_path / name)
+    with (
+        simulated("jersey-city", speedup=2.0) as first,
+        simulated("bellevue", speedup=2.0) as second,
+        person(browser, site.address, "/fly") as tab,
+    ):
+        for number, (plan, simulation) in enumerate((("one.json", first), ("two.json", second)), start=1):
+            departs(tab, simulation, plan)
+            tab.wait_for_function("(many) => document.querySelectorAll('[role=tab]').length === many", arg=1 + number)
+            hold(tab, "Start: take off")
+            state(tab, "flying")
+        tab.get_by_role("tab", name="All", exact=True).click()
+        tab.wait_for_function("window.skywayMap.state.vehicles.length === 2")
+        tab.get_by_text("2 flights under way").wait_for()
+        for goal in ("hoboken", "city-hall"):
+            tab.get_by_role("tab", name=goal).click()
+            state(tab, "delivered", *ENDS)
+            assert tab.inner_text(".flight .state") == "delivered"
+            assert goal in tab.inner_text(".flight .big")
+    for path, simulation in (
+        (next(tmp_path.glob("*-hoboken.jsonl")), first),
+        (next(tmp_path.glob("*-city-hall.jsonl")), second),
+    ):
+        records = read_journal(path).records
+        assert taken(records) == ["take", "yes"]
+        no_flight_twice(records, simulation)
+
+
 def test_of_two_browsers_one_commands_the_other_asks_and_is_given_it(browser, site, tmp_path):
     planned(tmp_path, "jersey-city", "hoboken")
     with (
