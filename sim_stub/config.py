@@ -43,6 +43,8 @@ class VehicleConfig:
     """32 bytes; None speaks unsigned."""
     operator_control: bool = False
     """It says which ground station is in control, and denies orders of others."""
+    remote_id: bool = False
+    """It has a Remote ID module."""
     airframe: Airframe = field(default_factory=Airframe)
     parameters: tuple[tuple[str, float], ...] = ()
     """Names and values set before the start."""

@@ -52,6 +52,7 @@ KINDS = {
         (500.0, 0.0, 50_000.0),
         60.0,
     ),
+    "remote-id-off": Kind("the Remote ID module says and broadcasts nothing"),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
         lasts_s=3600.0,

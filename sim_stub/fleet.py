@@ -69,6 +69,8 @@ class FleetOptions:
     load: PadLoad | None = None
     faults: tuple[Fault, ...] = ()
     operator_control: bool = False
+    remote_id: bool = False
+    """All have a Remote ID module."""
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -106,6 +108,7 @@ def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None 
                 warm=options.warm,
                 airframe=airframe,
                 operator_control=options.operator_control,
+                remote_id=options.remote_id,
                 parameters=options.parameters,
             )
         )

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.sim_stub.protocols.remote_id import COMPONENT
 from skyway.sim_stub.protocols.telemetry import (
     BUILDERS,
     HOME,
@@ -13,7 +14,7 @@ from skyway.sim_stub.protocols.telemetry import (
     STREAMED,
     mission_current,
 )
-from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_name
+from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_id, message_name
 from skyway.sim_stub.wire.ports import Port
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _MIN_INTERVAL_S = 0.02
 _ORDERS = frozenset(("SET_MODE", "MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST", "PARAM_SET"))
 """Orders besides commands: not obeyed where another station is in control."""
 _MAX_PORTS = 16
+_REMOTE_ID = message_id("OPEN_DRONE_ID_ARM_STATUS")
 
 
 class Radio:
@@ -74,6 +76,7 @@ class Radio:
         self.forget_reached()
         for port in self.ports:
             port.mavlink.seq = 0
+            port.beside.clear()
             self._default_streams(port)
 
     # Ports
@@ -178,6 +181,8 @@ class Radio:
             port.set_interval(name, 1.0 / rate, self.vehicle.sim_s)
         if any(fault.kind == "aircraft" for fault in self.vehicle.faults.faults):
             port.set_interval("ADSB_VEHICLE", 1.0, self.vehicle.sim_s)
+        if self.vehicle.config.remote_id:
+            port.set_interval("OPEN_DRONE_ID_ARM_STATUS", 1.0, self.vehicle.sim_s)
         if self.vehicle.config.operator_control:
             port.set_interval("CONTROL_STATUS", 1.0, self.vehicle.sim_s)
 
@@ -206,6 +211,8 @@ class Radio:
                 stream.due_s += stream.interval_s
                 if stream.due_s <= now:  # fell behind, as in the first step after standing
                     stream.due_s = now + stream.interval_s
+                for one in self.vehicle.remote_id.says() if number == _REMOTE_ID else ():
+                    port.write(one, COMPONENT)
                 sent = STREAMED[number](self.vehicle)
                 if sent is not None:
                     port.write(sent)

@@ -19,6 +19,7 @@ from skyway.sim_stub.plant.power import PowerModel
 from skyway.sim_stub.plant.wind_truth import Gusts
 from skyway.sim_stub.protocols.commands import CommandServer
 from skyway.sim_stub.protocols.parameters import ParameterServer
+from skyway.sim_stub.protocols.remote_id import RemoteIdModule
 from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
 
@@ -93,8 +94,9 @@ class Vehicle:
         self.commands: CommandServer = CommandServer(self)
         self.parameter_server = ParameterServer(self)
         self.services = LinkServices(self)
+        self.remote_id = RemoteIdModule(self)
         self._timed = (self.missions, self.commands, self.parameter_server)
-        for part in (*self._timed, self.services):
+        for part in (*self._timed, self.services, self.remote_id):
             self.radio.serve(part.handlers())
 
     # Time

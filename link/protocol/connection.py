@@ -11,6 +11,7 @@ from skyway.link.forwarding.forwarder import POLL_S
 from skyway.link.protocol.exchange import Carrier, RoundTrip, Target
 from skyway.link.protocol.stations import ANNOUNCEMENT, Stations, announcement
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
+from skyway.link.wire.radio_quality import STATUS, RadioQuality
 from skyway.link.wire.redundant import RedundantTransport
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
@@ -35,7 +36,8 @@ _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 3
 """Types (MAV_TYPE) of what else sends heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
 autopilot's firmware."""
 _MAX_SYSTEMS = 255
-_RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
+_BESIDE = frozenset(("OPEN_DRONE_ID_ARM_STATUS", "WINCH_STATUS"))
+"""What parts of a vehicle tell in their own name, or the autopilot in theirs."""
 _CHUNK, _CHUNK_S = 50, 1.0
 """Characters of a piece of a long text, and how long the next piece may take."""
 _MAX_TEXTS = 200
@@ -67,6 +69,9 @@ class Peer:
     """How many texts it has said in all."""
     latest: dict[str, Message] = field(default_factory=dict)
     """Newest message of each name."""
+    beside: dict[str, tuple[float, Message]] = field(default_factory=dict)
+    """Newest of what its Remote ID module and its winch tell, and when, by the connection's clock; heartbeats of other components as
+    ``HEARTBEAT`` with their type."""
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     text_s: float = -math.inf
     _text: tuple[int, int] = (0, 0)
@@ -157,8 +162,11 @@ class Connection(Carrier):
         self._routed = transport if isinstance(transport, UdpSocket) else None
         self.radios = transport if isinstance(transport, RedundantTransport) else None
         """The radios, where there are several."""
+        self._quality = RadioQuality("radio")
         self._reader = FrameReader(signing, datagrams=self._routed is not None or self.radios is not None)
-        self._beat_s = -math.inf
+        self._beat_s = self._second_s = -math.inf
+        self.every_second: list[Callable[[], None]] = []
+        """Called once a second: what has to be said again and again."""
         self._own: deque[bytes] = deque(maxlen=16)
         self._exchange: Exchange | None = None
 
@@ -166,6 +174,14 @@ class Connection(Carrier):
     def rejected(self) -> Rejected:
         """Packets that were rejected."""
         return self._reader.rejected
+
+    @property
+    def qualities(self) -> tuple[RadioQuality, ...]:
+        """How good each radio is, the one in use first."""
+        if self.radios is None:
+            return (self._quality,)
+        used = self.radios.used
+        return (used.quality, *(radio.quality for radio in self.radios.radios if radio is not used))
 
     @property
     def signed(self) -> bool:
@@ -196,6 +212,10 @@ class Connection(Carrier):
         if self.forwarder is not None:
             timeout_s = min(timeout_s, POLL_S)
             self._serve_clients(self.forwarder, now)
+        if now >= self._second_s + HEARTBEAT_S:
+            self._second_s = now
+            for keep in tuple(self.every_second):
+                keep()
         if self.shared_client is not None:
             due_s = now + _GUEST_S
             for system, frame in self.shared_client.frames():
@@ -240,6 +260,8 @@ class Connection(Carrier):
         for frame, message in self._reader.feed(data):
             if self.recorder is not None:
                 self.recorder.frame(frame)
+            if self.radios is None and frame not in self._own and (message is None or message.name not in STATUS):
+                self._quality.count(frame, now)
             if self.forwarder is not None:
                 if self.forwarder.came_back(frame, now):
                     continue
@@ -252,7 +274,9 @@ class Connection(Carrier):
 
     def _hear(self, message: Message, now: float) -> None:
         name = message.name
-        if name in _RADIOS:
+        if name in STATUS:
+            if self.radios is None:  # of several radios each takes its own
+                self._quality.hear_status(message)
             return  # in nobody's name, and even unsigned
         if message.system == self.system:
             self._hear_namesake(message)
@@ -264,7 +288,10 @@ class Connection(Carrier):
             peer = self._meet(message, now)
             if peer is None:
                 return
-        if message.component != peer.component:
+        own = message.component == peer.component
+        if name in _BESIDE or (name == "HEARTBEAT" and not own):
+            peer.beside[name if name in _BESIDE else f"{name} {message['type']}"] = now, message
+        if not own:
             return
         if self._routed is not None and not self._routed.learn(peer.system, proven=self.signed):
             self.rejected.elsewhere += 1

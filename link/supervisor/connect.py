@@ -24,6 +24,7 @@ LOOK_AGAIN_S = 15.0
 def connecting(ctx: Context) -> After:
     """Meet it; for the first time it must stand disarmed where the plan begins."""
     first_order(ctx)
+    ctx.remote_id.begin(ctx)
     _meet(ctx)
     must_answer(ctx, "the drone does not answer when asked who it is")
     who = ctx.vehicle.identify()

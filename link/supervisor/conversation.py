@@ -148,7 +148,7 @@ class Conversation:
         word = said.word.partition(" ")[0]
         if self.question is not None or ctx.state is State.HOLDING or word == "charged":
             self._words.append(said.word)
-        elif word == "go" and self.stays and not self.paused:
+        elif word == "go" and self.stays and not ctx.stands_in_air:
             self.stays = False
             ctx.note(OperatorNote(), "go: the delivery continues")
         elif word == "stay":

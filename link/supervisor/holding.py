@@ -120,4 +120,5 @@ def _go_on(ctx: Context) -> After | None:
         return None
     ctx.vehicle.changes()
     ctx.conversation.pause(on=False)
+    ctx.give_way.overrule()
     return (State.DIVERTING if ctx.divert.station is not None else State.FLYING), "the operator gave control back"

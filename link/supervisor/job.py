@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from skyway.link.supervisor.flight.give_way import TrafficRule
 from skyway.missions.builder.mission_options import MissionOptions
+from skyway.models.scenario.remote_id import NOBODY, RemoteId
 from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
@@ -54,6 +56,10 @@ class DeliveryJob:
     """Set parameters that a leg needs, told before the take-off and asked for with it."""
     restore_parameters: bool = True
     """Give the vehicle back at the end what was set."""
+    traffic: TrafficRule = field(default_factory=TrafficRule)
+    """What is done about other aircraft that come near."""
+    remote_id: RemoteId = NOBODY
+    """Who flies, as the vehicle's Remote ID module is told."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,6 +84,7 @@ class Supervisor:
             vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
             EnergyLearning(belief if job.drag is None else belief.counting_airspeed()), Conversation(operator), on_tick=on_tick,
         )  # fmt: skip
+        vehicle.traffic.limits = job.traffic.limits
         if resume:
             records = read_journal(journal.path).records
             resuming.restore(self.context, records)
@@ -134,6 +135,7 @@ class Supervisor:
         """Give control back, and no longer say that we supervise the vehicle."""
         ctx = self.context
         ctx.vehicle.connection.supervise(None)
+        ctx.remote_id.end()
         if ctx.on_ground:
             with contextlib.suppress(LinkError):
                 ctx.vehicle.give_control_back()

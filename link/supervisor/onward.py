@@ -73,6 +73,17 @@ def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
     return _go_on(ctx, plan, why, loaded=loaded, delivered=False)
 
 
+def package_goes_on(ctx: Context, why: str) -> str:
+    """Have the package go on from the air: to where it was to go if it could not be handed over, else back; returns where."""
+    way = ctx.job.composition.way_back
+    goal = ctx.job.composition.origin if way is None or way.undelivered is None else way.undelivered.destination
+    onward = Onward(goal, loaded=True, delivered=False, leave_s=ctx.now_s)
+    ctx.delivery.call_off(onward)
+    entry = WentOn(destination=goal, loaded=True, delivered=False, leave_s=onward.leave_s, plan=None)
+    ctx.say(entry, f"{why}; it goes to {goal}")
+    return goal
+
+
 def _go_on(ctx: Context, plan: Composition, why: str, *, loaded: bool, delivered: bool) -> After:
     """Put the plan from the target on in force, after the time there."""
     way = ctx.job.composition.way_back

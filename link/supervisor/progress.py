@@ -47,6 +47,8 @@ class DeliveryProgress:
     """It has been charged here."""
     unusable: dict[str, float] = field(default_factory=dict)
     """Stations that could not be used, and since when, POSIX seconds."""
+    called_off: bool = False
+    """The plan in force is not flown any more once it has landed."""
     onward: Onward | None = None
     """Where it goes after the target; None until the package was handed over, or could not be."""
 
@@ -54,12 +56,17 @@ class DeliveryProgress:
 
     def take_plan(self, plan: Composition | None) -> None:
         """Put a plan in force; None is none."""
-        self.plan = plan
+        self.plan, self.called_off = plan, False
 
     def go_on(self, onward: Onward) -> None:
         """Go on from the target; what is thought of stations is thought anew."""
         self.onward, self.charge_to, self.charged = onward, None, False
         self.visited = set()
+
+    def call_off(self, onward: Onward) -> None:
+        """Go on elsewhere from the air: the plan in force tells places until it lands, and nothing else."""
+        self.go_on(onward)
+        self.called_off = True
 
     def begins_at(self, station: str | None) -> bool:
         """Whether the plan in force has a leg that begins at a station."""
@@ -67,8 +74,10 @@ class DeliveryProgress:
 
     def reach(self, station: str | None) -> None:
         """Take the flown leg from the plan; a plan that does not go on from this station is dropped."""
-        plan = self.plan
-        if plan is not None and plan.services and plan.services[0].destination == station:
+        plan = None if self.called_off else self.plan
+        if self.called_off:
+            self.take_plan(None)
+        elif plan is not None and plan.services and plan.services[0].destination == station:
             rest = plan.services[1:]
             self.plan = replace(plan, services=rest, origin=str(station)) if rest else None
         elif not self.begins_at(station):

@@ -54,8 +54,12 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
         elif ordered := record.entry(Ordered):
             ctx.conversation.restore(ordered)
         elif went := record.entry(WentOn):
-            delivery.go_on(Onward(went.destination or "", bool(went.loaded), bool(went.delivered), went.leave_s or 0.0))
-            delivery.take_plan(from_json(json.dumps(went.plan), file="journal") if went.plan else None)
+            onward = Onward(went.destination or "", bool(went.loaded), bool(went.delivered), went.leave_s or 0.0)
+            if delivery.leg is not None:
+                delivery.call_off(onward)
+            else:
+                delivery.go_on(onward)
+                delivery.take_plan(from_json(json.dumps(went.plan), file="journal") if went.plan else None)
         elif taken := record.entry(PlanTaken):
             if taken.plan:
                 delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))
@@ -172,7 +176,7 @@ def _in_the_air(ctx: Context) -> After:
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"
     mode = ctx.vehicle.mode
-    if mode == "hold" and ctx.conversation.paused:
+    if mode == "hold" and ctx.stands_in_air:
         return (State.DIVERTING if divert.station else State.FLYING), "still paused on its way, as ordered"
     strange = f"the drone is in mode {mode}, which this program did not command"
     if divert.station is not None and not divert.turned:

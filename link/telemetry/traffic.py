@@ -13,11 +13,22 @@ if TYPE_CHECKING:
     from skyway.link.wire.messages import Message
     from skyway.models.drones.telemetry import TelemetrySample
 
-NEAR_M, NEAR_HEIGHT_M = 3000.0, 300.0
-"""An aircraft within both is told; one that does not tell its height counts as being at ours."""
 _COORDINATES, _ALTITUDE, _CALLSIGN = 1, 2, 16
 _OLD_S, _FORGOTTEN_S = 30, 60.0
 _MAX_AIRCRAFT = 500
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficLimits:
+    """What counts as near; an aircraft that does not tell its height counts as being at ours."""
+
+    away_m: float = 3000.0
+    height_m: float = 300.0
+    """`away_m`, `height_m`: within both it is near."""
+
+    def hold(self, one: Aircraft, margin: float = 1.0) -> bool:
+        """Whether an aircraft is near, within so many times the limits."""
+        return one.away_m <= margin * self.away_m and not abs(one.above_m) > margin * self.height_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +47,6 @@ class Aircraft:
     above_m: float
     """`away_m`, `above_m`: from the drone; NaN where either place is not known."""
 
-    @property
-    def near(self) -> bool:
-        """Whether it is near enough to be told."""
-        return self.away_m <= NEAR_M and not abs(self.above_m) > NEAR_HEIGHT_M
-
     def __str__(self) -> str:
         height = (
             "at unknown height"
@@ -54,6 +60,8 @@ class Aircraft:
 class Traffic:
     """The aircraft near one vehicle."""
 
+    limits: TrafficLimits = field(default_factory=TrafficLimits)
+    """What counts as near."""
     known: dict[int, Aircraft] = field(default_factory=dict)
     """By ICAO address."""
     _told_s: dict[int, float] = field(default_factory=dict)
@@ -77,7 +85,7 @@ class Traffic:
         self.known = {key: one for key, one in self.known.items() if now_s <= one.heard_s + _FORGOTTEN_S}
         if number in self.known or len(self.known) < _MAX_AIRCRAFT:
             self.known[number] = seen
-        if seen.near:
+        if self.limits.hold(seen):
             if now_s > self._told_s.get(number, -math.inf) + _FORGOTTEN_S and len(self._alerts) < _MAX_AIRCRAFT:
                 self._alerts.append(seen)
             self._told_s[number] = now_s
@@ -89,7 +97,8 @@ class Traffic:
         found, self._alerts = self._alerts, []
         return found
 
-    def near(self, now_s: float) -> list[Aircraft]:
-        """Return those that are near at this time, the nearest first."""
-        found = [one for one in self.known.values() if one.near and now_s <= one.heard_s + _OLD_S]
+    def near(self, now_s: float, margin: float = 1.0) -> list[Aircraft]:
+        """Return those that are within so many times the limits at this time, the nearest first."""
+        known = [one for one in self.known.values() if now_s <= one.heard_s + _OLD_S]
+        found = [one for one in known if self.limits.hold(one, margin)]
         return sorted(found, key=lambda one: one.away_m)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.link.wire.frames import FrameReader
 from skyway.link.wire.layout import MAGIC_1, SENDER_AT_1, SENDER_AT_2
+from skyway.link.wire.radio_quality import STATUS, RadioQuality
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import LinkLostError
-from skyway.models.base.formatting import percent, spent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -27,8 +27,8 @@ SILENT_S = 1.3
 """A radio that brings nothing for so long is not used while another brings something."""
 _POLL_S = 0.01
 _COPIES_S, _MAX_SEEN = 3.0, 4000
-_COUNTED_S, _BETTER, _BETTER_S = 5.0, 0.1, 5.0
-"""Losses are counted over so long; a radio that loses less by so much, for so long, takes over."""
+_BETTER, _BETTER_S = 0.1, 5.0
+"""A radio that loses less by so much, for so long, takes over."""
 _JUDGED, _RECENT, _COPY_SHARE = 20, 80, 0.5
 _OWN = 64
 
@@ -37,37 +37,29 @@ _OWN = 64
 class Radio:
     """One radio, and how good it is."""
 
-    name: str
+    quality: RadioQuality
     transport: Transport
     reader: FrameReader
-    heard_s: float = -math.inf
-    received: int = 0
-    lost: int = 0
-    """`received`, `lost`: packets of vehicles, and gaps in their numbers, since the beginning."""
     copies: int = 0
     others: int = 0
     """`copies`, `others`: packets that another radio brought, too, and those that none did; old ones count ever less."""
-    delay_s: float = math.nan
-    """How much later than the quickest it brings the same packet, on average."""
-    signal: int | None = None
-    noise: int | None = None
-    """`signal`, `noise`: RSSI and noise of RADIO_STATUS, in the radio's own units; None where it tells none."""
     echoes: int = 0
     """Packets of our own that it has sent back."""
     told_silent: bool = False
-    _numbers: dict[tuple[int, int], int] = field(default_factory=dict)
-    _window: deque[tuple[float, int, int]] = field(default_factory=deque)
 
-    def count(self, sender: tuple[int, int], sequence: int, now_s: float) -> None:
-        """Count a packet and the gap before it."""
-        before = self._numbers.get(sender)
-        gap = 0 if before is None else (sequence - before - 1) & 0xFF
-        gap = gap if gap < 128 else 0
-        self._numbers[sender] = sequence
-        self.received, self.lost, self.heard_s = self.received + 1, self.lost + gap, now_s
-        self._window.append((now_s, 1, gap))
-        while self._window and self._window[0][0] < now_s - _COUNTED_S:
-            self._window.popleft()
+    @property
+    def name(self) -> str:
+        """Its address, as it was given."""
+        return self.quality.name
+
+    @property
+    def loss(self) -> float:
+        """Share of its packets that did not arrive lately, 0-1."""
+        return self.quality.loss
+
+    def silent(self, now_s: float) -> bool:
+        """Whether it has brought nothing for a while."""
+        return now_s > self.quality.heard_s + SILENT_S
 
     def compare(self, *, copy: bool) -> None:
         """Count a packet that another radio brought, too, or that none did."""
@@ -76,31 +68,22 @@ class Radio:
         self.copies, self.others = self.copies + copy, self.others + (not copy)
 
     @property
-    def loss(self) -> float:
-        """Share of its packets that did not arrive lately, 0-1; 1 where none came."""
-        came, gone = sum(one[1] for one in self._window), sum(one[2] for one in self._window)
-        return gone / (came + gone) if came else 1.0
-
-    @property
     def copies_others(self) -> bool:
         """Whether it brings the channel that others bring, too."""
         total = self.copies + self.others
         return total >= _JUDGED and self.copies > _COPY_SHARE * total
 
     def __str__(self) -> str:
-        parts = [f"{percent(self.loss)} lost"]
-        if math.isfinite(self.delay_s) and self.delay_s > 0.001:
-            parts.append(f"{spent(self.delay_s)} later")
-        if self.signal is not None:
-            parts.append(f"RSSI {self.signal}, noise {self.noise}")
-        return f"{self.name}: {', '.join(parts)}"
+        return str(self.quality)
 
 
 class RedundantTransport:
     """Several transports as one; `radios` are their names and themselves."""
 
     def __init__(self, radios: Sequence[tuple[str, Transport]], now_s: Callable[[], float] = time.monotonic) -> None:
-        self.radios = [Radio(name, one, FrameReader(datagrams=isinstance(one, UdpSocket))) for name, one in radios]
+        self.radios = [
+            Radio(RadioQuality(name), one, FrameReader(datagrams=isinstance(one, UdpSocket))) for name, one in radios
+        ]
         self.used = self.radios[0]
         """The radio that orders go out by."""
         self._now_s = now_s
@@ -135,14 +118,13 @@ class RedundantTransport:
             if frame in self._sent:
                 self._echo(radio)
                 continue
-            if message is not None and message.name in ("RADIO_STATUS", "RADIO"):
-                radio.signal, radio.noise = message["rssi"], message["noise"]
+            if message is not None and message.name in STATUS:
+                radio.quality.hear_status(message)
                 taken += frame
                 continue
-            at = SENDER_AT_1 if frame[0] == MAGIC_1 else SENDER_AT_2
             if isinstance(radio.transport, UdpSocket):
-                radio.transport.learn(frame[at])
-            radio.count((frame[at], frame[at + 1]), frame[at - 1], now)
+                radio.transport.learn(frame[SENDER_AT_1 if frame[0] == MAGIC_1 else SENDER_AT_2])
+            radio.quality.count(frame, now)
             if self._new(radio, frame, now):
                 taken += frame
         return taken
@@ -157,8 +139,7 @@ class RedundantTransport:
         first = self._seen.get(frame)
         if first is not None and now_s <= first[0] + _COPIES_S and first[1] is not radio:
             radio.compare(copy=True)
-            delay_s = now_s - first[0]
-            radio.delay_s = delay_s if math.isnan(radio.delay_s) else radio.delay_s + 0.1 * (delay_s - radio.delay_s)
+            radio.quality.delayed(now_s - first[0])
             late = not first[2] and radio is self.used
             if late:
                 self._seen[frame] = (first[0], first[1], True)
@@ -175,11 +156,11 @@ class RedundantTransport:
     def _choose(self, now_s: float) -> None:
         """Use another radio where the one in use is silent, or has been worse for long."""
         for radio in self.radios:
-            silent = now_s > radio.heard_s + SILENT_S and math.isfinite(radio.heard_s)
+            silent = radio.silent(now_s) and math.isfinite(radio.quality.heard_s)
             if silent != radio.told_silent:
                 radio.told_silent = silent
                 self._notes.append(f"radio {radio.name} is {'silent' if silent else 'heard again'}")
-        alive = [radio for radio in self.radios if now_s <= radio.heard_s + SILENT_S]
+        alive = [radio for radio in self.radios if not radio.silent(now_s)]
         if not alive:
             return
         best = min(alive, key=lambda radio: radio.loss)

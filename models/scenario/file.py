@@ -32,6 +32,7 @@ from skyway.models.queues.load_files import read_load, read_occupancy
 from skyway.models.scenario.air import fleet_in_air
 from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults, zone_warnings
 from skyway.models.scenario.ground import grounded, over_terrain
+from skyway.models.scenario.remote_id import read_remote_id
 from skyway.models.scenario.scenario import MAX_NOTES, Scenario
 from skyway.models.scenario.tariff import Tariff
 from skyway.models.scenario.tariff_files import read_price_record, read_prices
@@ -111,6 +112,7 @@ class _Reader:
         load = self._load(self.top.table("load"), network, timezone)
         tariff = self._tariff(self.top.table("costs"), timezone)
         observed = self._observed(self.top.table("observed"))
+        remote_id = read_remote_id(self.top.table("remote_id"))
         forecast = self._forecast(self.top.table("forecast"), named=wind["forecast_file"] is not None)
         self.top.finish()
         if self.faults or network is None:
@@ -127,6 +129,7 @@ class _Reader:
             **wind,
             **observed,
             **forecast,
+            remote_id=remote_id,
             path=str(self.file),
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),

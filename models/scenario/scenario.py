@@ -15,6 +15,7 @@ from skyway.models.base.errors import InputError, refuse
 from skyway.models.base.units import utc
 from skyway.models.network.builders import with_zones
 from skyway.models.scenario.checks import zone_faults
+from skyway.models.scenario.remote_id import NOBODY, RemoteId
 from skyway.models.wind.field_error import FieldError
 from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
 from skyway.models.wind.triangle import height_factor
@@ -73,6 +74,8 @@ class Scenario:
         Files with the winds of now, used unasked by plans for now.
     observed_pads : str or None
         Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
+    remote_id : RemoteId
+        Who flies, as drones broadcast it.
     path, sha256 : str or None
         Where it was read from, and the digest of all its files.
     warnings : tuple of str
@@ -95,6 +98,7 @@ class Scenario:
     season_days: int = 30
     observed_wind: tuple[str, ...] = ()
     observed_pads: str | None = None
+    remote_id: RemoteId = NOBODY
     path: str | None = None
     sha256: str | None = None
     warnings: tuple[str, ...] = ()

@@ -381,6 +381,7 @@ STREAMED: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     message_id("CONTROL_STATUS"): _control_status,
     message_id("ADSB_VEHICLE"): _aircraft,
+    message_id("OPEN_DRONE_ID_ARM_STATUS"): lambda _: None,  # in the name of the module, not of the autopilot
 }
 """The same, with those that nobody asks for."""
 VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCOL_VERSION", "HOME_POSITION"))

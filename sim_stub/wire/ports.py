@@ -40,12 +40,18 @@ class Port:
     shortest_s: float = math.inf
     """Interval of the fastest stream."""
     heard_version_2: bool = False
+    beside: dict[int, Mavlink] = field(default_factory=dict)
+    """Frames of other components of the vehicle, each with numbers of its own."""
     closed: bool = False
     muted: bool = False
 
-    def write(self, sent: Any) -> None:
-        """Send a message as a frame."""
-        frame = None if self.muted else self.mavlink.frame(sent, self.version)
+    def write(self, sent: Any, component: int = 0) -> None:
+        """Send a message as a frame; of another component of the vehicle where one is named."""
+        mavlink = self.mavlink
+        if component:
+            mavlink = self.beside.setdefault(component, Mavlink(self.mavlink.srcSystem, component))
+            mavlink.signing = self.mavlink.signing
+        frame = None if self.muted else mavlink.frame(sent, self.version)
         if frame is not None:
             self.send(frame)
 

@@ -16,7 +16,7 @@ import msgspec
 
 from skyway.link.supervisor.command.orders import offered
 from skyway.link.supervisor.command.request_file import ENDING
-from skyway.link.supervisor.flight.air import information
+from skyway.link.supervisor.flight.known import information
 from skyway.link.supervisor.journal.entries import Briefed, CheckDone, LegBegun, StateEntered
 from skyway.link.supervisor.states import IN_AIR, TABLE, State
 from skyway.models.base.errors import InputError, SkywayError
@@ -220,11 +220,11 @@ class LiveFile:
 
 def _vehicle(ctx: Context) -> dict[str, Any]:
     sample, place, vehicle = ctx.observed.sample, ctx.place, ctx.vehicle
-    radios = vehicle.connection.radios
     found: dict[str, Any] = {
         "system": vehicle.system, "autopilot": vehicle.family.name, "mode": vehicle.mode, "armed": vehicle.armed,
         "soc": ctx.battery.soc, "silent_s": round(vehicle.silent_s, 1), "loss": round(vehicle.live.loss, 3),
-        "radios": [] if radios is None else [str(radio) for radio in radios.radios],
+        "radios": [str(radio) for radio in vehicle.connection.qualities],
+        "remote_id": str(ctx.remote_id.status(ctx)),
         "lat": None if place is None else place[0], "lon": None if place is None else place[1],
         "traffic": [str(one) for one in vehicle.traffic.near(vehicle.connection.clock.now_s())],
     }  # fmt: skip

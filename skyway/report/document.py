@@ -31,6 +31,7 @@ from skyway.report.flight_report import (
     Totals,
 )
 from skyway.report.heights import planned_heights
+from skyway.report.seen import aircraft_seen, radios_seen, remote_id_seen
 from skyway.report.series import Columns, LegWind, Series, series_of, wind_errors
 
 if TYPE_CHECKING:
@@ -78,6 +79,9 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
         contingencies=_contingencies(records),
         events=[_event(at_s, one) for at_s, one in of.timed(records) if one.event not in _QUIET][:_MAX_ROWS],
         series=series,
+        radios=radios_seen(records),
+        aircraft=aircraft_seen(records),
+        remote_id=remote_id_seen(records),
     )
 
 

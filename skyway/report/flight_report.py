@@ -195,6 +195,38 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     reason: str | None
 
 
+class RadioSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A radio over the whole flight; `worst_loss` in any stretch of the journal, `worst_margin` of RSSI over noise at either end."""
+
+    radio: str
+    used_share: float
+    received: int
+    lost: int
+    loss: float | None
+    worst_loss: float | None
+    worst_at_s: float | None
+    delay_s: float | None
+    round_trip_s: float | None
+    lowest_rssi: int | None
+    worst_margin: int | None
+
+
+class AircraftSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """Another aircraft that came near, or what was done about it."""
+
+    time_s: float
+    flight: int
+    said: str
+
+
+class RemoteIdSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """What the Remote ID module said of itself, in order, and who flew, as it was told."""
+
+    operator: str | None
+    self_id: str | None
+    said: list[AircraftSeen]
+
+
 class Sources(msgspec.Struct, frozen=True, kw_only=True):
     """Names of the files that it was made from."""
 
@@ -219,4 +251,7 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     contingencies: list[Event]
     events: list[Event]
     series: Series
+    radios: list[RadioSeen] = []
+    aircraft: list[AircraftSeen] = []
+    remote_id: RemoteIdSeen | None = None
     sources: Sources | None = None

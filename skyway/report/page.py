@@ -19,6 +19,7 @@ from skyway.models.base.formatting import (
 from skyway.report.charts import charts
 from skyway.report.heights import drawn_heights
 from skyway.report.map import drawn_map
+from skyway.report.seen import RADIO_HEAD, radio_rows, remote_id_line
 from skyway.report.svg import safe
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def page(document: FlightReport, zones: list[Zone] | None) -> str:
             _section("Stops", _stops(document)),
             _section("Decisions and reasons", _decisions(document)),
             _section("Plans in the order flown", _plans(document)),
+            _section("Radios, other aircraft, Remote ID", _seen(document)),
             _section("Preflight checks", _preflights(document)),
             _section("All events", _events(document)),
             _foot(document),
@@ -260,6 +262,16 @@ def _decisions(document: FlightReport) -> str:
 def _plans(document: FlightReport) -> str:
     body = [(utc_clock(p.time_s), " > ".join(p.route) or "no plan", p.reason or "none") for p in document.plans]
     return rows(("at", "route", "because"), body, "tww")
+
+
+def _seen(document: FlightReport) -> str:
+    aircraft = [(utc_clock(one.time_s), str(one.flight), one.said) for one in document.aircraft]
+    told = (
+        rows(("at", "flight", "other aircraft"), aircraft, "tnw")
+        if aircraft
+        else '<p class="none">No other aircraft came near, as far as a receiver on the drone heard.</p>'
+    )
+    return f"{rows(RADIO_HEAD, radio_rows(document), 'tnnnntnnnn')}{told}<p>{safe(remote_id_line(document))}</p>"
 
 
 def _preflights(document: FlightReport) -> str:

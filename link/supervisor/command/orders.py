@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.flight.call_off import UNDELIVERED, call_off
 from skyway.link.supervisor.flight.turn import intend
 from skyway.link.supervisor.journal.entries import Ordered
 from skyway.link.supervisor.states import IN_AIR, ON_GROUND, State
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.operators import Said
 
-DEFERRED = ("pause", "go", "divert", "return", "land")
+DEFERRED = ("pause", "go", "divert", "return", "land", UNDELIVERED)
 """Orders that are carried out between two looks at a flight; `stay` and `leave` count at once."""
 
 
@@ -40,11 +41,13 @@ def _in_the_air(ctx: Context) -> tuple[str, ...]:
     leg, talk = ctx.delivery.leg, ctx.conversation
     if leg is None or leg.destination == "here" or ctx.delivery.plan is None:
         return ("leave",)
-    words = ["go" if talk.paused or talk.stays else "stay", *(() if talk.paused else ("pause",))]
-    if talk.paused and not talk.stays:
+    words = ["go" if ctx.stands_in_air or talk.stays else "stay", *(() if talk.paused else ("pause",))]
+    if ctx.stands_in_air and not talk.stays:
         words.append("stay")
     if leg.origin and leg.origin != leg.destination:
         words.append("return")
+    if ctx.delivery.onward is None and ctx.job.request.payload_kg > 0.0:
+        words.append(UNDELIVERED)
     return (*words, *(f"divert {name}" for name in refuges(ctx)), "land", "leave")
 
 
@@ -78,7 +81,9 @@ def obey(ctx: Context) -> After | None:
         _hold(ctx, said, pauses=word == "pause")
         return None
     by = f"{said.name or 'the operator'} ordered it"
-    ctx.conversation.pause(on=False)
+    if word == UNDELIVERED:
+        return _call_off(ctx, by)
+    _fly_again(ctx)
     ctx.conversation.ask_again(stays=word != "divert")
     leg.learn_nothing()
     if word == "land":
@@ -90,10 +95,24 @@ def obey(ctx: Context) -> After | None:
     return State.DIVERTING, f"diverting to {station}: {by}"
 
 
+def _call_off(ctx: Context, by: str) -> After | None:
+    """Send the package back or on; one that flies on to where it was going does so, or stands, as before."""
+    after = call_off(ctx, refuges(ctx), by)
+    if after is not None:
+        _fly_again(ctx)
+    return after
+
+
+def _fly_again(ctx: Context) -> None:
+    """Forget that it was told to stop on its way: it is sent elsewhere."""
+    ctx.conversation.pause(on=False)
+    ctx.give_way.end()
+
+
 def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
     """Have it stop on its way, or go on."""
     leg = ctx.delivery.leg
-    if leg is None or pauses is ctx.conversation.paused:
+    if leg is None or pauses is (ctx.conversation.paused if pauses else ctx.stands_in_air):
         return
     try:
         if pauses:
@@ -104,6 +123,8 @@ def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
         ctx.say(Ordered(word=said.word, id=said.id or None, done="failed"), f"{said.word} was not carried out: {error}")
         return
     ctx.conversation.pause(on=pauses)
+    if not pauses:
+        ctx.give_way.overrule()
     leg.learn_nothing()  # it hovers, which tells nothing of its flights
     leg.command(leg.commanded_mps, ctx.now_s)
     word = "the drone has stopped on its way, and is still watched" if pauses else "the drone flies on"

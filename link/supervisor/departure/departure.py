@@ -117,7 +117,7 @@ def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneServ
     if first.name == "pads":
         ctx.delivery.avoid(service.destination, ctx.now_s)
         return State.REPLANNING, reason
-    if first.name in ("battery", "wind"):
+    if first.name in ("battery", "wind", "traffic"):
         ctx.wait(REPLAN_AGAIN_S)
         return State.REPLANNING, reason
     return State.STOPPED, f"not ready for take-off: {reason}"
@@ -234,6 +234,8 @@ def arming(ctx: Context) -> After:
     if leg is None or ctx.delivery.plan is None:
         return State.PREFLIGHT, "the leg must be prepared again"
     ctx.wait(FRESH_S)
+    if (aircraft := ctx.give_way.bars(ctx)) is not None:
+        return State.PREFLIGHT, f"not yet: {aircraft}"
     ctx.delivery.begin_flight()
     ctx.lean.begin()
     leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)

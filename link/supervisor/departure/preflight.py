@@ -72,6 +72,8 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
     yield _mission(ctx, leg)
     yield _diverts(ctx, service)
     yield _pads(ctx, service)
+    yield _traffic(ctx)
+    yield _remote_id(ctx)
 
 
 def _identity(ctx: Context) -> Iterator[Check]:
@@ -256,3 +258,21 @@ def _pads(ctx: Context, service: DroneService) -> Check:
     said = f"{service.destination}: {status.busy} of {status.pads} pads busy, {status.holding_free} holding spots free"
     full = status.busy >= status.pads and status.holding_free == 0
     return Check("pads", "no" if full else "ok", said, waits=True)
+
+
+def _traffic(ctx: Context) -> Check:
+    """Other aircraft near: told, and waited for where the drone gives way."""
+    near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
+    bars = ctx.give_way.bars(ctx)
+    said = "; ".join(map(str, near[:3])) or "no aircraft near, as far as a receiver on the drone hears"
+    return Check("traffic", "ok" if bars is None else "no", said, waits=True)
+
+
+def _remote_id(ctx: Context) -> Check:
+    """What the Remote ID module says of itself; its absence stops the take-off where who flies is to be broadcast."""
+    status, who = ctx.remote_id.status(ctx), ctx.job.remote_id
+    if not who.given:
+        return Check("remote id", "ok", f"{status}; no operator was given to be broadcast")
+    told = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
+    verdict: Verdict = "ok" if status.ready else "unknown" if status.heard and status.ready is None else "no"
+    return Check("remote id", verdict, f"{status}; sent: {told}", waits=True)

@@ -27,6 +27,7 @@ def after_landing(ctx: Context) -> After:
     leg = ctx.delivery.leg
     ctx.vehicle.watch_lists(watched=False)
     ctx.conversation.end_flight()
+    ctx.give_way.end()
     ctx.wait(3.0)
     if ctx.in_air:
         return State.HOLDING, "the drone is in the air again"

@@ -340,6 +340,31 @@ class LinkNote(Entry, frozen=True, kw_only=True, tag="link"):
     gone_s: float | None = None
 
 
+class RadioMeasured(Entry, frozen=True, kw_only=True, tag="radio"):
+    """What a radio carried, and lost by the numbers of its packets, since it was written last; `delay_s` behind the quickest radio."""
+
+    radio: str | None
+    used: bool | None
+    received: int | None
+    lost: int | None
+    delay_s: float | None = None
+    round_trip_s: float | None = None
+    rssi: int | None = None
+    noise: int | None = None
+    remote_rssi: int | None = None
+    remote_noise: int | None = None
+
+
+class RemoteIdNote(Entry, frozen=True, kw_only=True, tag="remote-id"):
+    """The Remote ID module was first looked at, came, went, or changed what it `lacks`; who flies, as it is sent to it."""
+
+    heard: bool | None
+    ready: bool | None
+    lacks: str | None
+    operator: str | None
+    self_id: str | None
+
+
 class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
     """Another ground station, to which the link is forwarded, did something, or was refused it."""
 
@@ -358,6 +383,17 @@ class AircraftNear(Entry, frozen=True, kw_only=True, tag="traffic"):
     lon: float | None
     away_m: float | None
     above_m: float | None
+
+
+class GaveWay(Entry, frozen=True, kw_only=True, tag="give-way"):
+    """The drone gives way to another aircraft, or goes on: ``hold``, ``land``, ``go`` or ``ignored``; without `station` where it stands in the air."""
+
+    action: str | None
+    aircraft: str | None = None
+    away_m: float | None = None
+    above_m: float | None = None
+    station: str | None = None
+    waited_s: float | None = None
 
 
 class Rebooted(Entry, frozen=True, kw_only=True, tag="reboot"):

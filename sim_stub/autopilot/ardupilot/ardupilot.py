@@ -255,6 +255,9 @@ class ArduPilot(ArduPilotFailsafes):
             reasons.append("Gyros still settling")
         elif self.mode not in (Mode.STABILIZE, Mode.ALTITUDE) and not self.ready:
             reasons.append("Need Position Estimate")
+        enforced = self.parameters["DID_ENABLE"] == 1.0 and self.parameters.bit("DID_OPTIONS", 0)
+        if enforced and (lacks := self.vehicle.remote_id.refusal()):
+            reasons.append(f"OpenDroneID: {lacks.replace('not available', 'ARM_STATUS not available')}")
         unchecked = {"ARMING_CHECK": 0.0, "ARMING_SKIPCHK": -1.0}  # up to 4.6 and from 4.7 on
         if any(name in self.parameters and self.parameters[name] == none for name, none in unchecked.items()):
             return reasons

@@ -314,6 +314,9 @@ class Px4(Px4Failsafes):
             reasons.append("Offboard: no setpoints")
         if self.battery_level() >= 2:
             reasons.append("Low battery")
+        if self.parameters["COM_ARM_ODID"] == 2.0 and (lacks := self.vehicle.remote_id.refusal()):
+            missing = lacks == "not available"
+            reasons.append(f"Open Drone ID system {'missing' if missing else 'not ready'}")
         return reasons + self.vehicle.faults.arming_faults()
 
     def has_armed(self) -> None:

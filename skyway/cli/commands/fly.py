@@ -15,6 +15,7 @@ from skyway.cli import options
 from skyway.cli.connection_options import Link
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import OBSERVED_HELP
+from skyway.cli.seen_options import Seen
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 def fly(
     plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
     link: Link,
+    seen: Seen,
     pads: Annotated[
         str, typer.Option(help="Pad service tcp:HOST:PORT, or manual: people charge the drone.")
     ] = "manual",
@@ -97,7 +99,7 @@ def fly(
     station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
     are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
     delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle. In the air it
-    takes these words: pause, go, stay, divert STATION, return, land, leave.
+    takes these words: pause, go, stay, divert STATION, return, land, undelivered, leave.
 
     Examples
     --------
@@ -124,9 +126,11 @@ def fly(
     )
     options.refuse_overwriting(journal, report, force=False)
     parameters = typed_values.planner_parameters(settings)
+    rule = seen.rule()
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
+    who = seen.remote_id(region.remote_id)
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)
@@ -139,8 +143,8 @@ def fly(
     drag_model = None if drag is None else read_drag(drag)
 
     def job(now: datetime) -> DeliveryJob:
-        seen = _observed(region, observed, now, wind)
-        times = (one.time_s for one in seen(now.timestamp()))
+        winds = _observed(region, observed, now, wind)
+        times = (one.time_s for one in winds(now.timestamp()))
         begin = min([(begun or now).timestamp(), *times]) if not forecast else None
         known = typed_values.wind_forecast(
             region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
@@ -150,7 +154,7 @@ def fly(
             scenario=fleet_in_air(region, known, (begun or now).timestamp()),
             request=request,
             forecast=known,
-            observed=seen,
+            observed=winds,
             options=how,
             drag=drag_model,
             replanning=not no_replan,
@@ -158,6 +162,8 @@ def fly(
             asking="never" if yes else "each" if manual else "once",
             set_parameters=not keep_parameters,
             restore_parameters=not no_restore,
+            traffic=rule,
+            remote_id=who,
         )
 
     view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))

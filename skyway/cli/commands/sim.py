@@ -88,6 +88,7 @@ def sim(
             "--operator-control", help="The vehicles say which ground station is in control (CONTROL_STATUS)."
         ),
     ] = False,
+    remote_id: Annotated[bool, typer.Option("--remote-id", help="The vehicles have a Remote ID module.")] = False,
     parameter: Annotated[list[str] | None, typer.Option(help="NAME=VALUE set on every vehicle; repeatable.")] = None,
     lasting: Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")] = None,
     as_json: options.AsJson = False,
@@ -129,6 +130,7 @@ def sim(
         load=known.load if traffic else None,
         faults=tuple(parse_fault(text) for text in fault or ()),
         operator_control=operator_control,
+        remote_id=remote_id,
         parameters=tuple(_parameter(text) for text in parameter or ()),
     )
     if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:

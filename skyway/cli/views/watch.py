@@ -10,6 +10,7 @@ import msgspec
 import typer
 
 from skyway.cli.views.sheet import width
+from skyway.link.vehicle.remote_id import module_status
 from skyway.models.base.formatting import duration, height_text, percent, place_text, speed_text, wind_text
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix
@@ -55,6 +56,7 @@ class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
     conflict: bool
     radios: list[str]
     traffic: list[str]
+    remote_id: str
 
 
 def _row(vehicle: VehicleMonitor) -> VehicleRow:
@@ -88,23 +90,33 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         rejected=vehicle.connection.rejected,
         conflict=vehicle.connection.conflict is not None,
         radios=_radios(vehicle.connection),
+        remote_id=str(module_status(vehicle.peer, vehicle.connection.clock.now_s())),
         traffic=[str(one) for one in vehicle.traffic.near(vehicle.connection.clock.now_s())],
     )
 
 
 def _radios(connection: Connection) -> list[str]:
-    """Each radio with its quality, the one in use first; none where there is only one."""
-    if connection.radios is None:
-        return []
-    used = connection.radios.used
-    return [str(used), *(str(radio) for radio in connection.radios.radios if radio is not used)]
+    """Each radio with its quality, the one in use first."""
+    return [str(one) for one in connection.qualities]
 
 
 def _known(value: float, digits: int) -> float | None:
     return None if math.isnan(value) else round(value, digits)
 
 
-_COLUMNS = ("vehicle", "mode", "position", "height", "speed", "charge", "wind", "mission", "link", "doubts")
+_COLUMNS = (
+    "vehicle",
+    "mode",
+    "position",
+    "height",
+    "speed",
+    "charge",
+    "wind",
+    "mission",
+    "link",
+    "remote id",
+    "doubts",
+)
 
 
 def _cells(row: VehicleRow) -> list[str]:
@@ -125,6 +137,7 @@ def _cells(row: VehicleRow) -> list[str]:
         wind,
         " ".join(word for word in (item, state) if word) or _UNKNOWN,
         f"silent for {duration(row.silent_s)}" if silent else percent(1 - row.loss),
+        row.remote_id,
         "; ".join(row.doubts),
     ]
 

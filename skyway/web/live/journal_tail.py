@@ -18,7 +18,7 @@ PIECE = 4 * 1024 * 1024
 COURSE = 600
 """Points of the track on the map of all flights."""
 MOST_ROWS = 4000
-SHOWN = frozenset({"state", "decision", "text", "order", "turn", "landed", "link", "reboot", "change", "upload", "gauge", "pad", "traffic", "client", "proof", "operator", "limit", "waits", "energy", "parameter", "end"})  # fmt: skip
+SHOWN = frozenset({"state", "decision", "text", "order", "turn", "landed", "link", "reboot", "change", "upload", "gauge", "pad", "traffic", "give-way", "remote-id", "client", "proof", "operator", "limit", "waits", "energy", "parameter", "end"})  # fmt: skip
 """Events that a person sees."""
 _DECODER = msgspec.json.Decoder(Record)
 

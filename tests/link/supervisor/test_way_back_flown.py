@@ -7,6 +7,7 @@ import pytest
 from benchmarks.link.deliveries import Scripted, Stage, Story
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.journal.entries import LegBegun, WentOn
+from skyway.planner.online.policy import OnlinePolicy
 from skyway.report.document import flight_report
 from skyway.sim_stub.faults import parse_fault
 
@@ -103,3 +104,73 @@ def test_after_a_crash_of_the_program_it_goes_on_from_the_target(moment, tmp_pat
     outcome = stage.fly(resume=True)
     assert (outcome.state, outcome.station) == ("delivered", stage.composition.way_back.station), outcome
     assert outcome.flights == 2
+
+
+def called_off(context):
+    """Say that nobody is there as soon as the drone has left the place where it took off behind."""
+    operator, sample = context.operator, context.observed.sample
+    far = context.state == "flying" and sample is not None and context.now_s > context.delivery.leg.start_s + 100.0
+    if far and not operator.said:
+        operator.said = True
+        operator.say("undelivered")
+
+
+class Caller(Scripted):
+    """An operator who says one word more, at any time."""
+
+    said = False
+
+    def say(self, word):
+        self._due.append((self.now_s(), word))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize(("asked", "goal"), [({"undelivered_to": "back"}, "bellevue"), ({}, "bellevue")])
+def test_a_place_that_is_blocked_is_told_in_the_air_and_the_package_goes_back(asked, goal, autopilot, tmp_path):
+    stage = Stage(dataclasses.replace(STREET, autopilot=autopilot, asked=asked), tmp_path)
+    stage.operator = Caller(lambda *_: (1.0, "yes"), lambda: stage.lockstep.now_s)
+    outcome = stage.fly(on_tick=called_off)
+    assert (outcome.state, outcome.station, outcome.delivered) == ("stopped-safe", goal, False), outcome
+    assert "could not be handed over" in outcome.reason
+    records = read_journal(stage.journal_path).records
+    (went,) = [entry for record in records if (entry := record.entry(WentOn)) is not None]
+    assert (went.destination, went.loaded, went.delivered) == (goal, True, False)
+    assert stage.craft.body.payload_kg == STREET.payload_kg
+    assert stage.craft.battery.soc >= 0.2
+    assert not any(begun.destination == stage.request.destination for begun in legs(records)[1:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_where_no_other_station_is_in_reach_it_lands_with_the_package_and_goes_back_from_there(
+    autopilot, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(OnlinePolicy, "refuges", lambda *_: [])
+    asked = {"undelivered_to": "back"}
+    stage = Stage(dataclasses.replace(STREET, autopilot=autopilot, asked=asked), tmp_path)
+    stage.operator = Caller(lambda *_: (1.0, "yes"), lambda: stage.lockstep.now_s)
+    outcome = stage.fly(on_tick=called_off)
+    assert (outcome.state, outcome.station, outcome.flights) == ("stopped-safe", "bellevue", 2), outcome
+    assert stage.craft.body.payload_kg == STREET.payload_kg
+    assert stage.craft.battery.soc >= 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_package_called_off_in_the_air_still_goes_back_after_a_crash_of_the_program(autopilot, tmp_path):
+    class Killed(Exception):  # noqa: N818
+        pass
+
+    stage = Stage(dataclasses.replace(STREET, autopilot=autopilot), tmp_path)
+    stage.operator = Caller(lambda *_: (1.0, "yes"), lambda: stage.lockstep.now_s)
+
+    def kill(context):
+        called_off(context)
+        if context.state == "diverting" and context.divert.turned:
+            raise Killed
+
+    with pytest.raises(Killed):
+        stage.fly(on_tick=kill)
+    outcome = stage.fly(resume=True)
+    assert (outcome.state, outcome.station) == ("stopped-safe", "bellevue"), outcome

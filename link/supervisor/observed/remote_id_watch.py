@@ -1,0 +1,58 @@
+"""Remote ID of a delivery: who flies is kept sent, and what the module says of itself is told and written down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import RemoteIdNote
+from skyway.link.vehicle.remote_id import ModuleStatus, RemoteIdSender, module_status
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+
+PATIENCE_S = 8.0
+"""A module that has heard nothing yet says that everything is missing."""
+
+
+@dataclass(slots=True)
+class RemoteIdWatch:
+    """The Remote ID module of one delivery; written by the methods here alone."""
+
+    _sender: RemoteIdSender | None = None
+    _told: ModuleStatus | None = None
+    _begun_s: float = field(default=0.0)
+
+    def begin(self, ctx: Context) -> None:
+        """Send who flies from now on, where that was given."""
+        vehicle, who = ctx.vehicle, ctx.job.remote_id
+        self._begun_s = vehicle.connection.clock.now_s()
+        if who.given and self._sender is None:
+            self._sender = RemoteIdSender(vehicle.connection, vehicle.peer, who)
+            self._sender.begin()
+
+    def end(self) -> None:
+        """Send no more."""
+        if self._sender is not None:
+            self._sender.end()
+
+    def status(self, ctx: Context) -> ModuleStatus:
+        """Tell what the module is heard to be."""
+        return module_status(ctx.vehicle.peer, ctx.vehicle.connection.clock.now_s())
+
+    def watch(self, ctx: Context) -> None:
+        """Tell when the module comes, goes, or changes what it lacks."""
+        found = self.status(ctx)
+        young = ctx.vehicle.connection.clock.now_s() < self._begun_s + PATIENCE_S
+        if found == self._told or (young and not found.ready):
+            return
+        first, self._told = self._told is None, found
+        who = ctx.job.remote_id
+        entry = RemoteIdNote(
+            heard=found.heard, ready=found.ready, lacks=found.lacks or None, operator=who.operator_id or None,
+            self_id=who.self_id or None,
+        )  # fmt: skip
+        if first and not found.heard and not who.given:
+            ctx.note(entry, str(found))  # nobody asked for it: the list before the take-off tells it
+        else:
+            ctx.say(entry, str(found))
