@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from skyway.link.supervisor.departure.failsafes import Failsafes
 from skyway.link.supervisor.departure.parameter_changes import ParameterChanges
 from skyway.link.supervisor.flight.divert import Divert
-from skyway.link.supervisor.flight.give_way import GiveWay
 from skyway.link.supervisor.flight.lean import LeanWatch, watch_lean
 from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, must_be_alone, refuse_on_ground
 from skyway.link.supervisor.flight.track import Track
@@ -17,8 +16,6 @@ from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.clients import tell_clients, tell_radios, tell_traffic
 from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
-from skyway.link.supervisor.observed.radio_watch import RadioWatch
-from skyway.link.supervisor.observed.remote_id_watch import RemoteIdWatch
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
 from skyway.link.supervisor.proof.proof import Proof
@@ -33,9 +30,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.link.supervisor.conversation import Conversation
+    from skyway.link.supervisor.flight.give_way import GiveWay
     from skyway.link.supervisor.job import DeliveryJob
     from skyway.link.supervisor.journal.entry import Entry
     from skyway.link.supervisor.journal.file import Journal, Record
+    from skyway.link.supervisor.observed.remote_id_watch import RemoteIdWatch
     from skyway.link.supervisor.operators import Operator
     from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.link.supervisor.soc.energy_learning import EnergyLearning
@@ -81,9 +80,6 @@ class Context:
     link: LinkWatch = field(default_factory=LinkWatch)
     track: Track = field(default_factory=Track)
     proof: Proof = field(default_factory=Proof)
-    give_way: GiveWay = field(default_factory=GiveWay)
-    radios: RadioWatch = field(default_factory=RadioWatch)
-    remote_id: RemoteIdWatch = field(default_factory=RemoteIdWatch)
 
     def policy(self) -> OnlinePolicy:
         """Make what decides on the ground and in the air, and tells what can be reached."""
@@ -123,6 +119,16 @@ class Context:
         return self.observed.place
 
     @property
+    def give_way(self) -> GiveWay:
+        """Giving way to other aircraft."""
+        return self.divert.give_way
+
+    @property
+    def remote_id(self) -> RemoteIdWatch:
+        """Who flies, as it is broadcast."""
+        return self.observed.remote_id
+
+    @property
     def stands_in_air(self) -> bool:
         """Whether it was told to stop on its way: by a person, or for another aircraft."""
         return self.conversation.paused or self.give_way.holds
@@ -160,7 +166,7 @@ class Context:
         tell_radios(self)
         tell_traffic(self)
         self.remote_id.watch(self)
-        self.radios.write(self)
+        self.link.radios.write(self)
         self.conversation.listen(self)
         count_use(self)
         self.track.write(self)

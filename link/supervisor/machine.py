@@ -84,7 +84,7 @@ class Supervisor:
             vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
             EnergyLearning(belief if job.drag is None else belief.counting_airspeed()), Conversation(operator), on_tick=on_tick,
         )  # fmt: skip
-        vehicle.traffic.limits = job.traffic.limits
+        vehicle.traffic.take_limits(job.traffic.limits)
         if resume:
             records = read_journal(journal.path).records
             resuming.restore(self.context, records)

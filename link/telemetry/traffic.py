@@ -67,6 +67,10 @@ class Traffic:
     _told_s: dict[int, float] = field(default_factory=dict)
     _alerts: list[Aircraft] = field(default_factory=list)
 
+    def take_limits(self, limits: TrafficLimits) -> None:
+        """Take what counts as near from now on."""
+        self.limits = limits
+
     def hear(self, message: Message, own: TelemetrySample | None, now_s: float) -> None:
         """Take an ADSB_VEHICLE; what is old, or without a place, is left out."""
         flags, number = message["flags"], message["ICAO_address"]

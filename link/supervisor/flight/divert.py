@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from skyway.link.supervisor.flight.give_way import GiveWay
 
 
 @dataclass(slots=True)
@@ -13,6 +15,8 @@ class Divert:
     """Where it is sent; None where it is not, or lands where it is."""
     turned: bool = False
     """The vehicle holds the mission to that station."""
+    give_way: GiveWay = field(default_factory=GiveWay)
+    """What is done about other aircraft."""
 
     def to(self, station: str, *, turned: bool = False) -> None:
         """Send it to a station."""

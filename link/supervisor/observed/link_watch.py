@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from skyway.link.supervisor.journal.entries import LinkNote
+from skyway.link.supervisor.observed.radio_watch import RadioWatch
 from skyway.link.supervisor.states import IN_AIR, State, Turn
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import duration
@@ -35,6 +36,8 @@ class LinkWatch:
 
     resting: bool = False
     """The vehicle sends `RESTING_RATES`."""
+    radios: RadioWatch = field(default_factory=RadioWatch)
+    """How good each radio is."""
     _told: str = ""
 
     def is_new(self, missing: str) -> bool:

@@ -6,8 +6,10 @@ It flies by what it says, by how it moves and by what its motors draw, so that o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.observed.remote_id_watch import RemoteIdWatch
 
 if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
@@ -26,6 +28,8 @@ class VehicleState:
     sample: TelemetrySample | None = None
     uid: int = 0
     """Hardware id; 0 where it is not known."""
+    remote_id: RemoteIdWatch = field(default_factory=RemoteIdWatch)
+    """Who flies it, as it broadcasts that."""
     _reboots: int = 0
     _position: tuple[float, float, float] = (math.nan, math.nan, -math.inf)
 
