@@ -268,11 +268,12 @@ def test_vectors_of_a_file_are_drawn_in_the_colours_of_the_page(tmp_path):
 
 @pytest.mark.slow
 def test_tiles_of_another_host_are_shown_where_it_is_named(tmp_path):
-    asked = []
+    asked, referrers = [], set()
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self):
             asked.append(self.path)
+            referrers.add(self.headers["Referer"])
             self.send_response(200)
             self.send_header("Content-Type", "image/png")
             self.end_headers()
@@ -286,7 +287,7 @@ def test_tiles_of_another_host_are_shown_where_it_is_named(tmp_path):
         host = f"http://127.0.0.1:{server.server_port}"
         page = served(tmp_path, "--tiles", f"{host}/t/{{z}}/{{x}}/{{y}}.png", "--attribution", "(c) me")
         try:
-            with chromium() as browser, person(browser, page.address, "/", minds=False, also=host) as tab:
+            with chromium() as browser, person(browser, page.address, "/?start=bellevue", minds=False, also=host) as tab:
                 tab.wait_for_function("window.skywayMap?.state.base?.url && window.skywayMap.state.region")
                 tab.wait_for_function("[...window.skywayMap.tiles.known.values()].some((one) => one.image)")
                 tab.wait_for_timeout(300)
@@ -301,3 +302,4 @@ def test_tiles_of_another_host_are_shown_where_it_is_named(tmp_path):
             server.shutdown()
     assert asked
     assert all(path.startswith("/t/") for path in asked)
+    assert referrers == {f"{page.address}/"}  # the page, and nothing of its question

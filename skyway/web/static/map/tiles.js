@@ -6,6 +6,7 @@ const SIZE = { pictures: 256, vectors: 512 }; // pixels of a tile at its own zoo
 const MAX_BYTES = 8 * 2 ** 20;
 const COARSER = 5;
 const AGAIN_MS = 15000;
+const REFERRER = "origin"; // tile servers want to know which page asks; they are told its address, and nothing of what it shows
 
 export class Tiles {
   constructor(changed) {
@@ -85,12 +86,13 @@ function picture(url) {
     const image = new Image();
     image.onload = () => done(image.naturalWidth ? image : null);
     image.onerror = failed;
+    image.referrerPolicy = REFERRER;
     image.src = url;
   });
 }
 
 async function vectors(url, colours) {
-  const answer = await fetch(url);
+  const answer = await fetch(url, { referrerPolicy: REFERRER });
   if (answer.status === 204 || answer.status === 404) return null;
   if (!answer.ok) throw new Error(answer.statusText);
   const bytes = new Uint8Array(await answer.arrayBuffer());
