@@ -185,6 +185,8 @@ class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
 
     schema: str = "skyway.fly/1"
     delivered: bool
+    done: bool
+    """The package arrived; all work was done."""
     state: str
     reason: str
     """The last state, and a sentence."""
@@ -203,7 +205,7 @@ def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSumma
     """Return the summary of a flight."""
     written = None if report is None else str(report)
     return FlightSummary(
-        delivered=outcome.delivered, state=outcome.state, reason=outcome.reason, station=outcome.station,
+        delivered=outcome.delivered, done=outcome.done, state=outcome.state, reason=outcome.reason, station=outcome.station,
         flights=outcome.flights, journal=str(journal), report=written, proof=outcome.proof, proof_reason=outcome.proof_reason,
     )  # fmt: skip
 

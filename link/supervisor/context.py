@@ -22,6 +22,7 @@ from skyway.link.supervisor.proof.proof import Proof
 from skyway.link.supervisor.soc.modelled_use import count_use
 from skyway.link.supervisor.soc.soc_estimator import SocEstimator
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
+from skyway.link.supervisor.work.progress import WorkProgress
 from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
 from skyway.planner.online.policy import OnlinePolicy
@@ -80,6 +81,7 @@ class Context:
     link: LinkWatch = field(default_factory=LinkWatch)
     track: Track = field(default_factory=Track)
     proof: Proof = field(default_factory=Proof)
+    work: WorkProgress = field(default_factory=WorkProgress)
 
     def policy(self) -> OnlinePolicy:
         """Make what decides on the ground and in the air, and tells what can be reached."""
@@ -94,7 +96,7 @@ class Context:
 
     def delivers_at(self, station: str | None) -> bool:
         """Whether the package is to be handed over at a station."""
-        return self.delivery.onward is None and station == self.job.request.destination
+        return self.job.work is None and self.delivery.onward is None and station == self.job.request.destination
 
     # What is asked of the parts most often
 

@@ -13,6 +13,7 @@ from skyway.planner.parameters.planner import USUAL
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from skyway.link.supervisor.work.task import WorkPlanner
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
@@ -48,6 +49,8 @@ class DeliveryJob:
     """Of the drone, for the wind by its tilt; None is not known."""
     replanning: bool = True
     """Under the online policy; else the plan is flown as it is, whatever comes."""
+    work: WorkPlanner | None = None
+    """Who plans the flights of a cut mission; None: a package is delivered."""
     parameters: PlannerParameters = USUAL
     """Of the online policy, and of the planners that it asks."""
     asking: Asking = "once"
@@ -85,8 +88,15 @@ class Outcome:
         return self.state == "delivered" or self.handed_over
 
     @property
+    def done(self) -> bool:
+        """Whether the work was done."""
+        return self.state == "done"
+
+    @property
     def exit_code(self) -> int:
-        """Of a command: 0 delivered, and back where that was planned, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        """Of a command: 0 delivered, or all work done, and back where that was planned, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        if self.done:
+            return 0
         if self.state == "delivered":
             return 0 if self.proof in ("", "delivered") else 1
         return 1 if self.state == "stopped-safe" else 3

@@ -22,6 +22,7 @@ from skyway.link.supervisor.proof.evidence import Verdict
 from skyway.link.supervisor.soc.energy_learning import EnergyLearning
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
+from skyway.link.supervisor.work import ground as work_ground
 from skyway.models.base.errors import LinkError, StationConflictError
 from skyway.models.composition.file import to_json
 from skyway.models.wind.estimation.field import ResidualModel
@@ -53,6 +54,10 @@ STEPS: Mapping[State, Callable[[Context], After]] = {
     State.HOLDING: holding.holding,
 }
 """What is done in each state that is no end."""
+
+
+WORK_STEPS = {**STEPS, State.REPLANNING: work_ground.deciding}
+"""The same where work is flown battery by battery."""
 
 
 class Supervisor:
@@ -90,7 +95,7 @@ class Supervisor:
             resuming.restore(self.context, records)
             self.context.note(Resumed(last=records[-1].n), f"the journal ends in the state {records[-1].state}")
         else:
-            self.context.note(self._start(job), f"delivery {job.composition}")
+            self.context.note(self._start(job), f"{'delivery' if job.work is None else 'work'} {job.composition}")
 
     @staticmethod
     def _start(job: DeliveryJob) -> Start:
@@ -113,9 +118,10 @@ class Supervisor:
     def run(self) -> Outcome:
         """Take it to its end; an `InputError` says that the journal, or the recording, cannot be written any more."""
         ctx = self.context
+        steps = STEPS if ctx.job.work is None else WORK_STEPS
         while ctx.state not in ENDS:
             try:
-                after, reason = STEPS[ctx.state](ctx)
+                after, reason = steps[ctx.state](ctx)
             except Turn as turn:
                 after, reason = turn.state, turn.reason
             except LinkError as error:

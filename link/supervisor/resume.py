@@ -24,6 +24,7 @@ from skyway.link.supervisor.legs import Leg
 from skyway.link.supervisor.onward import Onward
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
+from skyway.link.supervisor.work.resume import restore_work, restored_leg, turning
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import percent
 from skyway.models.composition.file import from_json
@@ -49,6 +50,8 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
     ctx.parameters.follow(records)
     ctx.proof.restore(records, ctx.job.request.payload_kg)
     for record in records:
+        if ctx.job.work is not None:
+            restore_work(ctx, record)
         if met := record.entry(Met):
             ctx.observed.identify(met.uid or 0)
         elif ordered := record.entry(Ordered):
@@ -89,6 +92,8 @@ def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
 
 def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
     """Make the leg under way again from what was written before its take-off."""
+    if ctx.job.work is not None:
+        return restored_leg(ctx, told, time_s)
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         return None
     try:
@@ -143,7 +148,7 @@ def take_up(ctx: Context) -> After:
         return State.HOLDING, "the drone is armed on the ground, and this program did not arm it"
     delivery = ctx.delivery
     station, leg = ctx.here_station(), delivery.leg
-    if leg is not None and station != leg.origin:
+    if leg is not None and (station != leg.origin or ctx.work.done is not None):
         return State.LANDED, f"flight {delivery.flight} ended while this program was not connected"
     if leg is not None:
         delivery.take_leg(None)
@@ -175,6 +180,8 @@ def _in_the_air(ctx: Context) -> After:
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"
+    if (after := turning(ctx)) is not None:
+        return after
     mode = ctx.vehicle.mode
     if mode == "hold" and ctx.stands_in_air:
         return (State.DIVERTING if divert.station else State.FLYING), "still paused on its way, as ordered"

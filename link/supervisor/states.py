@@ -33,6 +33,7 @@ class State(StrEnum):
     LOST_LINK = "lost-link"
     HOLDING = "holding"
     DELIVERED = "delivered"
+    DONE = "done"
     STOPPED = "stopped-safe"
     ENDED_ELSEWHERE = "landed-elsewhere"
     CRASHED = "crashed"
@@ -110,7 +111,7 @@ TABLE: Mapping[State, Rule] = {
         "fly to a station within safe reach, or land where it is",
     ),
     _S.LANDED: Rule(
-        (_S.REPLANNING, _S.DELIVERED, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),
+        (_S.REPLANNING, _S.DELIVERED, _S.DONE, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),
         1800.0,
         _S.HOLDING,
         "on the ground and disarmed: find the station, hand over the package",
@@ -151,6 +152,7 @@ TABLE: Mapping[State, Rule] = {
         "somebody else has control: nothing is commanded until the operator answers",
     ),
     _S.DELIVERED: Rule((), math.inf, None, "the package has arrived, the drone stands disarmed"),
+    _S.DONE: Rule((), math.inf, None, "the work is done, the drone stands disarmed where it ends"),
     _S.STOPPED: Rule((), math.inf, None, "on the ground at a known place, disarmed, not delivered"),
     _S.ENDED_ELSEWHERE: Rule((), math.inf, None, "on the ground, disarmed, away from any station"),
     _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash or a roll-over: somebody must go there"),

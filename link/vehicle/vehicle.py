@@ -301,8 +301,16 @@ class Vehicle(AskedVehicle):
             del self._blocked[job.kind]
         return outcome
 
-    def change_in_flight(self, mission: Mission, current: int) -> UploadOutcome:
-        """Hold, upload, read back, set the current item, resume; stay in hold where it is not verified."""
+    def change_in_flight(self, mission: Mission, current: int, *, holds: bool = True) -> UploadOutcome:
+        """Hold, upload, read back, set the current item, resume; stay in hold where it is not verified.
+
+        Without `holds` it flies on meanwhile: of a vehicle that takes uploads whole, where all up to the current item stays as it is.
+        """
+        if not holds:
+            outcome = self.upload(mission, current=current)
+            if not outcome.verified:
+                self.set_mode("hold")
+            return outcome
         self.set_mode("hold")
         outcome = self.upload(mission, current=current)
         if outcome.verified:

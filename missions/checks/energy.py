@@ -222,14 +222,18 @@ def fly_leg(
     payload_kg: float,
     clock_s: NDArray[np.float64],
     height_m: float,
+    ground_m: float | None = None,
 ) -> Flown:
-    """Fly one leg in every wind; the slots of a forecast depend on times, so it is done twice."""
+    """Fly one leg in every wind; the slots of a forecast depend on times, so it is done twice.
+
+    `ground_m`: the ground below where it begins, above home, of one that begins in the air; else that is `height_m`.
+    """
     members = len(conditions.weather.probability)
     start = leg.start
     if not leg.steps or start is None:
         none = np.zeros(members)
         return Flown(0.0, none, none, np.ones(members, dtype=bool), math.inf, leg.item_to)
-    hops = hops_of_leg(mission, leg, conditions, height_m)
+    hops = hops_of_leg(mission, leg, conditions, height_m, ground_m)
     elapsed = np.broadcast_to(clock_s[:, None], (members, len(hops.length_m)))
     for _ in range(2):
         step_s, possible, needed = hop_times(hops, conditions, elapsed)
@@ -251,8 +255,10 @@ def fly_leg(
     )
 
 
-def hops_of_leg(mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float) -> Hops:
-    """Return the hops of one leg that begins at a height above home: one to each of its steps."""
+def hops_of_leg(
+    mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float, ground_m: float | None = None
+) -> Hops:
+    """Return the hops of one leg that begins at a height above home: one to each of its steps; `ground_m` as in `fly_leg`."""
     places = [leg.start or leg.steps[0].point, *(step.point for step in leg.steps)]
     lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
     length, bearing = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
@@ -265,7 +271,7 @@ def hops_of_leg(mission: Mission, leg: RouteLeg, conditions: FlightConditions, h
     stops[1:-1] &= moves[:-2] & moves[2:]
     stops[[0, -1]] = False
     hold = hold + np.where(stops, np.minimum(commanded, conditions.drone.max_ground_speed_mps) / STEP_MPS2, 0.0)
-    above_ground_m = flown_m - _ground_m(leg, length, height_m)
+    above_ground_m = flown_m - _ground_m(leg, length, height_m if ground_m is None else ground_m)
     return Hops(mid_lat, mid_lon, length, bearing, commanded, hold, climb_s, descent_s, apart, above_ground_m)
 
 

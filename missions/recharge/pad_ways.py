@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.models.flight.way_heights import Over
     from skyway.models.network.network import Station
 
-STEADY_S = 1.0
+STEADY_S = 5.0
 """Time in which a vehicle stands still where the work goes on, so that it begins there and not beside."""
 LOWEST_M = 20.0
 """Above the ground of a pad a way is never lower."""

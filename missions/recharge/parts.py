@@ -8,7 +8,7 @@ unrolled; heights above home count from the pad, since home moves there when it 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES, Frame
@@ -17,26 +17,20 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, role_of
 from skyway.missions.recharge.pad_ways import STEADY_S
+from skyway.missions.recharge.spans import spans_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Step
     from skyway.missions.recharge.pad_ways import PadWays, TransitRules
+    from skyway.missions.recharge.spans import Cut, Done, Span
     from skyway.missions.recharge.work import Work, WorkPoint
 
 EXACT_M = 1.0
 """Acceptance radius of places where the work is left and gone on with."""
 _SPRAYER = "DO_SPRAYER"
-
-
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """Where the work is left, and the pad that is flown to; more than one pad in a row where one is only on the way."""
-
-    point: int
-    pads: tuple[int, ...]
 
 
 class PartBuilder:
@@ -48,18 +42,27 @@ class PartBuilder:
             raise ValueError("a mission without a home has no parts")
         self.home = work.mission.home
         self.step_of: dict[int, Step] = {step.taken: step for step in work.steps}
+        first = work.steps[1].taken if len(work.steps) > 1 else len(work.route.order)
+        items = (work.mission.items[number] for number in work.route.order[:first])
+        self._orders_speed = any(item.command == Command.DO_CHANGE_SPEED for item in items)
+        self.number_of = {step.taken: number for number, step in enumerate(work.steps)}
 
-    def flights(self, cuts: list[Cut]) -> list[Mission]:
+    def flights(self, cuts: Sequence[Cut], begin: tuple[int, int] | None = None) -> list[Mission]:
         """Return the mission of every flight from the ground to the next pad, or to the end."""
-        found: list[Mission] = []
-        before: tuple[int, int] | None = None  # point, pad
-        for cut in cuts:
-            found.append(self._mission(before, (cut.point, cut.pads[0])))
-            for pad, following in zip(cut.pads, cut.pads[1:], strict=False):
-                found.append(self._from_pad_to_pad(pad, following))
-            before = (cut.point, cut.pads[-1])
-        found.append(self._mission(before, None))
-        return found
+        return [self.flight(span) for span in spans_of(cuts, begin)]
+
+    def flight(self, span: Span) -> Mission:
+        """Return the mission of one flight."""
+        if span.only_moves and span.begin is not None and span.end is not None:
+            return self._from_pad_to_pad(span.begin[1], span.end[1])
+        items = [item for item, _ in self._items(span)]
+        return self._of(items, None if span.begin is None else span.begin[1])
+
+    def reaches(self, span: Span) -> tuple[Done | None, ...]:
+        """Return of each item of a flight how far the work is done when it is reached; None where it is no place of the work."""
+        if span.only_moves:
+            return (None,) * len(self.flight(span).items)
+        return tuple(done for _, done in self._items(span))
 
     def whole(self, flights: list[Mission]) -> Mission:
         """Join flights to one mission that lands and disarms on every pad, and goes on when it is armed again.
@@ -78,21 +81,27 @@ class PartBuilder:
         """Height of the ground that a flight leaves, above the home of the mission."""
         return 0.0 if pad is None else self.ways.ground_m[pad]
 
-    def _mission(self, begin: tuple[int, int] | None, end: tuple[int, int] | None) -> Mission:
-        pad = None if begin is None else begin[1]
-        ground = self.ground_m(pad)
-        items: list[MissionItem] = []
+    def _items(self, span: Span) -> Iterator[tuple[MissionItem, Done | None]]:
+        """Yield the items of a flight, each with how far the work is done when it is reached."""
+        begin, end = span.begin, span.end
+        ground = self.ground_m(None if begin is None else begin[1])
         first = 0
         if begin is not None:
             point = self.work.points[begin[0]]
-            items += [*self._departure(*begin), *self._resumed(point, ground)]
+            yield from ((item, None) for item in self._departure(*begin))
+            yield from self._resumed(point, ground)
             first = point.taken
         until = len(self.work.route.order) if end is None else self.work.points[end[0]].taken
         for taken in range(first, until):
-            items += self._written(taken, ground)
+            step = self.number_of.get(taken)
+            done = None if step is None else (step, 1.0)
+            yield from ((item, done) for item in self._written(taken, ground))
+            if begin is None and step == 0 and not self._orders_speed:
+                # vehicles are set to the greatest speed of all flights, not to that which the file tells
+                yield self._speed(self.work.points[0].speed_mps), None
         if end is not None:
-            items += [*self._left(self.work.points[end[0]], ground), *self._to_pad(*end, ground)]
-        return self._of(items, pad)
+            yield from self._left(self.work.points[end[0]], ground)
+            yield from ((item, None) for item in self._to_pad(*end, ground))
 
     def _from_pad_to_pad(self, pad: int, following: int) -> Mission:
         ground = self.ground_m(pad)
@@ -132,44 +141,44 @@ class PartBuilder:
         yield self._over_pad(Command.NAV_WAYPOINT, pad, level, ground)
         yield self._place(Command.NAV_WAYPOINT, lat, lon, level - ground, self._transit_frame)
 
-    def _resumed(self, point: WorkPoint, ground: float) -> Iterator[MissionItem]:
+    def _resumed(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
         """Go on where the work was left, with all that held there."""
-        yield self._work_place(point, point.resume_share, ground, STEADY_S)
+        yield self._work_place(point, point.resume_share, ground, STEADY_S), (point.step, point.resume_share)
         held = self.work.state(point)
-        yield self._speed(point.speed_mps)
+        yield self._speed(point.speed_mps), None
         for key, item in held.items():
             if key not in (SPEED, PICTURES) and not _is_nothing(item):
-                yield self._shifted(item, ground)
+                yield self._shifted(item, ground), None
         taking = self.work.taking(point)
         if not taking:
             return
         if point.next_share is not None:
-            yield self._work_place(point, point.next_share, ground, 0.0)
+            yield self._work_place(point, point.next_share, ground, 0.0), (point.step, point.next_share)
         pictures = held[PICTURES]
         if pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
-            yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0)
+            yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0), None
         # not at once: the picture of this place has been taken
-        yield replace(pictures, param3=0.0) if pictures.command == Command.DO_SET_CAM_TRIGG_DIST else pictures
+        yield (replace(pictures, param3=0.0) if pictures.command == Command.DO_SET_CAM_TRIGG_DIST else pictures), None
 
-    def _left(self, point: WorkPoint, ground: float) -> Iterator[MissionItem]:
+    def _left(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
         """Fly as far as the work is done, and stop what runs on the way."""
         if point.share < 1.0:
-            yield self._work_place(point, point.share, ground, 0.0)
+            yield self._work_place(point, point.share, ground, 0.0), (point.step, point.share)
         held = self.work.state(point)
         taking = self.work.taking(point)
         if taking:
             pictures = held[PICTURES]
             if pictures.command == Command.IMAGE_START_CAPTURE:
-                yield MissionItem(Command.IMAGE_STOP_CAPTURE, Frame.MISSION, pictures.param1)
+                yield MissionItem(Command.IMAGE_STOP_CAPTURE, Frame.MISSION, pictures.param1), None
             elif pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
-                yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION)
+                yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION), None
             else:
-                yield MissionItem(pictures.command, Frame.MISSION)
+                yield MissionItem(pictures.command, Frame.MISSION), None
         video = held.get(VIDEO)
         if video is not None and not _is_nothing(video):
-            yield MissionItem(Command.VIDEO_STOP_CAPTURE, Frame.MISSION, video.param1)
+            yield MissionItem(Command.VIDEO_STOP_CAPTURE, Frame.MISSION, video.param1), None
         if any(key.startswith(_SPRAYER) and item.param1 == 1.0 for key, item in held.items()):
-            yield MissionItem(Command.DO_SPRAYER, Frame.MISSION)
+            yield MissionItem(Command.DO_SPRAYER, Frame.MISSION), None
 
     def _to_pad(self, point: int, pad: int, ground: float) -> Iterator[MissionItem]:
         level = float(self.ways.level_m[point, pad])

@@ -17,7 +17,8 @@ from skyway.missions.checks.weather import ForecastWind
 from skyway.missions.items.commands import TAKEOFF_COMMANDS
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
-from skyway.missions.recharge.parts import Cut, PartBuilder, completed
+from skyway.missions.recharge.parts import PartBuilder, completed
+from skyway.missions.recharge.spans import Cut
 from skyway.missions.recharge.work import work_of
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration, height_text, probability
@@ -106,8 +107,8 @@ def recharged(
             raise no_plan(problem, sure)
         if options.swap_s is not None:
             plan = _with_full_batteries(plan)
-        cuts = _cuts(plan)
-        flights = {family.name: _flights(document, problem, plan, cuts, family) for family in families}
+        cuts = cuts_of(plan)
+        flights = {family.name: flights_of(document, problem, plan, cuts, family) for family in families}
         least = min(flight.report.legs[-1].p_reserve or 0.0 for flown in flights.values() for flight in flown)
         if least >= 1.0 - options.epsilon - 1e-9:
             break
@@ -228,7 +229,7 @@ def _that_fly(
     return fit, [fault.problem for fault in faults]
 
 
-def _cuts(plan: ChargingPlan) -> tuple[Cut, ...]:
+def cuts_of(plan: ChargingPlan) -> tuple[Cut, ...]:
     """Return the places at which the work is left, with the pads that are landed on before it goes on."""
     found: list[Cut] = []
     for stop in plan.stops:
@@ -239,13 +240,21 @@ def _cuts(plan: ChargingPlan) -> tuple[Cut, ...]:
     return tuple(found)
 
 
-def _flights(
-    document: MissionDocument, problem: RechargeProblem, plan: ChargingPlan, cuts: Sequence[Cut], family: Family
+def flights_of(
+    document: MissionDocument,
+    problem: RechargeProblem,
+    plan: ChargingPlan,
+    cuts: Sequence[Cut],
+    family: Family,
+    begin: tuple[int, int] | None = None,
 ) -> tuple[Flight, ...]:
-    """Make and check the flights of an autopilot; each is begun when, and with the charge, that the plan says."""
+    """Make and check the flights of an autopilot, from the start or from a point and a pad on.
+
+    Each is begun when, and with the charge, that the plan says.
+    """
     conditions, transit = problem.options.conditions, problem.options.transit
     builder = PartBuilder(problem.work, problem.ways, transit, family)
-    missions = builder.flights(list(cuts))
+    missions = builder.flights(cuts, begin)
     begins = [(plan.depart_s, conditions.soc_start), *((stop.leave_s, stop.soc_leave) for stop in plan.stops)]
     used = tuple(problem.ways.pads[number] for number in sorted({stop.pad for stop in plan.stops}))
     found = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import os
 import shutil
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.registry import family_named
+from skyway.missions.checks.route import fly
 from skyway.missions.files import plan_writer
 from skyway.missions.files.mission_file import files_of
 from skyway.missions.items.commands import Command
@@ -19,6 +22,9 @@ from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.parameters import Parameter
     from skyway.recharge.cutting import Recharged
     from skyway.recharge.summary import RechargeSummary
@@ -54,37 +60,58 @@ def refuse_folder(folder: Path, *, force: bool) -> None:
         raise InputError("exists already", str(folder), remedy="give another name, or --force to replace it")
 
 
-def write_folder(found: Recharged, summary: RechargeSummary, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write the folder whole or not at all; return its files.
-
-    It is made beside its place and then moved there, so that nobody finds half of it.
-    """
-    refuse_folder(folder, force=force)
-    texts = {SUMMARY: json_text(summary, indent=1) + "\n"}
+def mission_texts(found: Recharged) -> dict[str, str]:
+    """Return the mission files of a set by their names in its folder."""
+    texts: dict[str, str] = {}
     for name, flights in found.flights.items():
         for file, flight in zip(names_of(found)[name], flights, strict=True):
             made = files_of(flight.document, Path(file))
             texts |= {str(path): make(flight.document) for path, make in made.items()}
+    return texts
+
+
+def identity_of(found: Recharged) -> str:
+    """Return what a set is called: the same missions have the same name."""
+    texts = sorted(mission_texts(found).items())
+    return f"set-{hashlib.sha256(json.dumps(texts).encode()).hexdigest()[:12]}"
+
+
+def write_folder(
+    found: Recharged,
+    summary: RechargeSummary,
+    folder: Path,
+    *,
+    force: bool = False,
+    beside: Callable[[Mapping[str, str]], Mapping[str, str | bytes]] = lambda _: {},
+) -> list[Path]:
+    """Write the folder whole or not at all; return its files.
+
+    It is made beside its place and then moved there, so that nobody finds half of it. `beside` makes more files of those that there are.
+    """
+    refuse_folder(folder, force=force)
+    texts = {SUMMARY: json_text(summary, indent=1) + "\n", **mission_texts(found)}
+    for name in found.flights:
         if name in found.whole:
             texts |= {f"{name}/{WHOLE}": plan_writer.dumps(found.whole[name])}
         family = family_named(name)
         texts[f"{name}/vehicle.param"] = family.parameter_file(parameters_of(found, name), family.released)
+    contents = {**texts, **beside(texts)}
     try:
-        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     except OSError as error:
         raise file_error("written", folder, error) from error
     try:
-        for file, text in texts.items():
-            path = beside / file
+        for file, content in contents.items():
+            path = made / file
             path.parent.mkdir(exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        beside.chmod(0o777 & ~_umask())
-        _moved(beside, folder)
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        made.chmod(0o777 & ~_umask())
+        _moved(made, folder)
     except OSError as error:
         raise file_error("written", folder, error) from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    return [folder / file for file in texts]
+        shutil.rmtree(made, ignore_errors=True)
+    return [folder / file for file in contents]
 
 
 def _moved(beside: Path, folder: Path) -> None:
@@ -109,21 +136,27 @@ def _umask() -> int:
     return mask
 
 
-def parameters_of(found: Recharged, name: str) -> tuple[Parameter, ...]:
-    """Return what a vehicle of an autopilot must be set to for all flights."""
-    flights = found.flights[name]
+def parameters_of(
+    found: Recharged, name: str, documents: Sequence[MissionDocument] | None = None
+) -> tuple[Parameter, ...]:
+    """Return what a vehicle of an autopilot must be set to for all flights, or for some that are named."""
+    written = documents or [flight.document for flight in found.flights[name]]
     options = found.problem.options
     conditions = options.conditions
-    items = [item for flight in flights for item in flight.document.mission.items]
+    items = [item for one in written for item in one.mission.items]
     speeds = [item.param2 for item in items if item.command == Command.DO_CHANGE_SPEED and item.param2 > 0.0]
-    heights = [step.height_m for step in found.problem.work.steps]
-    levels = [found.problem.ways.level_m[cut.point, cut.pads[0]] for cut in found.cuts]
-    document = flights[0].document
+    if documents is None:
+        heights = [step.height_m for step in found.problem.work.steps]
+        heights += [float(found.problem.ways.level_m[cut.point, cut.pads[0]]) for cut in found.cuts]
+        highest_m = max(heights) - min([0.0, *found.problem.ways.ground_m])
+    else:
+        highest_m = max(step.height_m for one in documents for step in fly(one.mission).steps)
+    document = written[0]
     needs = FlightNeeds(
         ground_speed_mps=max([*speeds, options.transit.speed_mps]),
         climb_rate_mps=conditions.climb_rate_mps,
         descent_rate_mps=conditions.descent_rate_mps,
-        return_height_m=math.ceil(max([*heights, *levels]) - min([0.0, *found.problem.ways.ground_m])),
+        return_height_m=math.ceil(highest_m),
         fenced=bool(document.fence),
         has_rally_points=len(document.rally) > 0,
         continues_after_landing=False,

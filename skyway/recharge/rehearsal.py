@@ -32,8 +32,8 @@ class Rehearsal:
 
     Attributes
     ----------
-    end_s, end_early_s, end_late_s : float
-        Mean, and 5th and 95th percentile, of the landing at the end, after the first take-off.
+    end_s, end_early_s, end_p50_s, end_late_s : float
+        Mean, and 5th, 50th and 95th percentile, of the landing at the end, after the first take-off.
     p_reserve : float
         Probability that every landing keeps the reserve.
     each_p_reserve : tuple of float
@@ -44,6 +44,7 @@ class Rehearsal:
 
     end_s: float
     end_early_s: float
+    end_p50_s: float
     end_late_s: float
     p_reserve: float
     each_p_reserve: tuple[float, ...]
@@ -88,6 +89,7 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) ->
     return Rehearsal(
         float(clock.mean()),
         weighted_quantile(clock, one, 0.05),
+        weighted_quantile(clock, one, 0.5),
         weighted_quantile(clock, one, 0.95),
         float(kept.all(axis=0).mean()),
         tuple(float(share) for share in kept.mean(axis=1)),

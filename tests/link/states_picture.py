@@ -12,7 +12,7 @@ PLACES = {
 }  # fmt: skip
 DOTS = {
     State.HOLDING: "#8e44ad", State.LOST_LINK: "#7f8c8d", State.STOPPED: "#2471a3", State.LEFT: "#c0392b",
-    State.ENDED_ELSEWHERE: "#d35400", State.DELIVERED: "#1e8449", State.CRASHED: "#111111",
+    State.ENDED_ELSEWHERE: "#d35400", State.DELIVERED: "#1e8449", State.CRASHED: "#111111", State.DONE: "#27ae60",
 }  # fmt: skip
 STYLE = (
     "text{font:13px sans-serif;fill:#222}.s{font-size:11px;fill:#444}rect{fill:#f4f7fb;stroke:#34495e;stroke-width:1.2}"

@@ -108,4 +108,5 @@ def _delivery_lines(ctx: Context) -> list[str]:
     begins = min([plan.depart, *(service.depart for service in plan.services[:1])])
     late = abs(begins.timestamp() - ctx.now_s) >= LATE_S
     planned = f" (planned for a departure at {zone_clock(begins, zone)})" if late else ""
-    return [f"delivery at {plan.destination}{planned}: {', '.join(known)}"]
+    what = f"delivery at {plan.destination}" if ctx.job.work is None else "the work ends"
+    return [f"{what}{planned}: {', '.join(known)}"]

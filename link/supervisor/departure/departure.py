@@ -19,6 +19,7 @@ from skyway.link.supervisor.legs import Leg, plan_leg, with_places
 from skyway.link.supervisor.observed.link_watch import must_answer, unanswered, wake
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
+from skyway.link.supervisor.work import ground as work_ground
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import duration, percent
 
@@ -60,6 +61,9 @@ def _no_plan(ctx: Context) -> str:
 
 def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
     """Make the mission of the next leg."""
+    if ctx.job.work is not None:
+        service, flight = work_ground.next_flight(ctx)
+        return service, flight.mission
     service = next_service(ctx, speed_mps)
     if ctx.delivery.plan is None:
         raise Turn(State.STOPPED, _no_plan(ctx))
@@ -164,6 +168,8 @@ def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
 
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
+    if ctx.work.flight is not None:
+        return work_ground.leg_of(ctx, ctx.work.flight)
     reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief.next_flight())
     flown = reach.to_the_end(reach.way(service.origin, service.via, service.destination), ctx.now_s, climbs=True)
     return Leg(
@@ -240,6 +246,7 @@ def arming(ctx: Context) -> After:
     ctx.lean.begin()
     leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
     ctx.battery.begin_flight(charged=ctx.delivery.charged)
+    work_ground.note_begun(ctx)
     ctx.note(
         LegBegun(
             origin=leg.origin,

@@ -237,6 +237,10 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
 
 
 def _diverts(ctx: Context, service: DroneService) -> Check:
+    if ctx.job.work is not None and not ctx.delivery.diverts:
+        return Check(
+            "diverts", "ok", f"none but {service.destination} itself: it leaves the work for a pad where that is needed"
+        )
     if not ctx.delivery.diverts and ctx.delivery.onward is not None and ctx.job.replanning:
         # the gate has found a refuge for every point of the leg: without another, it is the end
         return Check("diverts", "ok", f"none nearer than {service.destination} itself")
@@ -250,7 +254,7 @@ def _pads(ctx: Context, service: DroneService) -> Check:
     station = ctx.job.scenario.network.index.get(service.destination)
     pads = 0 if station is None else ctx.job.scenario.network.stations[station].pads
     if pads == 0:
-        return Check("pads", "ok", f"{service.destination} is a delivery target without pads")
+        return Check("pads", "ok", f"{service.destination} has no pads")
     try:
         status = ctx.pads.status(service.destination)
     except (LinkError, InputError) as error:

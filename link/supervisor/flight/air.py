@@ -14,6 +14,7 @@ from skyway.link.supervisor.journal.parts import Expected
 from skyway.link.supervisor.legs import cross_track_m
 from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.states import State
+from skyway.link.supervisor.work import air as work_air
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import speed_text
 from skyway.planner.online.information import FlightMemory
@@ -38,17 +39,22 @@ def flying(ctx: Context) -> After:
         return State.HOLDING, "the drone is in the air, and its leg is not known"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
+    if ctx.job.work is not None:
+        return _until_landed(ctx, lambda: work_air.look(ctx), work_air.advance) or (State.LANDED, "landed and disarmed")
     memory, pads = FlightMemory(), PadsAhead(ctx.pads, lambda: ctx.now_s)
     return _until_landed(ctx, lambda: _fly_on(ctx, memory, pads)) or (State.LANDED, "landed and disarmed")
 
 
-def _until_landed(ctx: Context, decide: Callable[[], After | None]) -> After | None:
-    """Watch a flight, and decide every ten seconds of its cruise; None once it has landed."""
+def _until_landed(
+    ctx: Context, decide: Callable[[], After | None], each: Callable[[Context], None] = lambda _: None
+) -> After | None:
+    """Watch a flight, and decide every ten seconds of its cruise; None once it has landed. `each` is called every second."""
     decided_s = ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), (*_WAY_MODES, "hold") if ctx.stands_in_air else _WAY_MODES)
         if landed(ctx):
             return None
+        each(ctx)
         ordered = obey(ctx)
         if ordered is not None:
             return ordered
@@ -200,6 +206,8 @@ def diverting(ctx: Context) -> After:
 
 def _watch(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
     """Keep expected against actual up to date; turn again only where the battery would be empty before."""
+    if ctx.job.work is not None:
+        return None
     known = information(ctx, memory, pads)
     if known is None or ctx.delivery.leg is None or ctx.delivery.leg.destination == "here":
         return None

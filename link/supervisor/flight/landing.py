@@ -11,6 +11,7 @@ from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.link_watch import ask, must_answer, request_telemetry
 from skyway.link.supervisor.onward import after_failure, after_hand_over, arrived
 from skyway.link.supervisor.states import State
+from skyway.link.supervisor.work.landing import after_flight, settle_use
 from skyway.models.base.errors import LinkError
 from skyway.models.base.formatting import percent, place_text
 
@@ -43,6 +44,7 @@ def after_landing(ctx: Context) -> After:
         return State.HOLDING, "the drone has landed and does not report where: look for it at the end of its track"
     station = ctx.here_station()
     ctx.delivery.stand_at(station)
+    settle_use(ctx, station)
     if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
         ctx.energy.learn(ctx, leg)
     where = station or place_text(*ctx.place)
@@ -54,6 +56,8 @@ def after_landing(ctx: Context) -> After:
     ctx.delivery.visit(station)
     ctx.delivery.reach(station)
     ctx.delivery.take_leg(None)
+    if ctx.job.work is not None:
+        return after_flight(ctx, station, leg)
     onward = ctx.delivery.onward
     if onward is None and station == ctx.job.request.destination:
         return _deliver(ctx)

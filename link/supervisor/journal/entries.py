@@ -104,6 +104,42 @@ class Ended(Entry, frozen=True, kw_only=True, tag="end"):
     flights: int | None
 
 
+# Work that is flown battery by battery
+
+
+class WorkStands(Entry, frozen=True, kw_only=True, tag="work-stands"):
+    """The work is done as far as a point, and goes on from a pad; or it is finished."""
+
+    point: int | None
+    pad: str | None
+    finished: bool | None
+
+
+class WorkBegun(Entry, frozen=True, kw_only=True, tag="work-flight"):
+    """A flight of the work is about to begin: from a point and a pad (none: the start) to a point and a pad (none: the end)."""
+
+    begin_point: int | None
+    begin_pad: int | None
+    end_point: int | None
+    end_pad: int | None
+
+
+class WorkDone(Entry, frozen=True, kw_only=True, tag="work-done"):
+    """Another point of the work was passed: the step of the unrolled mission, and the share of its leg."""
+
+    step: int | None
+    share: float | None
+
+
+class WorkTurned(Entry, frozen=True, kw_only=True, tag="work-turn"):
+    """The work is left earlier in flight, at a point for a pad; `begun` before it is commanded."""
+
+    point: int | None = None
+    pad: int | None = None
+    begun: bool | None = None
+    verified: bool | None = None
+
+
 # Before a take-off
 
 

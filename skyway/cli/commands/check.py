@@ -227,6 +227,7 @@ def recharge(
     from skyway.missions.autopilots import NAMES
     from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
     from skyway.recharge.cutting import recharged
+    from skyway.recharge.made_of import MadeOf, texts_of
     from skyway.recharge.output import names_of, refuse_folder, write_folder
     from skyway.recharge.rehearsal import rehearsed
     from skyway.recharge.summary import summary_of
@@ -265,7 +266,12 @@ def recharge(
     chosen = options_of(asked, document, region, airspace, stands)
     found = recharged(document, pads_of(asked, region, stands), families, chosen)
     summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
-    files = write_folder(found, summary, output, force=force)
+    made_of = MadeOf(
+        asked=asked, mission=mission, autopilot=autopilot, zones=tuple(zones or ()), authorized=tuple(authorized or ())
+    )
+    files = write_folder(
+        found, summary, output, force=force, beside=lambda texts: texts_of(made_of, region, texts)
+    )  # fmt: skip
     if as_json:
         typer.echo(json_text(summary, indent=1))
     else:

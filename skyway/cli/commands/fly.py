@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from zoneinfo import ZoneInfo
 
 import typer
@@ -31,14 +31,18 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
     from skyway.models.composition.composition import Composition
+    from skyway.models.drones.drag import DragModel
     from skyway.models.queues.pad_service import PadService
     from skyway.models.scenario.scenario import Scenario
     from skyway.now import LiveWinds
+    from skyway.recharge.made_of import OpenedSet
 
 
 @with_groups
 def fly(
-    plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
+    plan: Annotated[
+        Path, typer.Argument(help="Plan, as written by skyway plan -o; or the folder that skyway recharge -o wrote.")
+    ],
     link: Link,
     seen: Seen,
     pads: Annotated[
@@ -93,7 +97,7 @@ def fly(
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Fly a plan leg by leg, measure the wind on the way, and replan where that is better.
+    """Fly a plan leg by leg, or a cut mission battery by battery, measure the wind on the way, and replan where that is better.
 
     Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
     station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
@@ -103,17 +107,14 @@ def fly(
 
     Examples
     --------
+      skyway fly flights --connect udpin:127.0.0.1:14540
       skyway fly plan.json --connect udpin:127.0.0.1:14540 --pads tcp:127.0.0.1:5790 --drag drag.toml
       skyway fly plan.json --connect /dev/ttyUSB0,57600 --pads manual --manual
       skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
     """
     from skyway import flying
-    from skyway.cli.console import Console
-    from skyway.cli.views.flight import view_for
-    from skyway.flights.live import live_file, requests_at
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
-    from skyway.link.supervisor.command.request_file import RequestFile
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.base.units import from_posix
     from skyway.models.composition.file import load
@@ -128,21 +129,41 @@ def fly(
     parameters = typed_values.planner_parameters(settings)
     rule = seen.rule()
     begun = None if resume is None else _begun(resume)
+    drag_model = None if drag is None else read_drag(drag)
+    how: dict[str, Any] = {
+        "replanning": not no_replan,
+        "parameters": parameters,
+        "asking": "never" if yes else "each" if manual else "once",
+        "set_parameters": not keep_parameters,
+        "restore_parameters": not no_restore,
+        "traffic": rule,
+    }
+    service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
+    if plan.is_dir():
+        _refuse_of_delivery(scenario=scenario, terrain=terrain, obstacles=obstacles, zones=zones, elevation=elevation)
+        cut, work_at = _work(plan, wind, forecast, observed, drag_model, how, resume)
+        if yes and service is None and cut.found.plan.stops:
+            problem = "--yes and --pads manual exclude each other: nobody could confirm the charging"
+            raise InputError(
+                problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes"
+            )
+        region = cut.region
+        how["remote_id"] = seen.remote_id(None if region is None else region.remote_id)
+        _supervised(link, work_at, service, orders, journal, resume, report, region, yes=yes, as_json=as_json)
+        return
     composition = load(plan)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
     who = seen.remote_id(region.remote_id)
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)
-    service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     request = flying.request_of(composition, region)
     flying.refuse_closed(region, composition.destination)
     if forecast:
         check_files(region, forecast, composition.depart)
-    how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation), over=region.network.over)
-    drag_model = None if drag is None else read_drag(drag)
+    made_with = MissionOptions(release=release, elevation_m=flying.heights(region, elevation), over=region.network.over)
 
-    def job(now: datetime) -> DeliveryJob:
+    def job(now: datetime, vehicle: Vehicle) -> DeliveryJob:  # noqa: ARG001  any vehicle flies a plan
         winds = _observed(region, observed, now, wind)
         times = (one.time_s for one in winds(now.timestamp()))
         begin = min([(begun or now).timestamp(), *times]) if not forecast else None
@@ -155,18 +176,70 @@ def fly(
             request=request,
             forecast=known,
             observed=winds,
-            options=how,
+            options=made_with,
             drag=drag_model,
-            replanning=not no_replan,
-            parameters=parameters,
-            asking="never" if yes else "each" if manual else "once",
-            set_parameters=not keep_parameters,
-            restore_parameters=not no_restore,
-            traffic=rule,
             remote_id=who,
+            **how,
         )
 
-    view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))
+    _supervised(link, job, service, orders, journal, resume, report, region, yes=yes, as_json=as_json)
+
+
+def _work(
+    folder: Path,
+    wind: str | None,
+    forecast: list[Path] | None,
+    observed: list[str] | None,
+    drag: DragModel | None,
+    how: dict[str, Any],
+    resume: Path | None,
+) -> tuple[OpenedSet, Callable[[datetime, Vehicle], DeliveryJob]]:
+    """Open the folder of a cut mission; returns it, and what makes it a job."""
+    from skyway.recharge.made_of import opened, refuse_other_journal
+    from skyway.recharge.work_job import WorkAsked, work_of_set
+
+    if wind is not None:
+        typed_values.parse_wind(wind)
+    cut = opened(folder)
+    if resume is not None:
+        refuse_other_journal(cut, resume)
+
+    def seen(region: Scenario, now: datetime) -> LiveWinds:
+        return _observed(region, observed, now, wind)
+
+    asked = WorkAsked(wind=wind, forecast=forecast, observed=seen, drag=drag, how=how)
+    return cut, lambda now, vehicle: work_of_set(cut, vehicle, now, asked)
+
+
+def _refuse_of_delivery(**given: object) -> None:
+    """Refuse options that a cut mission has settled already."""
+    for name, value in given.items():
+        if value:
+            remedy = "leave it out, or give it to skyway recharge"
+            raise InputError("is settled when the mission is cut", field=f"--{name}", remedy=remedy)
+
+
+def _supervised(
+    link: Link,
+    job: Callable[[datetime, Vehicle], DeliveryJob],
+    service: TcpPads | None,
+    orders: Path | None,
+    journal: Path | None,
+    resume: Path | None,
+    report: Path | None,
+    region: Scenario | None,
+    *,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Fly, show it, and exit by how it ended."""
+    from skyway.cli.console import Console
+    from skyway.cli.views.flight import view_for
+    from skyway.flights.live import live_file, requests_at
+    from skyway.link.supervisor.command.request_file import RequestFile
+
+    zone = ZoneInfo("UTC" if region is None else region.timezone)
+    view = view_for(as_json=as_json, zone=zone)
     console = Console(listens=not yes and orders is None, show=view.say, keys=view.lives)
     view.typed = lambda: console.typed
     operator = console if orders is None else RequestFile(requests_at(orders), view.say)
@@ -192,7 +265,7 @@ def _observed(region: Scenario, given: list[str] | None, now: datetime, wind: st
 
 def _flown(
     link: Link,
-    job_at: Callable[[datetime], DeliveryJob],
+    job_at: Callable[[datetime, Vehicle], DeliveryJob],
     pads: TcpPads | None,
     operator: Operator,
     view: FlightView,
@@ -226,7 +299,7 @@ def _flown(
         doing("waiting for telemetry and the time of the vehicle")
         clock = _clock(vehicle, operator)
         now = from_posix(clock.posix_s())
-        job = job_at(now)
+        job = job_at(now, vehicle)
         if not (resumes or job.asking == "never" or operator.present):
             remedy = "run it at a terminal, or give --yes in a simulation"
             raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
@@ -349,7 +422,7 @@ def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool)
     if as_json:
         typer.echo(json_text(flying.summary(outcome, journal, report)))
     else:
-        typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
+        typer.echo(outcome.reason if outcome.delivered or outcome.done else f"{outcome.state}: {outcome.reason}")
         if outcome.proof:
             typer.echo(f"package {outcome.proof}: {outcome.proof_reason}")
         typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))

@@ -18,6 +18,7 @@ from skyway.sim_stub.autopilot import NAMES
 
 if TYPE_CHECKING:
     from datetime import datetime
+    from pathlib import Path
 
     from skyway.models.network.network import Station
     from skyway.models.scenario.scenario import Scenario
@@ -102,6 +103,7 @@ def sim(
       skyway sim --vehicles 5 --at bellevue
       skyway sim --autopilot ardupilot --tcp 5760 --wind 8@270
       skyway sim --at bellevue --wind 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
+      skyway sim flights --tcp 5760 --pads tcp:127.0.0.1:5790 --warm --wind 6@250
       skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
       skyway sim --fault gust@T+120s --fault battery-sag --fault link-loss@T+60s+20s --fault gps@5m+10s#2
     """
@@ -112,7 +114,8 @@ def sim(
     if lasting is not None and not lasting > 0.0:
         raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
     begins = typed_values.parse_depart(depart)
-    known, places = _placed(load_scenario(scenario), at)
+    region, start = _region(scenario)
+    known, places = _placed(region, at or start)
     asked = FleetOptions(
         stations=known.network.stations,
         places=places,
@@ -148,6 +151,19 @@ def sim(
         seed=seed,
     )
     _run(world, loop, listening, lasting, as_json=as_json)
+
+
+def _region(folder: Path | None) -> tuple[Scenario, list[str] | None]:
+    """Return a scenario; of the folder of a cut mission its pads, and where the mission begins."""
+    from skyway.recharge.made_of import SET, opened
+
+    if folder is None or not (folder / SET).is_file():
+        return load_scenario(folder), None
+    from skyway.recharge.places import places_of, region_with
+
+    cut = opened(folder)
+    places = places_of(cut.found)
+    return region_with(cut.found, places, cut.region), [places.start.id]
 
 
 def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:

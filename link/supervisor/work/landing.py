@@ -1,0 +1,73 @@
+"""After a landing: how far the work is done, and whether that was all."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import WorkStands
+from skyway.link.supervisor.states import State
+from skyway.link.supervisor.work.ground import PlannedUse, planner_of
+from skyway.models.base.formatting import percent
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import Leg
+    from skyway.link.supervisor.work.task import WorkFlight
+
+
+WHOLE = 0.9
+"""A flight that lands where it was to, and has taken this share of its time, was flown to its end though nobody saw it."""
+
+
+def settle_use(ctx: Context, station: str | None) -> None:
+    """Say what the flight should have taken by the model; one that did not end as planned teaches nothing."""
+    leg, flight = ctx.delivery.leg, ctx.work.flight
+    if leg is None or flight is None or not isinstance(leg.modelled, PlannedUse):
+        return
+    if station == flight.destination and ctx.divert.station is None:
+        leg.modelled.reach(flight.modelled_soc)
+    else:
+        leg.learn_nothing()
+
+
+def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
+    """Take what the flight has done, and go on from the pad where it stands."""
+    work, planner = ctx.work, planner_of(ctx)
+    flight = work.flight
+    planned = flight is not None and _as_planned(ctx, flight, station, leg)
+    if work.finished or (planned and flight is not None and flight.span.end is None):
+        work.finish()
+        ctx.note(WorkStands(point=None, pad=None, finished=True), "the work is done")
+        return State.DONE, f"the work is done; the drone stands disarmed at {station} with {percent(ctx.battery.soc)}"
+    pad = planner.pad_of(station)
+    if flight is not None:
+        point = flight.span.end[0] if planned and flight.span.end is not None else _done_point(ctx)
+        if point == 0 and pad is None:
+            work.back_at_start()
+        elif pad is None:
+            return (
+                State.STOPPED,
+                f"the drone stands at {station}, which has no pad to go on from: bring it to a pad, then start again with --resume",
+            )
+        else:
+            work.stand(point, pad)
+        ctx.note(WorkStands(point=point, pad=station, finished=False), f"the work is done as far as point {point}")
+    if ctx.conversation.stays:
+        return State.STOPPED, f"stopped at {station} as asked: the drone stands disarmed; --resume continues the work"
+    return State.REPLANNING, f"at {station}"
+
+
+def _as_planned(ctx: Context, flight: WorkFlight, station: str, leg: Leg | None) -> bool:
+    """Whether the flight that has ended was flown to its end: as far as was seen, or by the time that it took."""
+    if station != flight.destination or ctx.divert.station is not None:
+        return False
+    flown_s = math.nan if leg is None else ctx.now_s - leg.start_s
+    return planner_of(ctx).is_done(flight.span, ctx.work.done) or flown_s >= WHOLE * flight.planned_s
+
+
+def _done_point(ctx: Context) -> int:
+    """Return the point from which the work goes on that was broken off."""
+    point = planner_of(ctx).point_at(ctx.work.done)
+    begin = ctx.work.begin
+    return max(point, 0 if begin is None else begin[0])
