@@ -120,6 +120,7 @@ def fly(
     from skyway.models.composition.file import load
     from skyway.models.drones.drag_file import read_drag
     from skyway.models.scenario.air import fleet_in_air
+    from skyway.models.scenario.remote_id import NOBODY
     from skyway.models.weather.region_files import check_files
 
     _refuse_together(
@@ -148,7 +149,7 @@ def fly(
                 problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes"
             )
         region = cut.region
-        how["remote_id"] = seen.remote_id(None if region is None else region.remote_id)
+        how["remote_id"] = seen.remote_id(NOBODY if region is None else region.remote_id)
         _supervised(link, work_at, service, orders, journal, resume, report, region, yes=yes, as_json=as_json)
         return
     composition = load(plan)
