@@ -10,6 +10,7 @@ import numpy as np
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.base.statistics import weighted_quantile
+from skyway.models.drones.energy_belief import LEAST_RATIO
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.exact.extent import Extent
 from skyway.planner.exact.stop_labels import costs_of
@@ -20,6 +21,8 @@ from skyway.planner.schedule.outcome import later
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.models.base.statistics import Figure
     from skyway.planner.problem.problem import Problem
     from skyway.planner.result import PlanResult
@@ -78,11 +81,19 @@ class WaitAndSee:
     """Of the plan, over its simulated deliveries."""
     worlds: int
     """Told to it."""
+    careful_s: float | None = None
+    """The same of who must keep the reserve as surely as the plan: told wind, queues and what the drone takes on average, not what it takes
+    on each flight, for which it must be charged. No plan is better that does not turn back in the air. None where nobody asked."""
 
     @property
     def gap(self) -> float:
         """How much longer the plan takes, as a share of the bound."""
         return self.plan_s / self.bound_s - 1.0
+
+    @property
+    def careful_gap(self) -> float | None:
+        """How much longer it takes than who must keep the reserve, as a share of that bound."""
+        return None if self.careful_s is None else self.plan_s / self.careful_s - 1.0
 
 
 def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
@@ -176,26 +187,59 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
     return found[:count]
 
 
-def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
+def wait_and_see(answer: RobustAnswer, *, careful: bool = False) -> WaitAndSee | None:
     """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
 
-    On large networks a search that takes long gives its own lower bound (`RobustParameters.reasons_s`).
+    `careful` works out `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
+    (`RobustParameters.reasons_s`).
     """
     problem = answer.policy.problem
-    times, weights = [], []
+    members = range(len(problem.probability))
+    found = _mean_of_best(problem, [(problem, 0.0) for _ in members])
+    if found is None:
+        return None
+    bound_s, worlds = found
+    kept = _mean_of_best(problem, _keeping_reserve(problem)) if careful else None
+    return WaitAndSee(
+        bound_s, answer.outcome.mean_s - problem.depart_s, worlds, None if kept is None else max(kept[0], bound_s)
+    )
+
+
+def _mean_of_best(problem: Problem, worlds: Sequence[tuple[Problem, float]]) -> tuple[float, int] | None:
+    """Mean delivery time, s, of the exact planner in each member, for a problem and a margin of each, and how many have a route."""
     robust = problem.parameters.robust
     limit_s = robust.reasons_s if len(problem.network) > robust.large_network else math.inf
-    for member, probability in enumerate(problem.probability.tolist()):
-        queues, speeds = SampledQueues(problem, member), TrueSpeeds(problem.air, member)
-        search = ExactSearch(problem, queues, speeds=speeds, time_limit_s=limit_s)
+    times, weights = [], []
+    for member, (told, margin) in enumerate(worlds):
+        search = ExactSearch(
+            told, SampledQueues(problem, member), speeds=TrueSpeeds(problem.air, member), margin_soc_per_s=margin,
+            time_limit_s=limit_s,
+        )  # fmt: skip
         if search.find() is None:
             continue
         times.append((search.best_s if search.complete else search.lower_bound_s) - problem.depart_s)
-        weights.append(probability)
+        weights.append(float(problem.probability[member]))
     if not times:
         return None
-    bound = max(float(np.average(times, weights=weights)), problem.earliest_s - problem.depart_s)
-    return WaitAndSee(bound, answer.outcome.mean_s - problem.depart_s, len(times))
+    return max(float(np.average(times, weights=weights)), problem.earliest_s - problem.depart_s), len(times)
+
+
+def _keeping_reserve(problem: Problem) -> list[tuple[Problem, float]]:
+    """Of each member the problem of a drone as it may be, and what its flights must keep besides, SoC a second.
+
+    Landings below the reserve have the probability epsilon over all members, so in one of weight w at most epsilon / w. The part of the
+    energy's error that persists is drawn evenly over the members, the part of each flight is what the margin is for.
+    """
+    belief = problem.usual_errors.energy_of(problem.drone)
+    weights = problem.probability / problem.probability.sum()
+    shares = np.random.default_rng(len(weights)).permutation((np.arange(len(weights)) + 0.5) / len(weights))
+    worlds = []
+    for weight, share in zip(weights.tolist(), shares.tolist(), strict=True):
+        ratio = belief.mean_ratio + belief.sd_between * belief.sigmas(share)
+        most = min(problem.epsilon / max(weight, problem.epsilon), 0.5)
+        more = belief.sd_within * belief.sigmas(1.0 - most)
+        worlds.append((problem.with_energy(max(ratio, LEAST_RATIO)), more * float(problem.soc_per_s)))
+    return worlds
 
 
 def mean_bound_s(problem: Problem) -> float:

@@ -49,7 +49,7 @@ def plan_report(
     return PlanReport(
         result=result,
         departures=tuple(departures),
-        bound=None if robust is None else wait_and_see(robust),
+        bound=None if robust is None else wait_and_see(robust, careful=explain),
         charges=() if robust is None else tuple(charge_ranges(robust)),
         alternatives=tuple(alternative_plans(result, alternatives)) if alternatives > 1 else None,
         reasons=tuple(stop_reasons(result)) if explain else None,

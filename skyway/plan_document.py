@@ -22,7 +22,7 @@ def plan_document(report: PlanReport) -> dict[str, object]:
     """Return a plan for machines: the composition, and what was asked for beside it."""
     found: dict[str, object] = to_json(report.result.composition)
     if report.bound is not None:
-        found["bound"] = vars(report.bound) | {"gap": report.bound.gap}
+        found["bound"] = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}
     if report.departures:
         found["departures"] = [
             {

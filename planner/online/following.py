@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -80,7 +79,7 @@ class Following:
         self._doubt = online.doubt_sigmas * belief.sd_within / belief.mean_ratio if watched else 0.0
         self.arrives = False
         """A way on was found in some future."""
-        self.problem = problem if belief.mean_ratio == 1.0 else heavier(problem, belief.mean_ratio)
+        self.problem = problem if belief.mean_ratio == 1.0 else problem.with_energy(belief.mean_ratio)
         self._later_margin = online.later_margin + online.later_sigmas * belief.sd_within / belief.mean_ratio
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}
         self._count = futures
@@ -265,12 +264,3 @@ class Following:
             return self.problem.depart_s + self.parameters.stuck_s
         self.arrives = True
         return found_s
-
-
-def heavier(problem: Problem, energy: float) -> Problem:
-    """Return the same problem for a vehicle whose flights take a multiple of the energy."""
-    moved = copy(problem)
-    moved.soc_per_s, moved.soc_fixed = energy * problem.soc_per_s, energy * problem.soc_fixed
-    per_s, fixed = problem.empty_cost
-    moved.__dict__["empty_cost"] = energy * per_s, energy * fixed
-    return moved

@@ -163,6 +163,15 @@ class Problem:
         moved.origin, moved.depart_s, moved.soc, moved.in_flight = node, time_s, soc, in_flight
         return moved
 
+    def with_energy(self, ratio: float) -> Problem:
+        """Return the same problem for a vehicle whose flights take a multiple of the energy."""
+        moved = copy(self)
+        moved.soc_per_s, moved.soc_fixed = ratio * self.soc_per_s, ratio * self.soc_fixed
+        moved.longest_flight_s = (1.0 - self.reserve - moved.soc_fixed) / moved.soc_per_s
+        per_s, fixed = self.empty_cost
+        moved.__dict__["empty_cost"] = ratio * per_s, ratio * fixed
+        return moved
+
     def bound_for(self, node: int) -> Problem:
         """Return the same problem with another destination."""
         bound = copy(self)

@@ -231,3 +231,8 @@ def _print_choices(answer: RobustAnswer, report: PlanReport) -> None:
             f"Lower bound with perfect forecast: {duration(bound.bound_s)} on average; "
             f"this plan takes {percent(max(bound.gap, 0.0))} longer"
         )
+        if bound.careful_s is not None and bound.careful_gap is not None:
+            say(
+                f"For who must keep the reserve as well, without turning back in the air: {duration(bound.careful_s)}; "
+                f"this plan takes {percent(max(bound.careful_gap, 0.0))} longer"
+            )

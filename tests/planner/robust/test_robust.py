@@ -12,7 +12,7 @@ from worlds import on_level_ground
 
 from skyway.models.base.errors import InputError, NoRouteError
 from skyway.models.composition.composition import State
-from skyway.models.drones.energy_belief import EXACT
+from skyway.models.drones.energy_belief import EXACT, EnergyBelief
 from skyway.models.queues.sampling import no_queue
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.departure import plan_within
@@ -317,6 +317,29 @@ def test_nobody_is_faster_in_the_mean_than_who_knows_wind_and_queues(planned):
     assert bound is not None
     assert bound.worlds == len(planned.problem.probability)
     assert 0.0 < bound.gap < 1.0
+
+
+def test_who_must_keep_the_reserve_is_no_faster_than_who_need_not(planned):
+    plain, careful = wait_and_see(planned.robust), wait_and_see(planned.robust, careful=True)
+    assert plain.careful_s is None
+    assert plain.careful_gap is None
+    assert careful.bound_s == plain.bound_s
+    assert careful.bound_s < careful.careful_s < careful.plan_s
+    assert 0.0 < careful.careful_gap < careful.gap
+
+
+@pytest.mark.parametrize("within", [0.0, 0.06])
+def test_the_less_is_known_of_a_flight_the_later_arrives_who_keeps_the_reserve(newyork, held_out, within):
+    request, _, forecast = held_out
+    belief = EnergyBelief(1.0, 0.0, within)
+    drone = replace(newyork.drone("m200"), energy_belief=belief)
+    bound = wait_and_see(
+        plan(replace(newyork, drones=(drone,)), request, planner="robust", forecast=forecast).robust, careful=True
+    )
+    if within == 0.0:
+        assert bound.careful_s == bound.bound_s
+    else:
+        assert bound.careful_s > bound.bound_s
 
 
 def test_a_departure_is_chosen_within_its_window(newyork, held_out):
