@@ -22,7 +22,8 @@ def plan_document(report: PlanReport) -> dict[str, object]:
     """Return a plan for machines: the composition, and what was asked for beside it."""
     found: dict[str, object] = to_json(report.result.composition)
     if report.bound is not None:
-        found["bound"] = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}
+        told = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}
+        found["bound"] = {name: value for name, value in told.items() if value is not None}
     if report.departures:
         found["departures"] = [
             {
