@@ -134,7 +134,9 @@ def recharged(
             if family.name in fit and family.stays_in_mission_after_landing
         }
         left_out += [
-            f"no single mission for {name}: it leaves its mission when it lands" for name in fit if name not in whole
+            f"no single mission for {name}: it begins its mission again when it disarms; fly the folder with skyway fly, or one file after the other"
+            for name in fit
+            if name not in whole
         ]
     if plan.depart_s >= LATE_S:
         left_out.append(f"the first take-off is {duration(plan.depart_s)} later than it could be: pads are there later")

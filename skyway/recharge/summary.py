@@ -80,6 +80,10 @@ class RechargeSummary:
     """By the plan, after the first take-off."""
     ends_s: tuple[float, float, float]
     """Of the rehearsal: mean, 5th and 95th percentile."""
+    end_p50_s: float
+    """Half of the rehearsals have ended by then; 95 % by the last of `ends_s`."""
+    decided_on_the_way: tuple[str, ...]
+    """What `skyway fly` decides anew, and what it is promised with until then."""
     p_reserve: float
     """Probability that every landing keeps the reserve."""
     runs: int
@@ -135,10 +139,23 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         float(problem.hops.work_s[0].sum()),
         plan.end_s,
         (rehearsal.end_s, rehearsal.end_early_s, rehearsal.end_late_s),
+        rehearsal.end_p50_s,
+        _decided(found),
         rehearsal.p_reserve,
         rehearsal.runs,
         tuple(flights),
         found.notes,
+    )
+
+
+def _decided(found: Recharged) -> tuple[str, ...]:
+    """Return in words what is not settled when the mission is cut: nothing where there is no stop."""
+    if not found.plan.stops:
+        return ()
+    charge = "that the battery is changed" if found.problem.options.swap_s is not None else "how long to charge"
+    return (
+        f"on every pad: where the work is left next, for which pad, and {charge}, with the wind and the energy measured until then",
+        "in the air, every ten seconds: whether to leave the work earlier, where a landing would miss the reserve",
     )
 
 

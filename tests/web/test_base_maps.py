@@ -287,7 +287,10 @@ def test_tiles_of_another_host_are_shown_where_it_is_named(tmp_path):
         host = f"http://127.0.0.1:{server.server_port}"
         page = served(tmp_path, "--tiles", f"{host}/t/{{z}}/{{x}}/{{y}}.png", "--attribution", "(c) me")
         try:
-            with chromium() as browser, person(browser, page.address, "/?start=bellevue", minds=False, also=host) as tab:
+            with (
+                chromium() as browser,
+                person(browser, page.address, "/?start=bellevue", minds=False, also=host) as tab,
+            ):
                 tab.wait_for_function("window.skywayMap?.state.base?.url && window.skywayMap.state.region")
                 tab.wait_for_function("[...window.skywayMap.tiles.known.values()].some((one) => one.image)")
                 tab.wait_for_timeout(300)

@@ -44,10 +44,10 @@ def print_recharge(summary: RechargeSummary) -> None:
         )
     sheet.show()
     say("")
-    mean, early, late = summary.ends_s
+    mean, _, late = summary.ends_s
     stops = len(summary.flights) - 1
     say(
-        f"ends {duration(mean)} after the first take-off ({duration(early)} to {duration(late)} in 90 % of {summary.runs}"
+        f"ends {duration(mean)} after the first take-off (half by {duration(summary.end_p50_s)}, 95 % by {duration(late)}, of {summary.runs}"
         f" rehearsals); with no stop the work would take {duration(summary.work_s)}"
     )
     say(
@@ -56,6 +56,8 @@ def print_recharge(summary: RechargeSummary) -> None:
     )
     if summary.pictures.before or summary.pictures.after:
         say(_pictures(summary.pictures))
+    for line in summary.decided_on_the_way:
+        say(f"skyway fly decides {line}")
     for note in summary.notes:
         say(f"note: {note}")
 
