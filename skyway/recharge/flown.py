@@ -168,15 +168,19 @@ class SetPlanner:
         )
         weight = np.where(flown.flyable, conditions.weather.probability, 0.0)
         if not weight.sum() > 0.0:
-            weight = conditions.weather.probability
+            weight = np.asarray(
+                conditions.weather.probability
+            )  # nobody takes off in such a wind: the list before says so
         weight = weight / weight.sum()
-        soc = flown.energy_j / conditions.drone.battery_j + MANOEUVRES_S * self._soc_per_s(conditions)
+        per_s = MANOEUVRES_S * self._soc_per_s(conditions)
+        soc = np.where(flown.flyable, flown.energy_j, 0.0) / conditions.drone.battery_j + per_s
+        seconds = np.where(flown.flyable, flown.time_s, 0.0)
         mean = float(weight @ soc)
         spread = math.sqrt(max(float(weight @ soc**2) - mean**2, 0.0))
         belief = known.belief
         sd = math.sqrt((mean * belief.leg_sd) ** 2 + (spread * belief.mean_ratio) ** 2 + SOC_SD**2)
         land = known.soc - mean * belief.mean_ratio
-        return replace(made, planned_s=float(weight @ flown.time_s), modelled_soc=mean, soc_land=land, soc_sd=sd)
+        return replace(made, planned_s=float(weight @ seconds), modelled_soc=mean, soc_land=land, soc_sd=sd)
 
     def judge(self, family: Family, aloft: Aloft) -> Judgement:
         """Say what the rest of the flight under way comes to."""
