@@ -22,3 +22,8 @@ class MissionDocument:
     rally: RallyPoints = field(default_factory=RallyPoints)
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
     """What a file said besides; not compared."""
+
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """Latitude and longitude of all items that have a place, degrees."""
+        return [(one.point.lat, one.point.lon) for one in self.mission.items if one.point is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, TypeGuard
 
@@ -73,6 +74,14 @@ def rounded_s(figure: Figure) -> float:
     """Return the value in seconds as `about` says it."""
     step = step_for(figure.half_width)
     return float(step * round(figure.value / step))
+
+
+def no_earlier(later: Figure, earlier: Figure) -> Figure:
+    """Return a time that is no shorter than another, so that it is none as they are rounded, either: rounded up where its own step would say less."""
+    if not (_known(later) and _known(earlier)) or later.value < earlier.value or rounded_s(later) >= rounded_s(earlier):
+        return later
+    step = step_for(later.half_width)
+    return replace(later, value=step * math.ceil(rounded_s(earlier) / step))
 
 
 def minutes(figure: Figure) -> str:
@@ -253,7 +262,7 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
     if mean is None or middle is None or late is None:
         at = f"{clock(c.arrive, zone, c.depart)} {name}"
         return f"Delivery in {duration(c.delivery_time_s)}, at {at}, if wind and queues are as given"
-    half, most = (by(figure, c, zone) for figure in (middle, late))
+    half, most = (by(figure, c, zone) for figure in (middle, no_earlier(late, middle)))
     return f"Delivery in {about(mean)} on average: half of the deliveries by {half}, 95 % by {most} {name}"
 
 

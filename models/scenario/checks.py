@@ -61,14 +61,18 @@ def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str
         for i, zone in sorted(inside.items())
         if zone.source == own_file and zone.kind == "prohibited" and zone.activation.is_permanent
     ]
+    return faults + swapped_zones(here, zones, "the stations")
+
+
+def swapped_zones(here: NDArray[np.float64], zones: Airspace, what: str) -> list[Fault]:
+    """Find zones with longitude and latitude exchanged: far from places, shape (n, 2), that are flown to, and near them the other way round."""
     middle = np.array([(p.centroid.y, p.centroid.x) for p in zones.polygons]).reshape(-1, 2)
     wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
     if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may lie anywhere
-        return faults
-    remedy = "GeoJSON has longitude first, then latitude; or lat and lon of the stations are swapped"
+        return []
+    remedy = f"GeoJSON has longitude first, then latitude; or lat and lon of {what} are swapped"
     sources = [zones.zones[i].source for (i, _), closed in zip(zones.volumes, zones.closed, strict=True) if closed]
-    faults += [Fault(_SWAPPED, sources[i], None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
-    return faults
+    return [Fault(_SWAPPED, sources[i], None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
 
 
 def _climbs(stations: Sequence[Station], zones: Airspace) -> Ways:

@@ -75,6 +75,15 @@ def _elsewhere(network: Network, terrain: Terrain) -> Fault:
     box = f"{south:g} to {north:g} N, {west:g} to {east:g} E"
     swapped = terrain.ground_m(*(np.clip(one, -90.0, 90.0) for one in (network.lon, network.lat)))
     remedy = f"take the tiles about {here}"
+    inside = (south <= network.lat) & (network.lat <= north) & (west <= network.lon) & (network.lon <= east)
+    if inside.any():
+        problem = f"is void at every station: {int(inside.sum())} of {len(network)} lie in it"
+        return Fault(
+            problem,
+            terrain.files[0],
+            value=here,
+            remedy="take a model that has heights there, such as Copernicus GLO-30",
+        )
     if np.isfinite(swapped).any():
         remedy = "lat and lon of the stations look swapped"
     return Fault(

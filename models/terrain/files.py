@@ -46,7 +46,7 @@ def read_raster(text: str) -> Raster:
     """Read one terrain file, with what its name says of it; an `InputError` says what is wrong."""
     path, said = split_name(text)
     if not path.exists():
-        raise InputError("no such file", str(path))
+        raise InputError("no such file", str(path), remedy=_meant(path))
     if path.is_dir():
         raise InputError("is a folder, not a file", str(path), remedy="name its files")
     raster = read_hgt(path) if is_hgt(path) else read_geotiff(path)
@@ -63,6 +63,14 @@ def read_raster(text: str) -> Raster:
                 raise InputError("is in another unit by what the file says", str(path), value=f"@{word}", remedy=f"leave out @{word}")  # fmt: skip
             raster = replace(raster, unit_m=UNITS_M[word])
     return raster
+
+
+def _meant(path: Path) -> str | None:
+    """What may have been meant by a name that is no file: a word behind ``@`` that says nothing."""
+    file, _, word = str(path).rpartition("@")
+    if not file or not Path(file).is_file():
+        return None
+    return f"{word} says nothing of {file}: {', '.join((*DATUMS, *UNITS_M, GEOID + 'GRID.tif'))}"
 
 
 def _over_geoid(raster: Raster, path: Path) -> Raster:

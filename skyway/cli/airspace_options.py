@@ -20,10 +20,22 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 
-def zones_of(region: Scenario | None, files: Sequence[Path], authorized: Sequence[str]) -> Airspace | None:
-    """Return the zones of a scenario and of files; what of the files was not understood is told."""
+def zones_of(
+    region: Scenario | None,
+    files: Sequence[Path],
+    authorized: Sequence[str],
+    places: Sequence[tuple[float, float]] = (),
+) -> Airspace | None:
+    """Return the zones of a scenario and of files; what of the files was not understood is told.
+
+    `places`, degrees, are flown to: zones that lie there only with latitude and longitude exchanged are refused.
+    """
+    import numpy as np
+
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.airspace.reading import read_airspace
+    from skyway.models.base.errors import refuse
+    from skyway.models.scenario.checks import swapped_zones
 
     own = region.network.zones if region is not None else None
     if not files and not authorized:
@@ -31,6 +43,8 @@ def zones_of(region: Scenario | None, files: Sequence[Path], authorized: Sequenc
     more, notes = read_airspace(files)
     for note in notes:
         typer.echo(f"warning: {note}", err=True)
+    if places and more:
+        refuse(swapped_zones(np.array(places), Airspace(tuple(more)), "the mission"))
     known = own or Airspace()
     with typed_values.as_typed():
         return replace(known, zones=(*known.zones, *more)).with_authorized(authorized)

@@ -49,3 +49,35 @@ def test_evaluations_keep_out_of_zones(skyway, tmp_path):
         assert found.code == 0, found.err
         means.append(json.loads(found.out)["flight_s"]["value"])
     assert means[1] > means[0] + 5.0
+
+
+def test_zones_with_longitude_and_latitude_exchanged_are_refused_by_plan_mission_and_check(skyway, tmp_path):
+    square = [[40.7, -73.9], [40.8, -73.9], [40.8, -73.8], [40.7, -73.8], [40.7, -73.9]]
+    feature = {"type": "Feature", "properties": {"id": "z"}, "geometry": {"type": "Polygon", "coordinates": [square]}}
+    swapped = tmp_path / "swapped.json"
+    swapped.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    asked = (
+        "--from",
+        "bellevue",
+        "--to",
+        "jacobi",
+        "--payload",
+        "0.8",
+        "--depart",
+        "2013-07-10T14:00-04:00",
+        "--wind",
+        "5@270",
+    )
+    plan, mission = tmp_path / "p.json", tmp_path / "p.plan"
+    assert skyway("plan", *asked, "--planner", "exact", "-o", plan).code == 0
+    assert skyway("mission", plan, "-o", mission).code == 0
+    zones = ("--zones", str(swapped))
+    for words in (
+        ("plan", *asked),
+        ("mission", str(plan), "-o", str(tmp_path / "q.plan")),
+        ("check", str(mission), "--depart", asked[7]),
+    ):
+        answer = skyway(*words, *zones)
+        assert answer.code == 2, words
+        assert "lat and lon look swapped" in answer.err
+        assert "swapped.json" in answer.err

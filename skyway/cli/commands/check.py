@@ -78,7 +78,7 @@ def check(
     over = over_of(region, terrain, obstacles, clearance)
     if plot is not None and over is None:
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
-    airspace = airspace_options.zones_of(region, zones or (), authorized or ())
+    airspace = airspace_options.zones_of(region, zones or (), authorized or (), document.places)
     weather = weather_of(region, wind, depart, forecast, zoned=bool(zones))
     conditions = conditions_of(region, drone, weather, payload, soc, reserve)
     report = check_mission(
@@ -260,7 +260,7 @@ def recharge(
     )
     document = with_home(read(mission), asked)
     region = region_of(asked)
-    airspace = airspace_options.zones_of(region, zones or (), authorized or ())
+    airspace = airspace_options.zones_of(region, zones or (), authorized or (), document.places)
     families = [family_named(name) for name in ((autopilot,) if autopilot else NAMES)]
     stands = stands_of(asked)
     chosen = options_of(asked, document, region, airspace, stands)

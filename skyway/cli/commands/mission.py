@@ -92,9 +92,9 @@ def mission(
     files = zone_files(composition, zones or ())
     if files or scenario is not None:
         region = None if scenario is None else load_scenario(scenario)
-        airspace_options.refuse_closed(
-            composition, flown_by, how, airspace_options.zones_of(region, files, composition.authorized)
-        )
+        places = [(one.lat, one.lon) for one in composition.stations.values()]
+        closed = airspace_options.zones_of(region, files, composition.authorized, places)
+        airspace_options.refuse_closed(composition, flown_by, how, closed)
     if leg is not None:
         export = leg_mission(composition, _leg_index(leg, len(composition.there_and_back.services)), flown_by, how)
     elif armed_hold:

@@ -20,6 +20,7 @@ from skyway.models.base.formatting import (
     headline,
     kilometres,
     later_text,
+    no_earlier,
     percent,
     probability,
     share,
@@ -68,7 +69,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
     if a.delivery_mean is None or a.delivery_p50 is None or a.delivery_p95 is None:
         return
     sheet = Sheet([Column("delivery", justify="left"), Column("time"), Column("range"), Column("by")])
-    rows = (("on average", a.delivery_mean), ("half within", a.delivery_p50), ("95 % within", a.delivery_p95))
+    late = no_earlier(a.delivery_p95, a.delivery_p50)
+    rows = (("on average", a.delivery_mean), ("half within", a.delivery_p50), ("95 % within", late))
     for name, figure in rows:
         sheet.add(name, about(figure), between(figure), by(figure, c, zone))
     sheet.show()

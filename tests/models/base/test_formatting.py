@@ -10,8 +10,11 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import skyway.models.base.formatting as words
+from skyway.models.base.statistics import Figure
 
 ROOT = Path(words.__file__).resolve().parents[2]
 FLOORS = ("models", "planner", "missions", "link", "sim_stub", "skyway")
@@ -132,3 +135,13 @@ def _scaled(expression: ast.BinOp) -> bool:
 
 def _scale(node: ast.expr) -> bool:
     return (isinstance(node, ast.Constant) and node.value in SCALES) or ast.unparse(node) in SCALE_NAMES
+
+
+@given(st.floats(60, 1e5), st.floats(0, 1e4), st.floats(1, 1e4), st.floats(1, 1e4))
+def test_a_later_quantile_is_never_told_as_an_earlier_time(early, more, half_early, half_late):
+    first, second = (
+        Figure(value, value - half, value + half) for value, half in ((early, half_early), (early + more, half_late))
+    )
+    assert words.rounded_s(words.no_earlier(second, first)) >= words.rounded_s(first)
+    if words.rounded_s(second) >= words.rounded_s(first):
+        assert words.no_earlier(second, first) is second
