@@ -36,11 +36,17 @@ GAIN_SIGMA, MODEL_SIGMA = 0.012, 0.012
 """Standard deviations of power, relative: between two take-offs of one drone, and of the model over them."""
 STEP_S = 8
 """Seconds before and after a moment that are compared for a package that is lost on the way."""
+SHORT_S, BESIDE_S, _CLEAN_SHARE = 4, 3, 0.1
+"""A fall between stretches that are as steady as this share of it is one though the wind drifts: then so many seconds before it will do, and the drone
+flies alike only in so many on either side."""
 _STEP_SHARE, _STEADY_SHARE, _STEP_WAIT_S = 0.6, 0.3, 4.0
 _SAME_LEAN_RAD = 0.01
 """A drone that has lost its package leans as before or more; one that leans less has less drag: a gust from behind takes power away, too."""
 _SAME_AIRSPEED_MPS = 1.5
 """Airspeeds further apart are not compared: braking and hastening change the power by more than a package, and the model knows it too roughly."""
+
+Points = list[tuple[float, float, float, float]]
+"""Time, power in units of the model, airspeed and lean, a second apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,16 +164,24 @@ class Scale:
         if len(points) < 2 * STEP_S or not self.package_kg > 0.0:
             return None
         before, after = points[: STEP_S - 1], points[STEP_S + 1 :]
-        if points[-1][0] - points[0][0] > 2 * STEP_S + _STEP_WAIT_S:
-            return None  # not one stretch of level flight
-        airspeeds = [airspeed for _, _, airspeed, _ in points]
+        clean = before[-SHORT_S:], after
+        beside = before[-BESIDE_S:], after[:BESIDE_S]
+        if self._fell(before, after, _STEADY_SHARE, (before, after)) or self._fell(*clean, _CLEAN_SHARE, beside):
+            return points[STEP_S][0]
+        return None
+
+    def _fell(self, before: Points, after: Points, steady_share: float, alike: tuple[Points, Points]) -> bool:
+        """Whether power fell between two stretches, each as steady as a share of the fall; in `alike` the drone flew alike before and after."""
+        if after[-1][0] - before[0][0] > len(before) + len(after) + 2 + _STEP_WAIT_S:
+            return False  # not one stretch of level flight
+        airspeeds = [airspeed for some in alike for _, _, airspeed, _ in some]
         if max(airspeeds) - min(airspeeds) > _SAME_AIRSPEED_MPS:
-            return None
-        leans = [fmean(lean for *_, lean in some) for some in (before, after)]
+            return False
+        leans = [fmean(lean for *_, lean in some) for some in alike]
         if leans[1] < leans[0] - _SAME_LEAN_RAD:
-            return None
+            return False
         old, new = (fmean(one for _, one, _, _ in some) for some in (before, after))
         spread = max(pstdev(one for _, one, _, _ in some) for some in (before, after))
         wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
         fell = 1.0 - new / old
-        return points[STEP_S][0] if fell > _STEP_SHARE * wanted and spread < _STEADY_SHARE * fell * old else None
+        return fell > _STEP_SHARE * wanted and spread < steady_share * fell * old
