@@ -48,6 +48,8 @@ class VehicleConfig:
     airframe: Airframe = field(default_factory=Airframe)
     parameters: tuple[tuple[str, float], ...] = ()
     """Names and values set before the start."""
+    logs: tuple[int, ...] = ()
+    """Bytes of the logs of earlier flights on its card, an hour apart."""
 
     def __post_init__(self) -> None:
         faults = range_faults("system", self.system, 1, 255, "1 to 255")

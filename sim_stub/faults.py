@@ -53,6 +53,11 @@ KINDS = {
         60.0,
     ),
     "remote-id-off": Kind("the Remote ID module says and broadcasts nothing"),
+    "no-ftp": Kind("the vehicle does not know file transfers"),
+    "log-stall": Kind("transfers of files and logs stop, and are not answered"),
+    "log-gone": Kind("the files on the card are gone"),
+    "log-size": Kind("files and logs are told VALUE (2) times as long as they are", (2.0, 0.0, 1000.0)),
+    "log-rot": Kind("some bytes of a file come wrong"),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
         lasts_s=3600.0,

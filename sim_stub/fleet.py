@@ -72,6 +72,8 @@ class FleetOptions:
     remote_id: bool = False
     """All have a Remote ID module."""
     parameters: tuple[tuple[str, float], ...] = ()
+    logs: tuple[int, ...] = ()
+    """Bytes of the logs of earlier flights on every card."""
 
     def __post_init__(self) -> None:
         faults = range_faults("--vehicles", self.vehicles, 1, MAX_VEHICLES, f"1 to {MAX_VEHICLES}")
@@ -110,6 +112,7 @@ def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None 
                 operator_control=options.operator_control,
                 remote_id=options.remote_id,
                 parameters=options.parameters,
+                logs=options.logs,
             )
         )
     Pads(world, options.load, seed=options.seed)

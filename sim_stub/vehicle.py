@@ -22,6 +22,9 @@ from skyway.sim_stub.protocols.parameters import ParameterServer
 from skyway.sim_stub.protocols.remote_id import RemoteIdModule
 from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
+from skyway.sim_stub.storage.card import Card, filler
+from skyway.sim_stub.storage.ftp import FtpServer
+from skyway.sim_stub.storage.log_requests import LogServer
 
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.base import Autopilot
@@ -87,7 +90,20 @@ class Vehicle:
         if config.warm:
             self.autopilot.count_charge(config.soc)
         self.autopilot.home = self.autopilot.here
+        self.card = self._card_of(config)
         self._make_services()
+
+    def _card_of(self, config: VehicleConfig) -> Card:
+        """The card, with logs of flights before."""
+        card, pilot = Card(), self.autopilot
+        for folder in pilot.CARD_FOLDERS:
+            card.put(f"{folder}/x", b"")
+            del card.files[f"{folder}/x"]
+        for number, size in enumerate(config.logs):
+            written_s = int(self.posix_s) - 3600 * (len(config.logs) - number)
+            content = filler(size, pilot.LOG_HEAD, f"{config.seed}/{config.system}/{number}")
+            card.put(pilot.log_path(number + 1, written_s), content, written_s)
+        return card
 
     def _make_services(self) -> None:
         self.missions = self.autopilot.MISSION_SERVER(self)
@@ -95,7 +111,8 @@ class Vehicle:
         self.parameter_server = ParameterServer(self)
         self.services = LinkServices(self)
         self.remote_id = RemoteIdModule(self)
-        self._timed = (self.missions, self.commands, self.parameter_server)
+        self.ftp, self.log_server = FtpServer(self), LogServer(self)
+        self._timed = (self.missions, self.commands, self.parameter_server, self.ftp, self.log_server)
         for part in (*self._timed, self.services, self.remote_id):
             self.radio.serve(part.handlers())
 
@@ -138,7 +155,7 @@ class Vehicle:
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer runs out."""
-        return min(self.missions.next_wall_s(), self.commands.next_wall_s(), self.parameter_server.next_wall_s())
+        return min(part.next_wall_s() for part in self._timed)
 
     def advance(self, sim_s: float, wall_s: float) -> None:
         """Advance the time: everything due up to an instant happens in order."""

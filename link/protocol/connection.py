@@ -38,6 +38,8 @@ autopilot's firmware."""
 _MAX_SYSTEMS = 255
 _BESIDE = frozenset(("OPEN_DRONE_ID_ARM_STATUS", "WINCH_STATUS"))
 """What parts of a vehicle tell in their own name, or the autopilot in theirs."""
+_FILES = frozenset(("FILE_TRANSFER_PROTOCOL", "LOG_DATA"))
+"""Pieces of files, which are kept as files: recorded as well, a log would be there twice."""
 _CHUNK, _CHUNK_S = 50, 1.0
 """Characters of a piece of a long text, and how long the next piece may take."""
 _MAX_TEXTS = 200
@@ -258,7 +260,7 @@ class Connection(Carrier):
     def _take(self, data: bytes) -> None:
         now = self.clock.now_s()
         for frame, message in self._reader.feed(data):
-            if self.recorder is not None:
+            if self.recorder is not None and (message is None or message.name not in _FILES):
                 self.recorder.frame(frame)
             if self.radios is None and frame not in self._own and (message is None or message.name not in STATUS):
                 self._quality.count(frame, now)

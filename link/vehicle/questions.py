@@ -57,6 +57,10 @@ class AskedVehicle(VehicleMonitor):
         self._runner.perform(steps())
         return exchange
 
+    def carry_out(self, exchange: E_) -> E_:
+        """Carry one exchange with it out, and return it with what came of it."""
+        return self._do(exchange)
+
     def answers(self) -> bool:
         """Ask whether it hears us: any answer to a request that changes nothing will do."""
         asked = Command(self.peer.target, _REQUEST_MESSAGE, _VERSION, give_up_s=_ANSWERS_S)

@@ -74,6 +74,10 @@ class Family(ABC):
     """Settings of which the smallest limits its lean; 0 is no limit of its own."""
     wind_message: ClassVar[int] = 168
     """Id of the message that tells its estimate of the wind: WIND, or WIND_COV."""
+    log_folders: ClassVar[tuple[str, ...]]
+    """Where its logs may lie, by MAVLink FTP: the first that there is."""
+    log_endings: ClassVar[tuple[str, ...]]
+    """How their names end, in small letters; the first is the usual one."""
     taken_text: ClassVar[str] = ""
     """How a text begins that tells every station of a mission that was uploaded; empty where it tells none."""
     crash_texts: ClassVar[re.Pattern[str]] = re.compile(r"\bcrash", re.IGNORECASE)

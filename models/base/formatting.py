@@ -198,6 +198,15 @@ def mass_text(kg: float | None) -> str:
     return f"{round(kg, 3):g} kg" if is_known(kg) else UNKNOWN
 
 
+def bytes_text(count: float | None) -> str:
+    """Return an amount of data: ``812 bytes``, ``46.2 kB``, ``13.0 MB``."""
+    if not is_known(count):
+        return UNKNOWN
+    if count < 1000.0:
+        return f"{count:.0f} bytes"
+    return f"{count / 1e3:.1f} kB" if count < 999_950.0 else f"{count / 1e6:.1f} MB"
+
+
 def place_text(lat_deg: float, lon_deg: float) -> str:
     """Return a place to about a metre: ``40.71234,-74.00123``."""
     return f"{lat_deg:.5f},{lon_deg:.5f}"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.modes import Action, Mode
     from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.storage.ftp import Habits
 
 
 class Family(ABC):
@@ -85,12 +86,31 @@ class Family(ABC):
     NO_LAND_START: ClassVar[Result]
     NO_REBOOT: ClassVar[Result]
     REBOOT_REFUSED: ClassVar[Result]
+    LOG_ENDINGS: ClassVar[tuple[str, ...]]
+    """How the names of its logs end, in small letters."""
+    LOG_HEAD: ClassVar[bytes]
+    """First bytes of its logs."""
+    CARD_FOLDERS: ClassVar[tuple[str, ...]]
+    """Folders that its card always has."""
+    FIRST_LOG: ClassVar[int]
+    """Number of the first log in LOG_ENTRY."""
+    LOGS_WHEN_DISARMED: ClassVar[bool]
+    """It sends logs only when disarmed, and one part at a time; otherwise a new request takes the place of the old, and the logs
+    must have been listed."""
     MODE_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
     ARM_PREFIX: ClassVar[str] = "Arm: "
     ARMED_TEXT: ClassVar[str] = "Arming motors"
     ARM_REFUSED: ClassVar[Result] = Result.FAILED
     DISARMED_TEXT: ClassVar[str] = "Disarming motors"
     DISARM_DENIED: ClassVar[str] = "Disarm: vehicle is not landed"
+
+    @abstractmethod
+    def ftp_habits(self, version: tuple[int, int]) -> Habits:
+        """How a version of it serves files."""
+
+    @abstractmethod
+    def log_path(self, number: int, time_s: float) -> str:
+        """Where it writes its log of a number, begun at an instant, POSIX seconds."""
 
     @abstractmethod
     def default_parameters(self, version: tuple[int, int]) -> ParameterStore:

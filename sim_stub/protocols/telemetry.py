@@ -29,6 +29,8 @@ STREAM_GROUPS = {
 }
 _SENSORS = 0x01 | 0x02 | 0x04 | 0x08 | 0x20 | 0x400 | 0x800 | 0x1000 | 0x2000 | 0x4000 | 0x8000 | 0x200000
 _PREARM = 0x10000000
+_FTP = 0x20
+"""MAV_PROTOCOL_CAPABILITY_FTP."""
 _BATTERY = 0x2000000
 _GPS = 0x20
 _RC = 0x10000
@@ -344,7 +346,7 @@ def _version(v: Vehicle) -> Any:
     uid = 0x5A17_0000_0000_0000 | v.config.system
     return message(
         "AUTOPILOT_VERSION",
-        capabilities=v.autopilot.CAPABILITIES,
+        capabilities=v.autopilot.CAPABILITIES & ~(_FTP if "no-ftp" in v.faults.active else 0),
         uid=uid,
         uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
         flight_sw_version=v.config.version_number,

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.ports import Port
 
+_BUFFER_BYTES, _BUFFER_S = 2048.0, 0.05
+"""What waits at most to be sent over a link of a given rate: the greater of both."""
+
 
 @dataclass(frozen=True, slots=True)
 class Impairment:
@@ -27,6 +30,10 @@ class Impairment:
     duplicate: float = 0.0
     reorder: float = 0.0
     """`loss`, `duplicate`, `reorder`: probabilities, 0-1. A reordered packet is held back by another delay."""
+    rate_byteps: float = 0.0
+    """What each direction carries, bytes a second, as a radio on a serial port does; 0 is as much as is sent."""
+    flow_control: bool = False
+    """Whether a sender is told when such a link is full."""
 
     def __post_init__(self) -> None:
         faults = []
@@ -34,6 +41,7 @@ class Impairment:
             faults += range_faults(name, getattr(self, name), 0.0, 1.0, "a probability, 0 to 1")
         for name in ("delay_s", "jitter_s"):
             faults += range_faults(name, getattr(self, name), 0.0, 60.0, "seconds, 0 to 60")
+        faults += range_faults("rate_byteps", self.rate_byteps, 0.0, 1e9, "bytes a second; 0 is no limit")
         if faults:
             raise InputError(faults)
 
@@ -53,10 +61,22 @@ class Channel:
     _queue: list[tuple[float, int, bytes]] = field(default_factory=list)
     _count: int = 0
     _last_s: float = 0.0
+    _free_s: float = 0.0
+
+    def room(self, now_s: float) -> float:
+        """Bytes that it takes now; more are lost."""
+        rate = self.impairment.rate_byteps
+        if not rate:
+            return math.inf
+        return max(_BUFFER_BYTES, _BUFFER_S * rate) - max(self._free_s - now_s, 0.0) * rate
 
     def put(self, now_s: float, packet: bytes) -> None:
         """Send a packet."""
         how, luck = self.impairment, self.generator
+        if how.rate_byteps:
+            if len(packet) > self.room(now_s):
+                return
+            now_s = self._free_s = max(self._free_s, now_s) + len(packet) / how.rate_byteps
         if how.loss and luck.random() < how.loss:
             return
         copies = 2 if how.duplicate and luck.random() < how.duplicate else 1
@@ -99,6 +119,8 @@ class Lane:
         self.inbox: list[bytes] = []
         self.heard_s = vehicle.wall_s
         self.port: Port = vehicle.radio.connect(self._from_vehicle, datagrams=datagrams)
+        self.port.room = lambda: self.down.room(vehicle.wall_s)
+        self.port.paced_byteps = 0.0 if impairment.flow_control else impairment.rate_byteps
 
     def _from_vehicle(self, frame: bytes) -> None:
         if self.perfect:

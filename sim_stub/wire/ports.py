@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+def _any_room() -> float:
+    return math.inf
+
+
 @dataclass(slots=True)
 class Stream:
     """A message sent at intervals of simulated time."""
@@ -44,6 +48,10 @@ class Port:
     """Frames of other components of the vehicle, each with numbers of its own."""
     closed: bool = False
     muted: bool = False
+    room: Callable[[], float] = _any_room
+    """Bytes that the link takes now without losing any."""
+    paced_byteps: float = 0.0
+    """Rate of a link without flow control, bytes a second, which a sender must not fill; 0 where it need not care."""
 
     def write(self, sent: Any, component: int = 0) -> None:
         """Send a message as a frame; of another component of the vehicle where one is named."""

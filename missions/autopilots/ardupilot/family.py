@@ -89,6 +89,8 @@ class ArduPilot(Family):
 
     name = "ardupilot"
     firmware = 3
+    log_folders = ("/APM/LOGS", "/logs", "/var/APM/logs")  # a board's card; its simulator; Linux boards
+    log_endings = (".bin",)
     home_items = 1
     within_every_inclusion_area = True
     stays_in_mission_after_landing = False

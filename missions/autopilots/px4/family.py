@@ -78,6 +78,8 @@ class Px4(Family):
 
     name = "px4"
     firmware = 12
+    log_folders = ("/fs/microsd/log", "/log")  # a board's card; the working folder of its simulator
+    log_endings = (".ulg", ".px4log")
     stays_in_mission_after_landing = True
     zero_means_as_it_is = False
     open_yaw_deg = math.nan

@@ -12,6 +12,7 @@ from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
 from skyway.sim_stub.autopilot.items import FENCE, NAV_COMMANDS, Command, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.storage.ftp import DATA_BYTES, Habits, Nak
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,7 +62,7 @@ class ArduPilot(ArduPilotFailsafes):
     TELLS_AIRSPEED: ClassVar[bool] = True
     LINK_TIMEOUT: ClassVar[tuple[str, float, float]] = ("FS_GCS_TIMEOUT", 2.0, 120.0)
     # As PX4's, with whole numbers of parameters as numbers (131072; 2 is its old name) and SET_POSITION_TARGET_GLOBAL_INT (256).
-    CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072
+    CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 32 | 256 | 2048 | 8192 | 16384 | 32768 | 131072
     SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]] = ("SYSID_THISMAV", "MAV_SYSID")
     BYTEWISE: ClassVar[bool] = False
     FENCE_SWITCH: ClassVar[str] = "FENCE_ENABLE"
@@ -74,6 +75,11 @@ class ArduPilot(ArduPilotFailsafes):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
     POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
     FENCE_BREACHED: ClassVar[str] = "Fence Breached"
+    LOG_ENDINGS: ClassVar[tuple[str, ...]] = (".bin",)
+    LOG_HEAD: ClassVar[bytes] = b"\xa3\x95\x80\x80\x59FMT\0"
+    CARD_FOLDERS: ClassVar[tuple[str, ...]] = ("/APM/LOGS", "/@SYS", "/@PARAM", "/@MISSION", "/@ROMFS")
+    FIRST_LOG: ClassVar[int] = 1
+    LOGS_WHEN_DISARMED: ClassVar[bool] = True
     READY_AFTER_S: ClassVar[float] = 40.0
     BOOT_S: ClassVar[float] = 4.0
     GLITCH_PATIENCE_S: ClassVar[float] = 10.0
@@ -94,6 +100,19 @@ class ArduPilot(ArduPilotFailsafes):
         super().__init__(vehicle)
         self.mode = Mode.STABILIZE
         self.auto_armed = False
+
+    def ftp_habits(self, version: tuple[int, int]) -> Habits:
+        """Bursts during which requests wait, paced where there is no flow control; sessions with numbers of their own from 4.7 on."""
+        several = version >= (4, 7)
+        return Habits(
+            sessions=3 if several else 1, numbers_sessions=several, burst_bytes=(2000 if several else 500) * DATA_BYTES,
+            burst_blocks=True, open_refused=Nak.NO_SESSIONS if several else Nak.FAIL, no_file=Nak.NOT_FOUND,
+            empty_is_end=True, lists_skipped=False, reads_asked=True, idle_s=20.0, waiting=20,
+        )  # fmt: skip
+
+    def log_path(self, number: int, time_s: float) -> str:  # noqa: ARG002  its names are numbers
+        """By its number."""
+        return f"/APM/LOGS/{number:08}.BIN"
 
     def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
         """Those that matter to a delivery."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, ClassVar
 
 from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
@@ -14,6 +15,7 @@ from skyway.sim_stub.autopilot.px4 import parameters as px4_parameters
 from skyway.sim_stub.autopilot.px4.failsafes import Px4Failsafes
 from skyway.sim_stub.autopilot.px4.mission_server import Px4MissionServer
 from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.storage.ftp import Habits, Nak
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -77,8 +79,8 @@ class Px4(Px4Failsafes):
     USUAL_FIRMWARE: ClassVar[str] = "1.16"
     UNRELEASED: ClassVar[frozenset[str]] = frozenset({"main"})
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (1, 18)
-    # Mission float 1, mission int 4, command int 8, parameters bytewise 16, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
-    CAPABILITIES: ClassVar[int] = 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768
+    # Mission float 1, mission int 4, command int 8, parameters bytewise 16, FTP 32, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
+    CAPABILITIES: ClassVar[int] = 1 | 4 | 8 | 16 | 32 | 2048 | 8192 | 16384 | 32768
     MODES: ClassVar[Mapping[Mode, int]] = _MODES
     MODE_NUMBERS: ClassVar[Mapping[int, Mode]] = {
         **{number: mode for mode, number in _MODES.items()},
@@ -100,6 +102,11 @@ class Px4(Px4Failsafes):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
+    LOG_ENDINGS: ClassVar[tuple[str, ...]] = (".ulg", ".px4log")
+    LOG_HEAD: ClassVar[bytes] = b"ULog\x01\x12\x35\x01"
+    CARD_FOLDERS: ClassVar[tuple[str, ...]] = ("/fs/microsd/log", "/fs/microsd/params", "/etc")
+    FIRST_LOG: ClassVar[int] = 0
+    LOGS_WHEN_DISARMED: ClassVar[bool] = False
     READY_AFTER_S: ClassVar[float] = 8.0
     BOOT_S: ClassVar[float] = 3.0
     GLITCH_PATIENCE_S: ClassVar[float] = 7.0
@@ -136,6 +143,21 @@ class Px4(Px4Failsafes):
     def clock_of_day_s(self) -> float:
         """POSIX seconds by the computer's clock, as in PX4's simulator: only its time since boot is the simulation's."""
         return self.vehicle.world.epoch_s + self.vehicle.wall_s
+
+    def ftp_habits(self, version: tuple[int, int]) -> Habits:  # noqa: ARG002
+        """One file at a time, bursts of 35 kB beside which other requests are answered (``mavlink_ftp.cpp``)."""
+        return Habits(
+            sessions=1, numbers_sessions=False, burst_bytes=35_000, burst_blocks=False,
+            open_refused=Nak.NO_SESSIONS, no_file=Nak.BAD_SESSION, empty_is_end=False, lists_skipped=True,
+            reads_asked=False, idle_s=10.0, waiting=0,
+        )  # fmt: skip
+
+    def log_path(self, number: int, time_s: float) -> str:
+        """By day and time where it knows them, else by counted sessions."""
+        if time_s <= 0.0:
+            return f"/fs/microsd/log/sess{number:03}/log001.ulg"
+        begun = datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%d/%H_%M_%S")
+        return f"/fs/microsd/log/{begun}.ulg"
 
     def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
         """Those that matter to a delivery."""

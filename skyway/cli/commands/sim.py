@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
@@ -37,6 +38,8 @@ FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
     "take-off; repeatable. See docs/reference/sim.md."
 )
+
+_MOST_LOG_BYTES = 200e6
 
 
 def sim(
@@ -82,6 +85,13 @@ def sim(
     reorder: Annotated[
         float, typer.Option(help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
     ] = 0.0,
+    rate: Annotated[
+        float, typer.Option(help="What the link carries each way, bytes/s, such as 5760 for a 57600 baud radio.")
+    ] = 0.0,
+    logs: Annotated[
+        list[str] | None,
+        typer.Option("--log", help="A log of an earlier flight on the card, of this size: 300kB, 2MB; repeatable."),
+    ] = None,
     fault: Annotated[list[str] | None, typer.Option(help=FAULT_HELP)] = None,
     operator_control: Annotated[
         bool,
@@ -135,6 +145,7 @@ def sim(
         operator_control=operator_control,
         remote_id=remote_id,
         parameters=tuple(_parameter(text) for text in parameter or ()),
+        logs=tuple(_bytes(text) for text in logs or ()),
     )
     if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
         raise InputError("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles")
@@ -145,7 +156,7 @@ def sim(
         connect=tuple(parse_address(text, option="--connect") for text in addresses),
         tcp_port=tcp,
         pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
-        impairment=_bad_link(loss, delay, jitter, duplicate, reorder),
+        impairment=_bad_link(loss, delay, jitter, duplicate, reorder, rate),
         speedup=speedup,
         pad_speedup=pad_speedup,
         seed=seed,
@@ -176,14 +187,25 @@ def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[S
     return scenario, tuple(stations[place] for place in places)
 
 
-def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorder: float) -> Impairment:
+def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorder: float, rate: float) -> Impairment:
     """What the options say of the link; a wrong one is named as it was typed."""
     from skyway.sim_stub.transports.channel import Impairment
 
     try:
-        return Impairment(loss, delay, jitter, duplicate, reorder)
+        return Impairment(loss, delay, jitter, duplicate, reorder, rate)
     except InputError as error:
-        raise InputError([replace(f, field=f"--{(f.field or '').removesuffix('_s')}") for f in error.faults]) from None
+        raise InputError(
+            [replace(f, field=f"--{(f.field or '').removesuffix('_s').removesuffix('_byteps')}") for f in error.faults]
+        ) from None
+
+
+def _bytes(text: str) -> int:
+    """Read an amount of data: ``300kB``."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?) ?(B|kB|MB)?", text.strip())
+    size = float(found[1]) * {None: 1.0, "B": 1.0, "kB": 1e3, "MB": 1e6}[found[2]] if found is not None else -1.0
+    if not 0.0 < size <= _MOST_LOG_BYTES:
+        raise InputError("is not the size of a log", field="--log", value=text, remedy="up to 200MB, such as 300kB")
+    return int(size)
 
 
 def _run(world: World, loop: SocketLoop, listening: list[str], lasting: float | None, *, as_json: bool) -> None:

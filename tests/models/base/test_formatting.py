@@ -29,6 +29,7 @@ ELSEWHERE = {
     "link/wire/recorder.py": "the name of a file",
     "link/telemetry/timebase.py": "milliseconds, in which clocks are compared",
     "sim_stub/autopilot/px4/missions.py": "what PX4 says, letter by letter",
+    "sim_stub/autopilot/px4/px4.py": "the name of a file",
 }
 UNIT = re.compile(r" ?(%|km|min|m/s(?!²)|Wh|kg|h|s|m)(?![\w/²])")
 SCALES = {60.0, 100.0, 1000.0, 3600.0}

@@ -1,0 +1,70 @@
+"""Which logs were fetched: a list beside them, by which a recording or a journal leads to the full log of its flight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from skyway.models.base.files import file_error
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from skyway.link.files.fetching import Fetched
+
+NAME = "logs-fetched.jsonl"
+"""The list in a folder of logs."""
+_MAX_BYTES = 20_000_000
+
+
+class FetchedLog(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of the list."""
+
+    schema: str = "skyway.fetched-log/1"
+    log: str
+    """Name of its file, beside the list."""
+    system: int
+    size_bytes: int
+    crc32: str
+    recordings: tuple[str, ...] = ()
+    """Names of the recordings (.tlog) and the journal of its flight, as far as they are known."""
+
+
+def remember(found: Fetched, system: int, flight: Sequence[Path] = ()) -> None:
+    """Add a log to the list beside it, with the recordings and the journal of its flight."""
+    entry = FetchedLog(
+        log=found.path.name,
+        system=system,
+        size_bytes=found.size_bytes,
+        crc32=f"{found.crc32:08x}",
+        recordings=tuple(path.name for path in flight),
+    )
+    path = found.path.with_name(NAME)
+    if any(known == entry for known in known_logs(found.path.parent)):
+        return
+    try:
+        with path.open("ab") as stream:
+            stream.write(msgspec.json.encode(entry) + b"\n")
+    except OSError as error:
+        raise file_error("written", path, error) from error
+
+
+def known_logs(folder: Path) -> list[FetchedLog]:
+    """Entries of the list in a folder; lines that make no sense are left out."""
+    path = folder / NAME
+    try:
+        with path.open("rb") as stream:
+            lines = stream.read(_MAX_BYTES).splitlines()
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise file_error("read", path, error) from error
+    found = []
+    for line in lines:
+        try:
+            found.append(msgspec.json.decode(line, type=FetchedLog))
+        except msgspec.DecodeError:
+            continue
+    return found

@@ -1,0 +1,252 @@
+"""Fetching a log: into a file ``….part`` that goes on after a cut, and takes its name when it is found to be the same."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, BinaryIO
+
+from skyway.link.files.ftp_words import crc32
+from skyway.link.files.part_file import Pieces
+from skyway.models.base.errors import CommandRefusedError, InputError, LinkError, VehicleTimeoutError
+from skyway.models.base.files import file_error
+from skyway.models.base.formatting import bytes_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from skyway.link.files.aboard import LogAboard, LogStore
+
+TRIES = 3
+"""Broken transfers in a row that bring nothing before it is given up."""
+GROWS, GROWS_S = 15, 2.0
+"""So often a log that is still written is followed to its new end, so long apart."""
+SAMPLE_BYTES = 180
+_CHUNK_BYTES = 1_000_000
+_SPARE_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """A log that is here now."""
+
+    path: Path
+    size_bytes: int
+    crc32: int
+    """Of the file, as autopilots count it."""
+    by_crc: bool
+    """The vehicle tells the same checksum; otherwise only its size was compared, and the packets' checksums."""
+    came_bytes: int
+    """What was transferred now."""
+    took_s: float
+    notes: tuple[str, ...] = ()
+    """What was out of the ordinary."""
+
+    @property
+    def verified_by(self) -> str:
+        """How it was found to be the same."""
+        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle tells no checksum)"
+
+    @property
+    def rate_byteps(self) -> float:
+        """Bytes a second, of those that were transferred."""
+        return self.came_bytes / self.took_s if self.took_s > 0.0 else 0.0
+
+
+def local_name(log: LogAboard, system: int) -> str:
+    """Name of the file of a log, which is unique among vehicles of one fleet."""
+    return f"vehicle{system}-{log.name.replace('/', '-').replace(' ', '_').lower()}"
+
+
+def fetch(
+    store: LogStore,
+    log: LogAboard,
+    folder: Path,
+    *,
+    force: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Fetched:
+    """Fetch one log into a folder.
+
+    An `InputError` says that the file cannot be written or is there with other content, a `LinkError` that the vehicle, or the
+    link, failed: then what has come is kept, and the same call goes on from there.
+    """
+    if store.vehicle.armed:
+        raise CommandRefusedError("give its logs", "it is armed: logs are fetched on the ground, disarmed")
+    path = folder / local_name(log, store.vehicle.system)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not force:
+            return _already(store, log, path)
+        part = path.with_name(path.name + ".part")
+        fetched = _Fetching(store, log, part, progress).run()
+        _finish(part, path)
+    except OSError as error:
+        raise file_error("written", path, error) from error
+    finally:
+        store.end()
+    return Fetched(path, *fetched)
+
+
+def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
+    """Compare a file that is there already."""
+    size, ours = path.stat().st_size, file_crc32(path)
+    theirs = store.crc32(log, log.size_bytes)
+    if size != log.size_bytes or theirs not in (None, ours):
+        differs = f"{size} bytes, and {log.size_bytes} on the vehicle" if size != log.size_bytes else "another checksum"
+        raise InputError(
+            f"exists already and differs from the vehicle's log ({differs})",
+            str(path),
+            remedy="move it, or give --force",
+        )
+    return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was here already",))
+
+
+def _finish(part: Path, path: Path) -> None:
+    """Give a whole file its name."""
+    with part.open("rb") as stream:
+        os.fsync(stream.fileno())
+    part.replace(path)
+
+
+def file_crc32(path: Path) -> int:
+    """Checksum of a file as autopilots count it."""
+    found = 0
+    with path.open("rb") as stream:
+        while chunk := stream.read(_CHUNK_BYTES):
+            found = crc32(chunk, found)
+    return found
+
+
+class _Fetching:
+    """One log under way."""
+
+    def __init__(
+        self, store: LogStore, log: LogAboard, part: Path, progress: Callable[[int, int], None] | None
+    ) -> None:
+        self._store, self._log, self._part, self._progress = store, log, part, progress
+        self._clock = store.vehicle.connection.clock
+        self._size = log.size_bytes
+        self._came = 0
+        self._notes: list[str] = []
+        self._anew = self._lied = False
+
+    def run(self) -> tuple[int, int, bool, int, float, tuple[str, ...]]:
+        """Transfer it, compare it, and follow it where it grows; returns the fields of `Fetched` after the path."""
+        self._enough_room()
+        begin = self._resumable()
+        self._anew = begin == 0
+        transferring_s = 0.0
+        for _ in range(GROWS):
+            began_s = self._clock.now_s()
+            self._transfer(begin)
+            transferring_s += self._clock.now_s() - began_s
+            ours, theirs = file_crc32(self._part), self._store.crc32(self._log, self._size)
+            size = 0 if self._lied else self._store.size_bytes(self._log)
+            if size > self._size:
+                self._notes.append("it was still being written")
+                begin, self._size = self._size, size
+                self._store.vehicle.connection.run_for(GROWS_S)
+            elif theirs in (None, ours):
+                notes = tuple(dict.fromkeys(self._notes))
+                return self._size, ours, theirs is not None, self._came, transferring_s, notes
+            else:
+                begin = self._differs(ours, theirs)
+        raise LinkError(f"{self._log.name} grows faster than it can be fetched: disarm the vehicle, then try again")
+
+    def _differs(self, ours: int, theirs: int | None) -> int:
+        """What to do about another checksum: once more from the beginning, then no more."""
+        if self._anew and "from the beginning" in " ".join(self._notes):
+            self._part.unlink()
+            raise LinkError(
+                f"{self._log.name} is not what the vehicle has: its checksum is {ours:08x}, the vehicle's {theirs or 0:08x}; "
+                "nothing was kept. Is its card damaged?"
+            )
+        self._anew = True
+        self._notes.append("its checksum differed; it was fetched again from the beginning")
+        self._part.unlink()
+        return 0
+
+    def _enough_room(self) -> None:
+        there = self._part.stat().st_size if self._part.exists() else 0
+        free = shutil.disk_usage(self._part.parent).free
+        if self._size - there + _SPARE_BYTES > free:
+            need = f"{bytes_text(self._size - there)} needed, {bytes_text(free)} free"
+            raise InputError(f"the disk is full: {need}", str(self._part.parent), remedy="another folder with --to")
+
+    def _resumable(self) -> int:
+        """Bytes of an earlier attempt that are the beginning of this log, by a look at both ends of them."""
+        if not self._part.exists():
+            return 0
+        there = self._part.stat().st_size
+        if 0 < there <= self._size:
+            with self._part.open("rb") as stream:
+                same = all(
+                    self._sample(offset) == _at(stream, offset)
+                    for offset in {0, max(there - SAMPLE_BYTES, 0)}
+                    if offset + SAMPLE_BYTES <= there
+                )
+            if same:
+                self._notes.append(f"went on after {bytes_text(there)}")
+                return there
+        self._notes.append("an earlier part was of another log; it was fetched from the start")
+        return 0
+
+    def _sample(self, offset: int) -> bytes:
+        """Return some bytes of the log on the vehicle."""
+        kept = BytesIO()
+        self._store.read(self._log, Pieces(kept, offset), min(offset + SAMPLE_BYTES, self._size))
+        return kept.getvalue()
+
+    def _transfer(self, begin: int) -> None:
+        """Read up to the size; broken transfers are taken up again as long as they bring something."""
+        failures = 0
+        with self._part.open("r+b" if begin else "wb") as stream:
+            stream.truncate(begin)
+            stream.seek(begin)
+            pieces = Pieces(stream, begin)
+            while pieces.end < self._size:
+                before, problem = pieces.end, ""
+                try:
+                    read = self._store.read(self._log, pieces, self._size, self._tell)
+                    problem = read.problem
+                    if read.ended_early:
+                        self._ended_early(pieces, problem)
+                        break
+                except VehicleTimeoutError as error:
+                    problem = str(error)
+                finally:
+                    stream.flush()
+                    self._came += pieces.end - before
+                failures = 0 if pieces.end > before else failures + 1
+                if failures >= TRIES:
+                    self._give_up(pieces.end, problem)
+                pieces = Pieces(stream, pieces.end)
+
+    def _give_up(self, end: int, problem: str) -> None:
+        """Say what is kept; nothing is kept of nothing."""
+        kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: the same command goes on from there"
+        if not end:
+            self._part.unlink()
+            kept = "nothing came"
+        raise LinkError(f"{self._log.name}: {problem}; {kept}")
+
+    def _ended_early(self, pieces: Pieces, problem: str) -> None:
+        """A vehicle that has told a wrong size: what came counts where its checksum says that it is all."""
+        theirs = self._store.crc32(self._log, pieces.end)
+        self._size, self._lied = pieces.end, True
+        if theirs is None:
+            raise LinkError(f"{self._log.name}: {problem}; without a checksum nothing says that it is whole")
+        self._notes.append(f"the vehicle told a wrong size: {problem}")
+
+    def _tell(self, end: int) -> None:
+        if self._progress is not None:
+            self._progress(end, self._size)
+
+
+def _at(stream: BinaryIO, offset: int) -> bytes:
+    stream.seek(offset)
+    return stream.read(SAMPLE_BYTES)

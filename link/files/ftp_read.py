@@ -1,0 +1,289 @@
+"""Reading a file by MAVLink FTP as fast as the link carries it.
+
+Several reads are under way at a time, as many as the link holds: their number grows as long as answers do not come later,
+and shrinks when they queue (as TCP Vegas does). Where the most that vehicles take (some let twenty requests wait) does not
+fill the link, bursts are asked for, and what is lost of them is read singly. A burst that comes slower than reads did (one
+autopilot leaves two thirds of a link without flow control to others) was the last one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.files.ftp_words import DATA_BYTES, ERRORS, FtpMessage, Nak, Op, payload, read_payload
+from skyway.link.protocol.exchange import Exchange, RoundTrip
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.link.files.ftp import Numbers
+    from skyway.link.files.part_file import Pieces
+    from skyway.link.protocol.exchange import Target
+    from skyway.link.wire.messages import Message
+
+STALL_S = 8.0
+"""Nothing for so long: the transfer stands still."""
+LEAST_WINDOW, MOST_WINDOW = 2, 16
+QUEUE_LOW, QUEUE_HIGH = 1.5, 4.0
+"""Reads that wait in the link's queue: with fewer the window grows, with more it shrinks."""
+PASSED = 3
+"""A read is lost when so many that were sent later have been answered."""
+UNFILLED = 1.6
+"""Answers that take no longer than so many times the shortest, with the most reads under way, do not fill the link."""
+SLOWER = 0.9
+"""Bursts that bring less than this share of what reads brought are not asked for again."""
+_FULL_ROUNDS = 2
+_LEAST_RTT_S = 1e-3
+_BURST_SILENCE_S, _SILENT_PIECES = 1.0, 6.0
+_BURST_WINDOW = 0x4000
+_LATE = 256
+
+
+@dataclass(slots=True)
+class _Read:
+    offset: int
+    size: int
+    sent_s: float
+    again: bool
+    passed: int = 0
+    """How many that were sent later were answered."""
+
+
+class ReadFtp(Exchange):
+    """Reads an open file from the end of what is there up to its size."""
+
+    transfers = "FILE_TRANSFER"
+
+    def __init__(
+        self,
+        target: Target,
+        numbers: Numbers,
+        session: int,
+        pieces: Pieces,
+        size_bytes: int,
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        super().__init__(target)
+        self.pieces, self.size_bytes = pieces, size_bytes
+        self.problem = ""
+        """Why it ended before all was there; empty where it did not."""
+        self.ended_early = False
+        """The vehicle says that the file ends before its size."""
+        self.session_lost = False
+        """The vehicle has closed the file."""
+        self._numbers, self._session, self._progress = numbers, session, progress
+        self._reads: dict[int, _Read] = {}
+        self._late: dict[int, _Read] = {}
+        self._again: list[tuple[int, int]] = []
+        self._ahead = pieces.end
+        self._window, self._least_rtt_s, self._recent_s = float(LEAST_WINDOW * 2), math.inf, 0.0
+        self._trip = RoundTrip()
+        self._round_s, self._full_rounds = 0.0, 0
+        self._bursts_help, self._bursting = True, False
+        self._burst: int | None = None
+        self._burst_first = self._burst_length = 0
+        self._burst_begun_s = self._burst_data_s = self._heard_s = 0.0
+        self._burst_bytes = 0
+
+    # Asking
+
+    def begin(self, now_s: float) -> None:
+        """Ask for the first pieces."""
+        self._heard_s = self._round_s = now_s
+        self._more(now_s)
+
+    def _more(self, now_s: float) -> None:
+        """Ask for as much as may be under way."""
+        if self.pieces.end >= self.size_bytes:
+            self.finish()
+            return
+        if self._bursting:
+            asked = {read.offset for read in self._reads.values()}
+            self._again = [hole for hole in self.pieces.holes(DATA_BYTES) if hole[0] not in asked]
+            if self._burst is None and self.pieces.top < self.size_bytes:
+                self._ask_burst(self.pieces.top, now_s)
+        while len(self._reads) < int(self._window):
+            if self._again:
+                offset, size = self._again.pop(0)
+                self._ask(offset, size, now_s, again=True)
+            elif not self._bursting and self._ahead < self.size_bytes:
+                size = min(DATA_BYTES, self.size_bytes - self._ahead)
+                self._ask(self._ahead, size, now_s, again=False)
+                self._ahead += size
+            else:
+                break
+        self.next_s = now_s + max(self._patience_s() / 4.0, 0.02)
+
+    def _ask(self, offset: int, size: int, now_s: float, *, again: bool) -> None:
+        number = self._numbers.take()
+        self._reads[number] = _Read(offset, size, now_s, again)
+        self._send(number, Op.READ, offset, size)
+
+    def _ask_burst(self, offset: int, now_s: float) -> None:
+        self._burst = self._numbers.take()
+        self._burst_first, self._burst_bytes = offset, 0
+        self._burst_begun_s = self._burst_data_s = now_s
+        self._send(self._burst, Op.BURST, offset, DATA_BYTES)
+
+    def _ask_ahead(self, offset: int, now_s: float) -> None:
+        """Ask for the next burst a round trip before this one ends, where it is known how long they are."""
+        came, took_s = offset - self._burst_first, now_s - self._burst_begun_s
+        following = self._burst_first + self._burst_length
+        if self._burst_length and took_s > 0.0 and following < self.size_bytes:
+            on_the_way = came / took_s * self._least_rtt_s
+            if came + on_the_way >= self._burst_length:
+                self._ask_burst(following, now_s)
+
+    def _send(self, number: int, op: Op, offset: int, size: int) -> None:
+        asked = payload(number, op, session=self._session, offset=offset, size=size)
+        self.send("FILE_TRANSFER_PROTOCOL", payload=asked)
+
+    # Hearing
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take a piece."""
+        if message.name != "FILE_TRANSFER_PROTOCOL":
+            return
+        told = read_payload(bytes(message["payload"]))
+        if told is None:
+            return
+        if told.asked == Op.BURST:
+            self._hear_burst(told, now_s)
+        elif told.asked == Op.READ:
+            self._hear_read(told, now_s)
+
+    def _hear_read(self, told: FtpMessage, now_s: float) -> None:
+        number = (told.sequence - 1) & 0xFFFF
+        read = self._reads.pop(number, None)
+        late = read is None
+        read = read or self._late.pop(number, None)
+        if read is None:
+            return
+        self._heard_s = now_s
+        if not late:
+            self._count_passed(read)
+        if told.error is not None:
+            self._refused(told.error, read.offset)
+        else:
+            self._take(read.offset, told.data[: read.size])
+            if 0 < len(told.data) < read.size:
+                self._again.insert(0, (read.offset + len(told.data), read.size - len(told.data)))
+            elif not told.data:
+                self._refused(Nak.EOF, read.offset)
+            if not late and not read.again:
+                self._learn(now_s - read.sent_s, now_s)
+        if not self.done:
+            self._more(now_s)
+
+    def _count_passed(self, answered: _Read) -> None:
+        """Take for lost what was asked for well before something that has been answered."""
+        for number, read in list(self._reads.items()):
+            if read.sent_s > answered.sent_s or (read.sent_s == answered.sent_s and read.offset > answered.offset):
+                break
+            read.passed += 1
+            if read.passed >= PASSED:
+                self._give_up(number)
+
+    def _give_up(self, number: int) -> None:
+        """Ask once more for what is lost; it may come late all the same."""
+        read = self._late[number] = self._reads.pop(number)
+        self._again.append((read.offset, read.size))
+        while len(self._late) > _LATE:
+            del self._late[next(iter(self._late))]
+
+    def _learn(self, took_s: float, now_s: float) -> None:
+        """Fit the number of reads under way, once each round trip."""
+        self._trip.learn(took_s)
+        took_s = max(took_s, _LEAST_RTT_S)
+        self._least_rtt_s = min(self._least_rtt_s, took_s)
+        self._recent_s = took_s if not self._recent_s else self._recent_s + 0.3 * (took_s - self._recent_s)
+        if self._bursting or now_s < self._round_s + self._recent_s:
+            return
+        self._round_s = now_s
+        queued = self._window * (1.0 - self._least_rtt_s / self._recent_s)
+        if queued < QUEUE_LOW:
+            self._window = min(self._window * 2.0, MOST_WINDOW)
+        elif queued > QUEUE_HIGH:
+            self._window = max(self._window - 1.0, LEAST_WINDOW)
+        unfilled = self._window >= MOST_WINDOW and self._recent_s < UNFILLED * self._least_rtt_s
+        self._full_rounds = self._full_rounds + 1 if unfilled else 0
+        if self._full_rounds >= _FULL_ROUNDS and self._bursts_help:
+            self._bursting, self._full_rounds = True, 0
+
+    def _hear_burst(self, told: FtpMessage, now_s: float) -> None:
+        if self._burst is None or (told.sequence - self._burst - 1 + _BURST_WINDOW) & 0xFFFF >= 2 * _BURST_WINDOW:
+            return
+        self._heard_s = self._burst_data_s = now_s
+        if told.error is None:
+            new, earlier = self._take(told.offset, told.data), told.offset < self._burst_first
+            self._burst_bytes += 0 if earlier else new
+            if earlier:
+                pass  # of the one before, whose end was not waited for
+            elif told.complete:
+                self._burst_length = told.offset + len(told.data) - self._burst_first
+                self._end_burst(now_s)
+            else:
+                self._ask_ahead(told.offset, now_s)
+        elif told.error == Nak.EOF and self.pieces.top >= self.size_bytes:
+            self._end_burst(now_s)
+        elif told.error in (Nak.UNKNOWN, Nak.EOF):
+            self._end_burst(now_s)
+            self._bursts_help, self._bursting = told.error == Nak.EOF and self._bursts_help, False
+            self._ahead = self.pieces.top
+        else:
+            self._refused(told.error, told.offset)
+        if not self.done:
+            self._more(now_s)
+
+    def _end_burst(self, now_s: float) -> None:
+        """Look whether it was faster than reads."""
+        self._burst = None
+        took_s = max(now_s - self._burst_begun_s, _LEAST_RTT_S)
+        by_reads = MOST_WINDOW * DATA_BYTES / max(self._recent_s, _LEAST_RTT_S)
+        if self.pieces.top < self.size_bytes and self._burst_bytes / took_s < SLOWER * by_reads:
+            self._bursts_help = self._bursting = False
+            self._ahead = self.pieces.top
+
+    def _take(self, offset: int, data: bytes) -> int:
+        """Keep a piece; returns how many bytes of it were new."""
+        new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
+        if new and self._progress is not None:
+            self._progress(self.pieces.end)
+        return new
+
+    def _refused(self, error: int, offset: int) -> None:
+        if error == Nak.EOF:
+            self.ended_early = True
+            self._end(f"the file ends before byte {offset}, and was told to have {self.size_bytes}")
+        else:
+            self.session_lost = error in (Nak.BAD_SESSION, Nak.NOT_FOUND, Nak.FAIL)
+            self._end(f"the vehicle stopped the transfer: {ERRORS.get(error, f'error {error}')}")
+
+    def _end(self, problem: str) -> None:
+        self.problem = problem
+        self.finish()
+
+    # Time
+
+    def _patience_s(self) -> float:
+        return self._trip.retry_s(1)
+
+    def tick(self, now_s: float) -> None:
+        """Ask again for what did not come."""
+        if now_s >= self._heard_s + STALL_S:
+            self._end(f"nothing came for {STALL_S:g} s")
+            return
+        if self._burst is not None:
+            pieces = max(self._burst_bytes / DATA_BYTES, 1.0)
+            usual_s = (self._burst_data_s - self._burst_begun_s) / pieces
+            if now_s > self._burst_data_s + max(_BURST_SILENCE_S, _SILENT_PIECES * usual_s):
+                self._burst = None
+        streaming = self._burst is not None and now_s < self._burst_data_s + _BURST_SILENCE_S
+        if not streaming:  # during a burst some vehicles answer nothing else
+            patience_s = self._patience_s()
+            for number in [n for n, read in self._reads.items() if now_s > read.sent_s + patience_s]:
+                self._trip.unclear()
+                self._give_up(number)
+        self._more(now_s)

@@ -1,0 +1,1 @@
+"""Commands for what a vehicle keeps: its parameters and its logs."""
