@@ -22,7 +22,6 @@ from skyway.link.supervisor.proof.proof import Proof
 from skyway.link.supervisor.soc.modelled_use import count_use
 from skyway.link.supervisor.soc.soc_estimator import SocEstimator
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
-from skyway.link.supervisor.work.progress import WorkProgress
 from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
 from skyway.planner.online.policy import OnlinePolicy
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.link.supervisor.soc.energy_learning import EnergyLearning
     from skyway.link.supervisor.wind_book import WindBook
+    from skyway.link.supervisor.work.progress import WorkProgress
     from skyway.link.telemetry.vehicle_monitor import Change
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
@@ -81,7 +81,6 @@ class Context:
     link: LinkWatch = field(default_factory=LinkWatch)
     track: Track = field(default_factory=Track)
     proof: Proof = field(default_factory=Proof)
-    work: WorkProgress = field(default_factory=WorkProgress)
 
     def policy(self) -> OnlinePolicy:
         """Make what decides on the ground and in the air, and tells what can be reached."""
@@ -93,6 +92,11 @@ class Context:
         """What is asked now: the delivery, or from the target on what follows it."""
         onward = self.delivery.onward
         return self.job.request if onward is None else onward.request(self.job.request)
+
+    @property
+    def work(self) -> WorkProgress:
+        """How far the work is, where work is flown."""
+        return self.delivery.work
 
     def delivers_at(self, station: str | None) -> bool:
         """Whether the package is to be handed over at a station."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.legs import station_at
+from skyway.link.supervisor.work.progress import WorkProgress
 from skyway.models.composition.composition import Place
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class DeliveryProgress:
     """Stations that could not be used, and since when, POSIX seconds."""
     called_off: bool = False
     """The plan in force is not flown any more once it has landed."""
+    work: WorkProgress = field(default_factory=WorkProgress)
+    """How far the work is, where work is flown instead of a delivery."""
     onward: Onward | None = None
     """Where it goes after the target; None until the package was handed over, or could not be."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import WorkBegun, WorkDone, WorkStands, WorkTurned
@@ -56,8 +57,11 @@ def _take(ctx: Context, span: Span, time_s: float) -> None:
     ctx.work.take(planner_of(ctx).flight(ctx.vehicle.family, span, known))
     ctx.work.intend(None)
     if ctx.delivery.leg is not None and ctx.work.flight is not None:
-        flight, leg = ctx.work.flight, ctx.delivery.leg
-        leg.mission, leg.destination, leg.diverts = flight.mission, flight.destination, flight.diverts
+        flight = ctx.work.flight
+        changed = replace(
+            ctx.delivery.leg, mission=flight.mission, destination=flight.destination, diverts=flight.diverts
+        )
+        ctx.delivery.take_leg(changed)
 
 
 def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
@@ -65,12 +69,17 @@ def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
     flight = ctx.work.flight
     if flight is None:
         return None
-    leg = leg_of(ctx, flight)
     numbers = (told.soc, told.told_soc, told.planned_s, told.planned_soc)
     soc, told_soc, planned_s, planned_soc = (float("nan") if one is None else one for one in numbers)
-    leg.start_s, leg.commanded_s, leg.soc_start, leg.told_start = time_s, time_s, soc, told_soc
-    leg.planned_s, leg.planned_soc = planned_s, planned_soc
-    return leg
+    return replace(
+        leg_of(ctx, flight),
+        start_s=time_s,
+        commanded_s=time_s,
+        soc_start=soc,
+        told_start=told_soc,
+        planned_s=planned_s,
+        planned_soc=planned_soc,
+    )
 
 
 def turning(ctx: Context) -> After | None:
