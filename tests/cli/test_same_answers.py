@@ -73,6 +73,19 @@ def test_plan_mission_and_check_agree_on_zones_ground_and_wind(example):
     assert told["speed_mps"] == pytest.approx(float(forecast.probability @ speeds), rel=0.15)
 
 
+def test_compare_has_the_very_plans_of_plan_and_evaluate_says_what_it_lacks(example):
+    plan = planned(example, "plan.json", TEN)
+    (other,) = json.loads(example("compare", "hills", *FROM_TO, "--depart", TEN, "--planners", "robust", "--json").out)[
+        "plans"
+    ]
+    for part in ("scenario", "stations", "legs", "zones", "terrain"):
+        assert other["composition"].get(part) == plan.get(part), part
+    assert via(other["composition"]) == {"HERON", "QUARRY"}
+    refused = example("evaluate", "hills", *FROM_TO, "--depart", TEN)
+    assert refused.code == 2
+    assert "no wind record to hold days out of" in refused.err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 @pytest.mark.parametrize("fault", [None, "battery-drop=0.45@T+160s"])
