@@ -160,6 +160,8 @@ class Connection(Carrier):
         """A vehicle has our id; it cannot be told from ourselves."""
         self.shared_client: SharedClient | None = None
         """Another sender on this connection; our own heartbeats pause meanwhile."""
+        self.fence: Callable[[], None] | None = None
+        """Called before each exchange: raises where we may no longer command what is connected."""
         self._writer = FrameWriter(self.system, self.component, signing=signing)
         self._routed = transport if isinstance(transport, UdpSocket) else None
         self.radios = transport if isinstance(transport, RedundantTransport) else None
@@ -365,6 +367,8 @@ class Connection(Carrier):
         return system in (0, self.system) and component in (0, self.component)
 
     def _carry_out(self, exchange: Exchange) -> None:
+        if self.fence is not None:
+            self.fence()
         self.refuse_conflict()
         self._exchange = exchange
         try:

@@ -100,7 +100,8 @@ class Context:
 
     def delivers_at(self, station: str | None) -> bool:
         """Whether the package is to be handed over at a station."""
-        return self.job.work is None and self.delivery.onward is None and station == self.job.request.destination
+        hands_over = self.job.hands_over and self.job.work is None
+        return hands_over and self.delivery.onward is None and station == self.job.request.destination
 
     # What is asked of the parts most often
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -51,6 +52,13 @@ class DeliveryJob:
     """Under the online policy; else the plan is flown as it is, whatever comes."""
     work: WorkPlanner | None = None
     """Who plans the flights of a cut mission; None: a package is delivered."""
+    dispatched: bool = False
+    """A dispatcher has planned it around others: on the ground it keeps to its plan, whose charges are only ever raised, and stops where that
+    does not lead on; in the air it is turned as any other."""
+    not_before_s: float = -math.inf
+    """It does not take off for the first time before, POSIX seconds: the package is not ready."""
+    hands_over: bool = True
+    """At its end the package is released; else the flight brings the drone to a place, and nothing is released there."""
     parameters: PlannerParameters = USUAL
     """Of the online policy, and of the planners that it asks."""
     asking: Asking = "once"

@@ -120,11 +120,11 @@ class Ledger(ABC):
         self._pads: dict[tuple[str, int], int] = {}
 
     @abstractmethod
-    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """Run one statement, with ``?`` for each value, and return its rows."""
 
     @abstractmethod
-    def _transaction(self) -> AbstractContextManager[None]:
+    def transaction(self) -> AbstractContextManager[None]:
         """Do all of a block, or nothing; what the database refuses as taken becomes a `TakenError`."""
 
     @abstractmethod
@@ -132,7 +132,7 @@ class Ledger(ABC):
         """Instant as the database keeps it."""
 
     @abstractmethod
-    def _from_db(self, value: Any) -> datetime:
+    def from_db(self, value: Any) -> datetime:
         """Instant that the database keeps."""
 
     @abstractmethod
@@ -149,8 +149,8 @@ class Ledger(ABC):
 
     def now(self) -> datetime:
         """Time by the clock of the database."""
-        with self._transaction():
-            return self._from_db(self._rows(f"SELECT {self.NOW}")[0][0])
+        with self.transaction():
+            return self.from_db(self.rows(f"SELECT {self.NOW}")[0][0])
 
     def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
         """Take the lease of a holder for a time; a `FencedError` says that another process has it.
@@ -165,13 +165,13 @@ class Ledger(ABC):
             "DO UPDATE SET token = lease.token + 1, owner = excluded.owner, expires = excluded.expires "
             f"WHERE lease.owner = excluded.owner OR lease.expires <= {self.NOW} RETURNING token, expires"
         )
-        with self._transaction():
-            taken = self._rows(sql, (holder, owner, ttl_s))
+        with self.transaction():
+            taken = self.rows(sql, (holder, owner, ttl_s))
             if not taken:
                 _, other, expires, _ = self._lease(holder)
-                when = iso(self._from_db(expires))
+                when = iso(self.from_db(expires))
                 raise FencedError(one_line(f"the lease of {holder} is with {other} until {when}"))
-        return Lease(holder, owner, int(taken[0][0]), self._from_db(taken[0][1]))
+        return Lease(holder, owner, int(taken[0][0]), self.from_db(taken[0][1]))
 
     def renew(self, lease: Lease, ttl_s: float = 60.0) -> Lease:
         """Keep a lease for so long from now; a `FencedError` says that it is lost."""
@@ -180,16 +180,27 @@ class Ledger(ABC):
             f"UPDATE lease SET expires = {self._later()} WHERE holder = ? AND token = ? AND expires > {self.NOW} "
             "RETURNING expires"
         )
-        with self._transaction():
-            kept = self._rows(sql, (ttl_s, lease.holder, lease.token))
+        with self.transaction():
+            kept = self.rows(sql, (ttl_s, lease.holder, lease.token))
             if not kept:
-                self._check(lease)
-        return replace(lease, expires=self._from_db(kept[0][0]))
+                self.check(lease)
+        return replace(lease, expires=self.from_db(kept[0][0]))
+
+    def led(self, holder: str) -> bool:
+        """Whether a process has the lease of a holder now."""
+        with self.transaction():
+            found = self.rows(f"SELECT expires > {self.NOW} FROM lease WHERE holder = ?", (holder,))
+        return bool(found and found[0][0])
+
+    def confirm(self, lease: Lease) -> None:
+        """Refuse, with a `FencedError`, what is about to be done under a lease that is lost: asked before each command to a vehicle."""
+        with self.transaction():
+            self.check(lease)
 
     def give_back(self, lease: Lease) -> None:
         """End a lease at once, so that another process need not wait for its end; firm bookings stay."""
-        with self._transaction():
-            self._rows(
+        with self.transaction():
+            self.rows(
                 f"UPDATE lease SET expires = {self.NOW} WHERE holder = ? AND token = ?", (lease.holder, lease.token)
             )
 
@@ -200,18 +211,18 @@ class Ledger(ABC):
     def _lease(self, holder: str) -> tuple[Any, ...]:
         """Token, owner, expiry of a lease, and whether it holds on."""
         sql = f"SELECT token, owner, expires, expires > {self.NOW} FROM lease WHERE holder = ? {self.SHARE}"
-        found = self._rows(sql, (holder,))
+        found = self.rows(sql, (holder,))
         if not found:
             raise FencedError(one_line(f"nobody has taken the lease of {holder}"))
         return found[0]
 
-    def _check(self, lease: Lease) -> None:
+    def check(self, lease: Lease) -> None:
         """Refuse what is done under a lease that is no longer the newest, or has run out."""
         token, owner, expires, alive = self._lease(lease.holder)
         if token != lease.token:
             raise FencedError(one_line(f"the lease of {lease.holder} (token {lease.token}) went to {owner}"))
         if not alive:
-            when = iso(self._from_db(expires))
+            when = iso(self.from_db(expires))
             raise FencedError(one_line(f"the lease of {lease.holder} ran out at {when}; take it again"))
 
     def book(
@@ -249,8 +260,8 @@ class Ledger(ABC):
         check_windows(windows)
         if state not in ("tentative", "firm"):
             raise InputError("out of range", field="state", value=state, remedy="tentative or firm")
-        with self._transaction():
-            self._check(lease)
+        with self.transaction():
+            self.check(lease)
             current = self._own_version(lease, itinerary)
             if version is not None and version != current:
                 raise VersionError(one_line(f"{itinerary} has version {current}, not {version}"))
@@ -272,7 +283,7 @@ class Ledger(ABC):
                 "INSERT INTO itinerary (id, version, holder) VALUES (?, ?, ?) "
                 "ON CONFLICT (id) DO UPDATE SET version = excluded.version"
             )
-            self._rows(sql, (itinerary, current + 1, lease.holder))
+            self.rows(sql, (itinerary, current + 1, lease.holder))
         return current + 1
 
     def _insert(self, rows: Sequence[tuple[Any, ...]]) -> None:
@@ -282,11 +293,11 @@ class Ledger(ABC):
             "start_sd_s, end_sd_s, epsilon, state, holder, token"
         )
         values = [value for row in rows for value in row]
-        self._rows(f"INSERT INTO booking ({columns}) VALUES {', '.join([marks] * len(rows))}", values)
+        self.rows(f"INSERT INTO booking ({columns}) VALUES {', '.join([marks] * len(rows))}", values)
 
     def _own_version(self, lease: Lease, itinerary: str) -> int:
         """Version of an itinerary, 0 where it is new; refuse that of another holder."""
-        found = self._rows(f"SELECT version, holder FROM itinerary WHERE id = ? {self.LOCK}", (itinerary,))
+        found = self.rows(f"SELECT version, holder FROM itinerary WHERE id = ? {self.LOCK}", (itinerary,))
         if found and found[0][1] != lease.holder:
             raise FencedError(one_line(f"{itinerary} is booked by {found[0][1]}, not by {lease.holder}"))
         return int(found[0][0]) if found else 0
@@ -296,12 +307,12 @@ class Ledger(ABC):
         pads = sorted({(one.station, one.pad) for one in windows})
         for pad in pads:
             if pad not in self._pads:
-                self._rows("INSERT INTO pad (station, number) VALUES (?, ?) ON CONFLICT DO NOTHING", pad)
-                self._pads[pad] = self._rows("SELECT key FROM pad WHERE station = ? AND number = ?", pad)[0][0]
+                self.rows("INSERT INTO pad (station, number) VALUES (?, ?) ON CONFLICT DO NOTHING", pad)
+                self._pads[pad] = self.rows("SELECT key FROM pad WHERE station = ? AND number = ?", pad)[0][0]
         keys = {pad: self._pads[pad] for pad in pads}
         if self.LOCK:
             marks = ", ".join("?" * len(keys))
-            self._rows(f"SELECT key FROM pad WHERE key IN ({marks}) ORDER BY key {self.LOCK}", list(keys.values()))
+            self.rows(f"SELECT key FROM pad WHERE key IN ({marks}) ORDER BY key {self.LOCK}", list(keys.values()))
         return keys
 
     def _refuse_taken(self, windows: Sequence[Window], keys: dict[tuple[str, int], int], lease: Lease) -> None:
@@ -327,15 +338,15 @@ class Ledger(ABC):
         begin, end = min(one.opens for one in windows), max(one.closes for one in windows)
         if any(one.epsilon for one in windows):  # what others have promised to third ones counts, too
             sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' AND closes > ? AND opens < ?"
-            (first, last), = self._rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))  # fmt: skip
-            begin = begin if first is None else min(begin, self._from_db(first))
-            end = end if last is None else max(end, self._from_db(last))
+            (first, last), = self.rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))  # fmt: skip
+            begin = begin if first is None else min(begin, self.from_db(first))
+            end = end if last is None else max(end, self.from_db(last))
         sql = (
             f"SELECT {HELD}, id, state = 'tentative' AND NOT EXISTS (SELECT 1 FROM lease WHERE lease.holder = booking.holder "
             f"AND lease.expires > {self.NOW}) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' "
             "AND closes > ? AND opens < ?"
         )
-        rows = self._rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))
+        rows = self.rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))
         return [self._hold(row) for row in rows if not row[-1]], [int(row[-2]) for row in rows if row[-1]]
 
     def mark(self, lease: Lease, itinerary: str, state: State, *, number: int | None = None) -> int:
@@ -346,14 +357,14 @@ class Ledger(ABC):
         """
         if state not in FOLLOWING:
             raise InputError("is no state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
-        with self._transaction():
-            self._check(lease)
+        with self.transaction():
+            self.check(lease)
             version = self._own_version(lease, itinerary)
             condition = "itinerary = ? AND version = ? AND state <> 'released'"
             values: list[Any] = [itinerary, version]
             if number is not None:
                 condition, values = f"{condition} AND number = ?", [*values, number]
-            before = self._rows(f"SELECT state FROM booking WHERE {condition}", values)
+            before = self.rows(f"SELECT state FROM booking WHERE {condition}", values)
             for (one,) in before:
                 if state not in FOLLOWING[one]:
                     raise VersionError(one_line(f"{itinerary} is {one}: it cannot become {state}"))
@@ -364,7 +375,7 @@ class Ledger(ABC):
 
     def _set_state(self, state: State, lease: Lease, condition: str, values: Sequence[Any]) -> None:
         sql = f"UPDATE booking SET state = ?, changed_by = ?, token = ? WHERE {condition}"
-        self._rows(sql, (state, lease.holder, lease.token, *values))
+        self.rows(sql, (state, lease.holder, lease.token, *values))
 
     def holds(
         self, *, station: str | None = None, begin: datetime | None = None, end: datetime | None = None
@@ -379,8 +390,8 @@ class Ledger(ABC):
         ):
             if value is not None:
                 condition, values = f"{condition} AND {text}", [*values, value]
-        with self._transaction():
-            rows = self._rows(f"SELECT {HELD} FROM booking WHERE {condition} ORDER BY starts, station, pad", values)
+        with self.transaction():
+            rows = self.rows(f"SELECT {HELD} FROM booking WHERE {condition} ORDER BY starts, station, pad", values)
         return [self._hold(row) for row in rows]
 
     def itinerary(self, itinerary: str) -> list[Hold]:
@@ -389,8 +400,8 @@ class Ledger(ABC):
             f"SELECT {HELD} FROM booking WHERE itinerary = ? AND version = "
             "(SELECT version FROM itinerary WHERE id = ?) ORDER BY number"
         )
-        with self._transaction():
-            return [self._hold(row) for row in self._rows(sql, (itinerary, itinerary))]
+        with self.transaction():
+            return [self._hold(row) for row in self.rows(sql, (itinerary, itinerary))]
 
     def history(self, itinerary: str | None = None, *, after: int = 0, limit: int = 100_000) -> list[Event]:
         """Return what happened, of one itinerary or all, in order, after a number that was seen before."""
@@ -399,17 +410,17 @@ class Ledger(ABC):
         if itinerary is not None:
             condition, values = f"{condition} AND itinerary = ?", [after, itinerary]
         sql = f"SELECT seq, at, {HELD} FROM history WHERE {condition} ORDER BY seq LIMIT ?"
-        with self._transaction():
-            rows = self._rows(sql, (*values, limit))
-        return [Event(int(row[0]), self._from_db(row[1]), self._hold(row[2:])) for row in rows]
+        with self.transaction():
+            rows = self.rows(sql, (*values, limit))
+        return [Event(int(row[0]), self.from_db(row[1]), self._hold(row[2:])) for row in rows]
 
     def _hold(self, row: Sequence[Any]) -> Hold:
         itinerary, version, number, station, pad, start, end, start_sd, end_sd, epsilon, state, holder, token = row[:13]
         window = Window(
             station=station,
             pad=int(pad),
-            start=self._from_db(start),
-            end=self._from_db(end),
+            start=self.from_db(start),
+            end=self.from_db(end),
             start_sd_s=float(start_sd),
             end_sd_s=float(end_sd),
             epsilon=float(epsilon),

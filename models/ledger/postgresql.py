@@ -82,12 +82,14 @@ class PostgresqlLedger(Ledger):
         found = run("SELECT COALESCE(MAX(number), 0) FROM ledger_version").fetchone()
         return 0 if found is None else int(found[0])
 
-    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Run one statement and return its rows."""
         done = self._connection.execute(sql.replace("?", "%s"), tuple(values))
         return done.fetchall() if done.description else []
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
+    def transaction(self) -> Iterator[None]:
+        """Do all of a block, or nothing."""
         errors = self._psycopg.errors
         pads = dict(self._pads)
         try:
@@ -109,7 +111,8 @@ class PostgresqlLedger(Ledger):
     def _to_db(self, instant: datetime) -> datetime:
         return instant
 
-    def _from_db(self, value: Any) -> datetime:
+    def from_db(self, value: Any) -> datetime:
+        """Return an instant that the database keeps."""
         found: datetime = value
         return found.astimezone(UTC)
 

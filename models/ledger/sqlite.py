@@ -39,7 +39,7 @@ class SqliteLedger(Ledger):
         if not path.parent.is_dir():
             raise InputError("no such folder", str(path.parent), remedy="create it first")
         try:
-            self._connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+            self._connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
             self._open(scripts("sqlite", migrations))
         except sqlite3.Error as error:
             with suppress(AttributeError):
@@ -63,7 +63,7 @@ class SqliteLedger(Ledger):
         run("PRAGMA foreign_keys = ON")
         run("PRAGMA busy_timeout = 0")  # `_begin` waits
         if version < len(known) or version > len(known):
-            with self._transaction():
+            with self.transaction():
                 version = run("PRAGMA user_version").fetchone()[0]
                 for number, sql in missing(version, known, self._name):
                     for statement in _statements(sql):
@@ -76,11 +76,13 @@ class SqliteLedger(Ledger):
         """Version of its tables."""
         return int(self._connection.execute("PRAGMA user_version").fetchone()[0])
 
-    def _rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Run one statement and return its rows."""
         return self._connection.execute(sql, tuple(values)).fetchall()
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
+    def transaction(self) -> Iterator[None]:
+        """Do all of a block, or nothing."""
         pads = dict(self._pads)
         try:
             self._begin()
@@ -116,7 +118,8 @@ class SqliteLedger(Ledger):
     def _to_db(self, instant: datetime) -> int:
         return (instant - EPOCH) // MICROSECOND
 
-    def _from_db(self, value: Any) -> datetime:
+    def from_db(self, value: Any) -> datetime:
+        """Return an instant that the database keeps."""
         return EPOCH + int(value) * MICROSECOND
 
     def _later(self) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, refuse
 from skyway.models.orders.order import MAX_PRIORITY, Order, Vehicle
-from skyway.models.orders.rows import Row, fault_at, read_rows
+from skyway.models.orders.rows import Row, checked_rows, fault_at, read_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
 ORDER_FIELDS = ("id", "from", "to", "mass_kg", "ready", "due")
@@ -28,6 +28,15 @@ def read_orders(path: Path) -> tuple[Order, ...]:
     faults += _doubles(orders, "two orders have the same id")
     refuse(_by_line(faults))
     return tuple(orders)
+
+
+def order_of(values: Mapping[str, Any], source: str) -> Order:
+    """Read one order from values that were typed or sent; an `InputError` lists every fault."""
+    faults: list[Fault] = []
+    rows = checked_rows([(Fault("", source), dict(values))], ORDER_FIELDS, ORDER_OPTIONAL, faults)
+    orders = [_order(row) for row in rows]
+    refuse(faults)
+    return orders[0]
 
 
 def read_vehicles(path: Path) -> tuple[Vehicle, ...]:

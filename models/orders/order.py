@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from datetime import datetime  # noqa: TC003  the desk reads and writes orders by their annotations
 
 from skyway.models.base.errors import Fault
-
-if TYPE_CHECKING:
-    from datetime import datetime
 
 MAX_PRIORITY = 9
 NOWHERE = Fault("")

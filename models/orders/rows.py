@@ -15,7 +15,7 @@ from skyway.models.base.table import FaultCollector, read_table
 from skyway.models.base.units import parse_instant
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from datetime import datetime
     from pathlib import Path
 
@@ -118,11 +118,22 @@ def read_rows(
     for a default. Ends early where there are more faults than anybody reads.
     """
     rows = _json_rows(path, key, faults) if path.suffix.lower() == ".json" else _csv_rows(path, required, faults)
-    known = {*required, *optional}
-    told: set[str] = set()
-    for count, (place, values) in enumerate(rows):
+    for count, row in enumerate(checked_rows(rows, required, optional, faults)):
         if count >= MAX_ROWS:
             raise InputError(f"has more than {MAX_ROWS:,} rows", str(path), remedy="cut it to the part that is needed")
+        yield row
+        if len(faults) >= MAX_FAULTS:
+            faults.append(replace(row.place, problem="too many faults; the rest was not read"))
+            return
+
+
+def checked_rows(
+    rows: Iterable[tuple[Fault, dict[str, Any]]], required: Sequence[str], optional: Sequence[str], faults: list[Fault]
+) -> Iterator[Row]:
+    """Yield rows of values; each field that is not known is a fault, told once."""
+    known = {*required, *optional}
+    told: set[str] = set()
+    for place, values in rows:
         for name in sorted(set(values) - known - told)[:MAX_UNKNOWN]:
             told.add(name)
             close = difflib.get_close_matches(name, known, n=1)
@@ -130,9 +141,6 @@ def read_rows(
             header = replace(place, line=1) if place.line else place
             faults.append(fault_at(header, name, "is not a field here", None, remedy))
         yield Row(values, place, faults)
-        if len(faults) >= MAX_FAULTS:
-            faults.append(replace(place, problem="too many faults; the rest was not read"))
-            return
 
 
 def _csv_rows(path: Path, required: Sequence[str], faults: list[Fault]) -> Iterator[tuple[Fault, dict[str, Any]]]:

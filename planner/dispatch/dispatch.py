@@ -13,7 +13,7 @@ from skyway.models.base.units import from_posix
 from skyway.models.ledger.window import Window
 from skyway.planner.dispatch.bound import lower_bound
 from skyway.planner.dispatch.flights import Laid, lay_out_problem
-from skyway.planner.dispatch.improve import solve
+from skyway.planner.dispatch.improve import Before, solve
 from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
 from skyway.planner.dispatch.route_kernels import (
     BEGIN,
@@ -36,7 +36,7 @@ from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import DEFAULT_RESERVE_SOC
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from datetime import datetime
 
     from skyway.models.ledger.ledger import Hold
@@ -59,6 +59,8 @@ def dispatch(
     iterations: int = 10**9,
     seed: int = 0,
     parameters: PlannerParameters = USUAL,
+    kept: Mapping[str, Sequence[str]] | None = None,
+    promised: Mapping[str, datetime] | None = None,
 ) -> DispatchPlan:
     """Plan which drone takes which order when, over which pads.
 
@@ -80,6 +82,10 @@ def dispatch(
         Of everything random; with a limit on iterations alone the same plan comes out each time.
     parameters : PlannerParameters, optional
         Tuned numbers.
+    kept : mapping of str to sequence of str, optional
+        Orders of each drone as they were planned before, in their order: the search begins with them.
+    promised : mapping of str to datetime, optional
+        When orders were promised to be delivered. Whatever the search finds is taken only where it is worth the promises that it changes.
 
     Raises
     ------
@@ -89,7 +95,10 @@ def dispatch(
     started = time.perf_counter()
     forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
     laid = lay_out_problem(work, depart, forecast, parameters, holds=holds, reserve=reserve)
-    search = solve(laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations)
+    search = solve(
+        laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
+        before=_before(work, kept or {}, promised or {}),
+    )  # fmt: skip
     routes, answers = told(work, laid, search)
     health = {one.id: one.battery_health for one in work.vehicles}
     energy_j = sum(
@@ -108,6 +117,18 @@ def dispatch(
         iterations=search.iterations,
         planning_time_s=time.perf_counter() - started,
     )
+
+
+def _before(work: Work, kept: Mapping[str, Sequence[str]], promised: Mapping[str, datetime]) -> Before | None:
+    """What was planned before, by the numbers of drones and orders."""
+    if not kept and not promised:
+        return None
+    order = {one.id: number for number, one in enumerate(work.orders)}
+    routes = {
+        number: [order[one] for one in kept.get(drone.id, ()) if one in order]
+        for number, drone in enumerate(work.vehicles)
+    }
+    return Before(routes, {order[one]: at.timestamp() for one, at in promised.items() if one in order})
 
 
 def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
@@ -172,28 +193,28 @@ def _explained(work: Work, laid: Laid, answers: dict[int, Answer], parameters: P
     alone = Search(patient, parameters.dispatch) if refused else None
     for count, number in enumerate(refused):
         order = work.orders[number]
-        reason = "the drones and pads serve orders that count more"
+        reason, hopeless = "the drones and pads serve orders that count more", False
         if alone is not None and count < MAX_EXPLAINED:
-            reason = _alone(work, alone, number, reason, parameters.dispatch.max_late_s)
-        answers[number] = Answer(order=order.id, status="refused", reason=reason)
+            reason, hopeless = _alone(work, alone, number, reason, parameters.dispatch.max_late_s)
+        answers[number] = Answer(order=order.id, status="refused", reason=reason, hopeless=hopeless)
     return [answers[number] for number in range(len(work.orders))]
 
 
-def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: float) -> str:
-    """Return why an order is not served, by what would become of it without any other."""
+def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: float) -> tuple[str, bool]:
+    """Return why an order is not served, by what would become of it without any other, and whether even that does not serve it."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return "no drone of the fleet can fetch it, deliver it and be home in its time, even alone"
+        return "no drone of the fleet can fetch it, deliver it and be home in its time, even alone", True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)
     if not alone.insert(number, drone, int(position[best])):
-        return otherwise
+        return otherwise, False
     rows = alone.trace.rows[: alone.trace.filled[0]]
     done_s = float(rows[(rows[:, ORDER] == number) & (rows[:, PHASE] == LOADED)][-1, END])
     alone.restore(drone, before)
     alone.drone_of[number] = -1
     late_s = done_s - work.orders[number].due.timestamp()
     if late_s > max_late_s:
-        return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}"
-    return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it"
+        return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
+    return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it", False

@@ -73,6 +73,7 @@ def lay_out_problem(
         remedy = f"orders that are due within {HORIZON_H - 4} h"
         raise InputError("reaches beyond the forecast", field="due", value=duration(end_s - begin_s), remedy=remedy)
     named = {network.index[one] for order in work.orders for one in (order.origin, order.destination)}
+    named |= {network.index[one] for drone in work.vehicles for one in (drone.place, drone.home)}
     stops = {node for node, station in enumerate(network.stations) if station.pads and not station.flyover}
     places = tuple(sorted(stops | named))
     place_of = {node: number for number, node in enumerate(places)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,8 @@ from skyway.models.base.errors import InputError
 from skyway.planner.dispatch.search import Search
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from numpy.typing import NDArray
 
     from skyway.planner.dispatch.problem import DispatchProblem
@@ -30,6 +33,8 @@ RESTYLED = 0.3
 GAINS = (3.0, 1.0, 0.2)
 """What the way of taking orders out earns: for the best routes so far, for better ones, and for others."""
 MEMORY = 0.95
+TOLERATED_S = 300.0
+"""A delivery that is later than promised by no more than this is no changed promise."""
 
 
 class Improver:
@@ -52,7 +57,7 @@ class Improver:
         most = max(min(count.destroyed, search.orders), share)
         keeps = search.drones <= KEEPS_BEST
         current = best_cost = search.cost
-        best = self._all() if keeps else None
+        best = search.all() if keeps else None
         begin = time.perf_counter()
         for number in range(iterations):
             now = time.perf_counter()
@@ -71,14 +76,10 @@ class Improver:
             else:
                 search.undo, current = None, cost
                 if cost < best_cost - 1e-6:
-                    best_cost, best = cost, self._all() if keeps else None
+                    best_cost, best = cost, search.all() if keeps else None
             search.iterations += 1
         if best is not None and search.cost > best_cost:
             search.all_back(best)
-
-    def _all(self) -> tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]:
-        search = self.search
-        return {drone: search.saved(drone) for drone in range(search.drones)}, search.drone_of.copy()
 
     def _changed(self, chosen: list[int], most: int) -> bool:
         """Take orders out and put them in again, with some that are not served; false where a route does not fly without them."""
@@ -152,6 +153,22 @@ class Improver:
         return found[: 2 * count]
 
 
+@dataclass(frozen=True)
+class Before:
+    """What was planned before, by numbers: the orders of each drone, and when orders were promised, POSIX seconds."""
+
+    routes: Mapping[int, Sequence[int]]
+    promised_s: Mapping[int, float]
+
+    def changed(self, search: Search) -> int:
+        """How many promises the routes break: the order is not served, or more than `TOLERATED_S` later."""
+        broken = 0
+        for order, at_s in self.promised_s.items():
+            done_s = search.delivered_s(order)
+            broken += done_s > at_s + TOLERATED_S
+        return broken
+
+
 def solve(
     problem: DispatchProblem,
     parameters: DispatchParameters,
@@ -159,14 +176,30 @@ def solve(
     seed: int = 0,
     time_limit_s: float = 10.0,
     iterations: int = 10**9,
+    before: Before | None = None,
 ) -> Search:
-    """Search for routes, for so long or so many iterations; an `InputError` refuses a limit that is not above 0."""
+    """Search for routes, for so long or so many iterations; an `InputError` refuses a limit that is not above 0.
+
+    It begins with the routes of `before`; what is found after them is taken only where it is worth the promises that it changes.
+    """
     if not time_limit_s > 0.0:
         raise InputError("must be above 0", field="--time-limit", value=time_limit_s)
     search = Search(problem, parameters, seed)
     search.warm_up()
     end_at = time.perf_counter() + time_limit_s
+    if before is not None:
+        for drone, route in before.routes.items():
+            search.take(drone, route)
     search.build(end_at)
+    if before is None:
+        Improver(search).improve(end_at=end_at, iterations=iterations)
+        search.polish()
+        return search
+    search.polish()
+    kept, weight = search.all(), parameters.change_s
+    cost = search.cost + weight * before.changed(search)
     Improver(search).improve(end_at=end_at, iterations=iterations)
     search.polish()
+    if search.cost + weight * before.changed(search) > cost - 1e-6:
+        search.all_back(kept)
     return search

@@ -60,6 +60,8 @@ class Answer:
     late_s: float = 0.0
     reason: str | None = None
     """Why it is refused."""
+    hopeless: bool = False
+    """It could not be served even if it were the only one."""
     windows: tuple[Window, ...] = ()
     """Pads that its flights hold, those of the way home after it included."""
 

@@ -147,6 +147,24 @@ class Search:
             getattr(self.routes, name)[drone] = value
         rebook(self.calendar, self.routes, drone)
 
+    def take(self, drone: int, route: Sequence[int]) -> None:
+        """Give a drone without orders a route, as far from its beginning on as it can fly it."""
+        wanted = [one for one in route if self.drone_of[one] < 0][: self.routes.order.shape[1]]
+        while wanted:
+            if self._changed(drone, wanted):
+                self.drone_of[wanted] = drone
+                return
+            wanted.pop()
+
+    def delivered_s(self, order: int) -> float:
+        """Return when an order is delivered, POSIX seconds; infinite where it is not served."""
+        drone = int(self.drone_of[order])
+        return math.inf if drone < 0 else float(self.routes.time_s[drone, self.route(drone).index(order) + 1])
+
+    def all(self) -> tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]:
+        """Return all that there is of all drones, for `all_back`."""
+        return {drone: self.saved(drone) for drone in range(self.drones)}, self.drone_of.copy()
+
     def clear(self, drone: int) -> None:
         """Take all orders from a drone."""
         for one in self.route(drone):

@@ -20,7 +20,7 @@ from skyway.planner.online.following import Step
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.online.in_air import FlightDecision
 from skyway.planner.online.information import Decision, Departure
-from skyway.planner.online.told_plan import itinerary_of, told_plan
+from skyway.planner.online.told_plan import itinerary_of, segments_of, told_plan
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import Problem
@@ -196,6 +196,51 @@ class OnlinePolicy:
             seen.arrives = False
             step = seen.choose()
         return self._staying(info, seen, gate, closed)
+
+    def keep_to_plan(self, info: Information, *, charged: bool = False) -> Decision:
+        """Return what to do at a station under a plan that is not to be left: leave as it says, with more charge where the leg needs it, or stop.
+
+        What it says of charging here is done once; `charged` says that it was.
+        """
+        plan, here = info.plan, info.station or ""
+        if plan is None or not plan.services or plan.services[0].origin != here:
+            return self._stopped(info, f"the plan does not lead on from {here}")
+        service = plan.services[0]
+        if service.destination in info.unusable:
+            return self._stopped(info, f"{service.destination} cannot be used now")
+        p = self.problem(info)
+        segments = segments_of(p.network, [here, *service.via, service.destination])
+        if not segments:
+            return self._stopped(info, f"the network has no way to {service.destination} as planned")
+        stop = next((one for one in plan.stops if one.station == here and one.recharge_s > 0.0), None)
+        planned = info.soc if stop is None or charged else max(stop.soc_to, info.soc)
+        gated = DepartureGate(self, info).check(Step(segments, planned), p)
+        if gated.soc is None:
+            return self._stopped(info, gated.why)
+        figures = {
+            "next": service.destination,
+            "via": list(service.via),
+            "soc": info.soc,
+            "needed_soc": gated.soc,
+            "planned_soc": planned,
+        }
+        wanted = max(planned, gated.soc)
+        if wanted <= info.soc + 0.5 * self.parameters.charge_step:
+            if gated.held:
+                until_s = info.time_s + self.parameters.look_s
+                figures |= dict(gated.figures)
+                return Decision("wait", gated.held, figures, diverts=gated.diverts, until_s=until_s)
+            reason = f"to {service.destination} as planned"
+            return Decision("continue", reason, figures, plan, service.destination, diverts=gated.diverts)
+        if not p.has_pads(p.origin):
+            return self._stopped(
+                info, f"the leg to {service.destination} needs {percent(gated.soc)}, and there is no pad here"
+            )
+        reason = f"to {service.destination} as planned; charge from {percent(info.soc)} to {percent(wanted)}"
+        more = f": the leg needs {percent(gated.soc)} now" if wanted > planned else ""
+        return Decision(
+            "charge", reason + more, figures, plan, service.destination, charge_to=wanted, diverts=gated.diverts
+        )
 
     def _leaving(self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float) -> Decision:
         """Leave as a step says, with the charge that the gate asks for."""

@@ -15,6 +15,13 @@ class DispatchParameters(Parameters):
     priority_factor: float = parameter(8.0, "how many times as much an order of the next priority costs", 1, 100)
     lateness: float = parameter(10.0, "what a second of lateness costs, in seconds of delivery", 0, 1000)
     max_late_s: float = parameter(1800.0, "an order that would be later is refused", 0, 86_400, unit="s")
+    change_s: float = parameter(
+        1800.0,
+        "what a promise costs that is changed when the fleet is planned anew around what flies",
+        0,
+        1e7,
+        unit="s",
+    )
     energy_s: float = parameter(
         600.0, "what the energy of a full battery costs, in seconds of delivery", 0, 1e5, unit="s"
     )

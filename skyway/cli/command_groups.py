@@ -17,6 +17,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "compare": "plan",
         "evaluate": "plan",
         "dispatch": "fleet.dispatch",
+        "orders": "fleet.orders",
         "wind": "scenario",
         "forecast": "forecast",
         "weather": "forecast",

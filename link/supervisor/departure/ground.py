@@ -39,6 +39,8 @@ def replanning(ctx: Context) -> After:
         known = information(ctx)
     if not ctx.job.replanning:
         decision = _as_planned(ctx, known)
+    elif ctx.job.dispatched:
+        decision = ctx.policy().keep_to_plan(known, charged=ctx.delivery.charged)
     else:
         policy = ctx.policy()
         decision = policy.on_ground(known, tell=True)
@@ -60,6 +62,10 @@ def replanning(ctx: Context) -> After:
         return State.REPLANNING, "the wait is over: decide again"
     if decision.charge_to is not None:
         return State.WAITING, f"charge to {percent(decision.charge_to)}"
+    if ctx.delivery.flight == 0 and ctx.now_s < ctx.job.not_before_s:
+        rest(ctx)
+        ctx.wait_until(ctx.job.not_before_s)
+        return State.REPLANNING, "the package is ready: decide again"
     return State.PREFLIGHT, decision.reason
 
 

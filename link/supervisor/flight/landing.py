@@ -60,7 +60,7 @@ def after_landing(ctx: Context) -> After:
         return after_flight(ctx, station, leg)
     onward = ctx.delivery.onward
     if onward is None and station == ctx.job.request.destination:
-        return _deliver(ctx)
+        return _deliver(ctx) if ctx.job.hands_over else (State.DELIVERED, f"the drone stands disarmed at {station}")
     if onward is not None and station == onward.destination:
         return arrived(ctx, onward)
     if ctx.conversation.stays:

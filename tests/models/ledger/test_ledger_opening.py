@@ -18,19 +18,19 @@ from skyway.models.ledger.window import p_both
 
 
 @pytest.fixture
-def two_versions(tmp_path):
-    """Migrations with a second version, in a folder of their own."""
+def one_more_version(tmp_path):
+    """Migrations with one version more than skyway has, in a folder of their own."""
     folder = tmp_path / "migrations"
     folder.mkdir()
     for dialect in ("sqlite", "postgresql"):
-        first = (FOLDER / f"{dialect}-0001.sql").read_text(encoding="utf-8")
-        (folder / f"{dialect}-0001.sql").write_text(first, encoding="utf-8")
-        (folder / f"{dialect}-0002.sql").write_text("CREATE TABLE note (text TEXT);\n", encoding="utf-8")
+        known = scripts(dialect)
+        for number, sql in enumerate((*known, "CREATE TABLE note (text TEXT);\n"), 1):
+            (folder / f"{dialect}-{number:04d}.sql").write_text(sql, encoding="utf-8")
     return folder
 
 
-def of_version_two(store, tmp_path, folder):
-    """Make a ledger of version 1 with a booking, then open it with two versions; returns how it is opened now."""
+def of_newest_version(store, tmp_path, folder):
+    """Make a ledger with a booking, then open it with one version more; returns how it is opened now."""
     name = str(tmp_path / "ledger.db") if store == "sqlite" else postgresql_name()
     with open_ledger(name) as ledger:
         ledger.book(ledger.acquire("operator", "process"), "one", [window()])
@@ -40,13 +40,14 @@ def of_version_two(store, tmp_path, folder):
 
 
 @pytest.mark.parametrize("store", ["sqlite", "postgresql"])
-def test_an_older_ledger_is_migrated_and_a_newer_one_refused(store, tmp_path, two_versions):
-    name, ledger = of_version_two(store, tmp_path, two_versions)
+def test_an_older_ledger_is_migrated_and_a_newer_one_refused(store, tmp_path, one_more_version):
+    name, ledger = of_newest_version(store, tmp_path, one_more_version)
     with ledger:
-        assert ledger.version == 2
+        newest = len(scripts(store))
+        assert ledger.version == newest + 1
         assert [hold.itinerary for hold in ledger.holds()] == ["one"]
         assert audit(ledger) == []
-    with pytest.raises(InputError, match="the ledger has version 2, this skyway knows 1; update skyway"):
+    with pytest.raises(InputError, match=f"the ledger has version {newest + 1}, this skyway knows {newest}; update skyway"):
         open_ledger(name)
 
 
@@ -113,8 +114,8 @@ def test_a_database_that_goes_away_books_nothing_by_halves():
 def test_the_database_itself_guards_the_history(store, tmp_path, sql):
     with opened(store, tmp_path) as ledger:
         ledger.book(ledger.acquire("operator", "process"), "one", [window()])
-        with pytest.raises(LedgerError, match=r"only appended to|are released|changes its state alone"), ledger._transaction():  # fmt: skip
-            ledger._rows(sql)
+        with pytest.raises(LedgerError, match=r"only appended to|are released|changes its state alone"), ledger.transaction():  # fmt: skip
+            ledger.rows(sql)
         assert audit(ledger) == []
 
 

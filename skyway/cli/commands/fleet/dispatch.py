@@ -79,3 +79,171 @@ def plan(
         print_dispatch(work, made)
     if made.answers and not made.served:
         raise typer.Exit(1)
+
+
+Holder = Annotated[str, typer.Option(help="Name of the dispatcher: in whose name pads are booked.")]
+LedgerName = Annotated[str, typer.Option(help="Ledger: a file (SQLite), or postgresql://USER@HOST/DATABASE.")]
+
+
+@dispatch.command("run")
+def run(
+    ledger: LedgerName,
+    orders: Annotated[Path | None, typer.Option(help="Orders to begin with: CSV or JSON.")] = None,
+    fleet: Annotated[
+        Path | None, typer.Option(help="Drones as they stand: CSV or JSON. Needed the first time.")
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Fly simulated drones, as fast as the machine can.")
+    ] = False,
+    scenario: Annotated[Path | None, typer.Option(help="Scenario folder. Without it: the built-in one.")] = None,
+    depart: Annotated[
+        str | None, typer.Option(help="When the service begins, with UTC offset. Without it: now.")
+    ] = None,
+    wind: Annotated[
+        str | None, typer.Option(help="One constant wind that is expected, m/s@degrees FROM: 8@270.")
+    ] = None,
+    actual_wind: Annotated[
+        str | None,
+        typer.Option("--actual-wind", help="The wind that blows in the simulation: 8@270, or a day of the record."),
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 1,
+    hours: Annotated[
+        float | None,
+        typer.Option(help="End after so long. Without it: once all orders are closed and all drones stand."),
+    ] = None,
+    holder: Holder = "dispatch",
+    folder: Annotated[Path, typer.Option(help="Where journals and logs go.")] = Path("flights"),
+    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better each plan, s.")] = 2.0,
+    iterations: Annotated[int, typer.Option(help="Changes to try at most in each plan.", min=0)] = 10**9,
+    lease: Annotated[float, typer.Option(help="How long leases hold without being renewed, s.")] = 10.0,
+    seed: Annotated[int, typer.Option(help="Random seed of the simulation.", min=0, max=2**32 - 1)] = 1,
+    traffic: Annotated[bool, typer.Option(help="Simulate other drones at the pads.")] = True,
+    http: Annotated[
+        str | None,
+        typer.Option(help="Serve the HTTP API at HOST:PORT; beyond this machine it needs a token (SKYWAY_TOKEN)."),
+    ] = None,
+    settings: options.Settings = None,
+) -> None:
+    """Run a fleet: take orders, plan, book the pads, fly, and plan anew around what flies.
+
+    Everything that must not be forgotten is in the ledger: started again with the same ledger and holder, the service goes on where it
+    was. Orders come with --orders, skyway orders add, and the HTTP API; skyway dispatch status tells how it stands.
+
+    Examples
+    --------
+      skyway dispatch run --simulate --ledger ledger.db --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00
+      skyway dispatch run --simulate --ledger ledger.db --fleet fleet.csv --hours 24 --workers 4 --http 127.0.0.1:8090
+    """
+    from skyway.dispatch.service import Options, Service
+    from skyway.models.orders.files import read_orders, read_vehicles
+
+    if not simulate:
+        remedy = "give --simulate; a single real drone is flown by skyway fly"
+        raise InputError("fleets of real drones are not flown yet", field="--simulate", remedy=remedy)
+    if not 0.5 <= lease <= 3600.0:
+        raise InputError("out of range", field="--lease", value=lease, remedy="0.5 to 3600 s")
+    typed_values.planner_parameters(settings)
+    asked = Options(
+        ledger=ledger, dispatcher=holder, folder=folder, begin_s=typed_values.parse_depart(depart).timestamp(),
+        orders=() if orders is None else read_orders(orders), fleet=() if fleet is None else read_vehicles(fleet),
+        scenario=None if scenario is None else str(scenario.resolve()), wind=wind, actual_wind=actual_wind,
+        reserve=typed_values.percent(reserve, "--reserve", high=95.0), workers=workers, ttl_s=lease, plan_s=time_limit,
+        iterations=iterations, lasts_s=None if hours is None else hours * 3600.0, seed=seed, strangers=traffic,
+        settings=tuple(settings or ()), say=typer.echo,
+    )  # fmt: skip
+    service = Service(asked)
+    if http is not None:
+        from skyway.dispatch.http_api import serve_in_background
+
+        typer.echo(f"HTTP API: {serve_in_background(ledger, holder, http)}/openapi.json")
+    service.run()
+
+
+@dispatch.command("worker", hidden=True)
+def worker(
+    ledger: LedgerName, holder: Holder = "dispatch", number: Annotated[int, typer.Option(help="Of this worker.")] = 1
+) -> None:
+    """Supervise flights of a service; skyway dispatch run starts it."""
+    from skyway.dispatch.worker import work
+
+    work(ledger, holder, number)
+
+
+@dispatch.command("world", hidden=True)
+def world(ledger: LedgerName, holder: Holder = "dispatch") -> None:
+    """Simulate the world of a service; skyway dispatch run starts it."""
+    from skyway.dispatch.simulation import simulate as run_world
+
+    run_world(ledger, holder)
+
+
+@dispatch.command("status")
+def status(
+    ledger: LedgerName,
+    holder: Holder = "dispatch",
+    as_prometheus: Annotated[
+        bool, typer.Option("--prometheus", help="Figures in the text format of Prometheus.")
+    ] = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Tell how a fleet stands: what needs a person first, then orders, drones, and promises that were changed and why.
+
+    Examples
+    --------
+      skyway dispatch status --ledger ledger.db
+      skyway dispatch status --ledger ledger.db --prometheus
+    """
+    from skyway.cli.views.fleet_status import print_status
+    from skyway.dispatch.region import Region
+    from skyway.dispatch.status import document_of, prometheus, status_of
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.opening import open_ledger
+
+    if as_json and as_prometheus:
+        raise InputError("--json and --prometheus exclude each other", remedy="give one of them")
+    with open_ledger(ledger) as book:
+        found = status_of(Desk(book, holder))
+    if as_json:
+        typer.echo(json_text(document_of(found), indent=1))
+    elif as_prometheus:
+        typer.echo(prometheus(found), nl=False)
+    else:
+        print_status(found, Region(found.service).base.timezone)
+
+
+@dispatch.command("close")
+def close(
+    station: Annotated[str, typer.Argument(help="Station id.")],
+    pad: Annotated[int, typer.Argument(help="Number of the pad, from 1.", min=1)],
+    ledger: LedgerName,
+    until: Annotated[str, typer.Option(help="It is out of order until then, with UTC offset.")],
+    begin: Annotated[str | None, typer.Option("--from", help="From then on. Without it: at once.")] = None,
+    reason: Annotated[str, typer.Option(help="Why, for people.")] = "",
+    holder: Holder = "dispatch",
+) -> None:
+    """Tell a dispatcher that a pad is out of order: it plans anew around it.
+
+    Examples
+    --------
+      skyway dispatch close bellevue 2 --ledger ledger.db --until 2013-07-10T18:00-04:00
+    """
+    from skyway.dispatch.records import PadRecord, written
+    from skyway.dispatch.region import Region
+    from skyway.dispatch.status import status_of
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.opening import open_ledger
+
+    with open_ledger(ledger) as book:
+        desk = Desk(book, holder)
+        network = Region(status_of(desk).service).base.network
+        found = network.stations[network.find(station)]
+        if pad > found.pads:
+            raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
+        end_s = typed_values.parse_time(until, "--until").timestamp()
+        begin_s = status_of(desk).now_s if begin is None else typed_values.parse_time(begin, "--from").timestamp()
+        if end_s <= begin_s:
+            raise InputError("is not after the beginning", field="--until", value=until)
+        record = PadRecord(station=found.id, pad=pad, from_s=begin_s, until_s=end_s, reason=reason)
+        desk.put_down("pad", f"{found.id} {pad} {end_s:.0f}", "out", written(record))
+    typer.echo(f"pad {pad} of {found.id} is out of order until {until}")

@@ -1,0 +1,99 @@
+"""How a fleet stands, as tables: what needs a person first, then orders, drones and changed promises."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+from zoneinfo import ZoneInfo
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.formatting import UNKNOWN, clock, date_clock, duration, percent
+from skyway.models.base.units import from_posix
+
+if TYPE_CHECKING:
+    from skyway.dispatch.records import OrderRecord
+    from skyway.dispatch.status import Status
+
+SHOWN = 40
+"""Rows of each table; all are in the JSON."""
+_LEFT: Literal["left"] = "left"
+
+
+def print_status(status: Status, timezone: str) -> None:
+    """Print a status."""
+    zone = ZoneInfo(timezone)
+    counts = ", ".join(f"{status.count(one)} {one}" for one in sorted({state for state, _ in status.orders.values()}))
+    led = "" if status.led or status.state == "ended" else "; NO DISPATCHER RUNS: start it again with the same ledger"
+    down = [name for name, alive in status.workers.items() if not alive] if status.state != "ended" else []
+    say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone)}: {len(status.orders)} orders ({counts or 'none'}); "
+        f"{len(status.flights)} flights of {len(status.drones)} drones{led}")  # fmt: skip
+    for name, (state, one) in status.drones.items():
+        if state == "lost":
+            say(f"! {name} is lost, a person must look at it: {one.reason}")
+    for name, (state, order) in status.orders.items():
+        if state == "handed to a person":
+            say(f"! {name} is for a person: {order.reason}")
+    for _, pad in status.pads.values():
+        say(
+            f"! pad {pad.pad} of {pad.station} is out of order until {clock(from_posix(pad.until_s), zone, from_posix(status.now_s))}"
+        )
+    for name in down:
+        say(f"! {name} does not run")
+    say("")
+    print_orders(status, timezone)
+    say("")
+    drones = Sheet([Column("drone", justify=_LEFT), Column("state", justify=_LEFT), Column("place", justify=_LEFT), Column("charge"),
+                    Column("doing", justify=_LEFT), Column("late"), Column("next", justify=_LEFT)])  # fmt: skip
+    for name, (state, one) in list(status.drones.items())[:SHOWN]:
+        flight = status.flights.get(one.flight or "")
+        progress = None if flight is None else flight[1].progress
+        soc = one.soc if progress is None or progress.soc is None else progress.soc
+        doing = (
+            ""
+            if flight is None
+            else f"{flight[1].phase}{' of ' + flight[1].order if flight[1].order else ''}: {progress.state if progress else 'begins'}"
+        )
+        late = duration(flight[1].late_s) if flight is not None and flight[1].late_s >= 60.0 else ""
+        place = (progress.station or "in the air") if progress is not None else one.place
+        drones.add(
+            name, state, place, percent(soc), doing, late, ", ".join(part.order or part.phase for part in one.route)
+        )
+    drones.show()
+    if status.changes:
+        say("")
+        say(f"Promises changed: {len(status.changes)}")
+        for _, change in sorted(status.changes.values(), key=lambda pair: pair[1].at_s)[-SHOWN:]:
+            say(
+                f"  {clock(from_posix(change.at_s), zone, from_posix(status.service.begin_s))}  {change.order}: {change.why}"
+            )
+
+
+def print_orders(status: Status, timezone: str) -> None:
+    """Print the orders alone."""
+    zone = ZoneInfo(timezone)
+    columns = [Column("order", justify=_LEFT), Column("state", justify=_LEFT), Column("from", justify=_LEFT), Column("to", justify=_LEFT), Column("due"),
+               Column("promised"), Column("delivered"), Column("drone", justify=_LEFT), Column("changes"), Column("reason", justify=_LEFT)]  # fmt: skip
+    sheet = Sheet(columns)
+    begin = from_posix(status.service.begin_s)
+    for name, (state, one) in list(status.orders.items())[:SHOWN]:
+        due = clock(one.order.due, zone, begin) if one.order.due >= begin else date_clock(one.order.due, zone)
+        promised = UNKNOWN if one.promise is None else clock(from_posix(one.promise.delivered_s), zone, begin)
+        done = UNKNOWN if one.delivered_s is None else clock(from_posix(one.delivered_s), zone, begin)
+        sheet.add(
+            name,
+            state,
+            one.order.origin,
+            one.order.destination,
+            due,
+            promised,
+            done,
+            _drone(one),
+            str(one.changes),
+            one.reason,
+        )
+    sheet.show()
+    if len(status.orders) > SHOWN:
+        say(f"… and {len(status.orders) - SHOWN} more orders: --json has them all")
+
+
+def _drone(record: OrderRecord) -> str:
+    return record.drone or (UNKNOWN if record.promise is None else record.promise.drone)

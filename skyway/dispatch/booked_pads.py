@@ -1,0 +1,43 @@
+"""Pads as a flight of a fleet has them: those it has booked, from when it has booked them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.queues.pad_service import DroneOnPad
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.dispatch.records import PlanStep
+    from skyway.models.queues.pad_service import PadService, StationStatus
+
+EARLY_S = 1.0
+"""A charge may begin so much before its window."""
+
+
+class BookedPads:
+    """A pad service in which a drone does not come onto a pad before its window; satisfies `models.queues.pad_service.PadService`.
+
+    Who is late asks for a pad as anybody: whether one is free, the pads themselves know.
+    """
+
+    def __init__(self, pads: PadService, steps: tuple[PlanStep, ...], posix_s: Callable[[], float]) -> None:
+        self._pads, self._posix_s = pads, posix_s
+        self._windows = [one for one in steps if one.kind == "charge" and one.pad is not None]
+
+    def status(self, station: str) -> StationStatus:
+        """Return the pads of a station now."""
+        return self._pads.status(station)
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask for a pad and charging; before its window the drone waits beside the pad."""
+        window = next((one for one in self._windows if one.origin == station), None)
+        if window is not None and self._posix_s() < window.begin_s - EARLY_S:
+            return DroneOnPad(drone=drone, state="waiting", to_soc=to_soc, pad_free_s=window.begin_s)
+        return self._pads.charge(station, drone, to_soc)
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Give the pad back; its window is over."""
+        self._windows = [one for one in self._windows if one.origin != station]
+        return self._pads.release(station, drone)

@@ -1,0 +1,77 @@
+"""The bookings of a dispatcher in its ledger, brought to what is wanted: each itinerary whole or not at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.replanning import apart
+from skyway.models.base.units import from_posix
+from skyway.models.ledger.ledger import TakenError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from skyway.models.ledger.ledger import Hold, Lease, Ledger
+    from skyway.models.ledger.window import Window
+
+SAME_S = 1.0
+"""Windows whose ends differ by no more are the same."""
+
+
+class Bookings:
+    """What a dispatcher holds in a ledger."""
+
+    def __init__(self, ledger: Ledger, holder: str, pads: Mapping[str, int]) -> None:
+        self._ledger, self._holder, self._pads = ledger, holder, pads
+
+    def of_others(self, now_s: float) -> list[Hold]:
+        """Return what others hold from an instant on."""
+        return [one for one in self._ledger.holds(begin=from_posix(now_s)) if one.holder != self._holder]
+
+    def bring_up_to_date(self, lease: Lease, wanted: Mapping[str, Sequence[Window]], now_s: float) -> None:
+        """Book what is wanted in place of what is held; what is over is released.
+
+        A `TakenError` says that another holder has booked a pad meanwhile: what was to be booked there is not.
+        """
+        held: dict[str, list[Hold]] = {}
+        for one in self._ledger.holds():
+            if one.holder == self._holder:
+                held.setdefault(one.itinerary, []).append(one)
+        windows = apart(wanted, self._pads, [one.window for one in self.of_others(now_s)])
+        moved = [
+            name for name, holds in held.items() if not _same([one.window for one in holds], windows.get(name, []))
+        ]
+        for name in moved:
+            self._ledger.mark(lease, name, "released")
+        problem: TakenError | None = None
+        for name in windows:
+            if windows[name] and (name in moved or name not in held):
+                try:
+                    self._ledger.book(lease, name, windows[name])
+                except TakenError as error:
+                    problem = error
+        self._mark_begun(lease, now_s)
+        if problem is not None:
+            raise problem
+
+    def _mark_begun(self, lease: Lease, now_s: float) -> None:
+        """Mark windows that have begun as used; one pad has one at a time."""
+        now = from_posix(now_s)
+        for one in self._ledger.holds(begin=now, end=now):
+            if one.holder == self._holder and one.state == "firm" and one.window.start <= now < one.window.end:
+                self._ledger.mark(lease, one.itinerary, "in use", number=one.number)
+
+
+def _same(held: Sequence[Window], wanted: Sequence[Window]) -> bool:
+    if len(held) != len(wanted):
+        return False
+
+    def key(one: Window) -> tuple[str, int, float]:
+        return one.station, one.pad, one.start.timestamp()
+
+    return all(
+        (a.station, a.pad) == (b.station, b.pad)
+        and abs((a.start - b.start).total_seconds()) <= SAME_S
+        and abs((a.end - b.end).total_seconds()) <= SAME_S
+        for a, b in zip(sorted(held, key=key), sorted(wanted, key=key), strict=True)
+    )

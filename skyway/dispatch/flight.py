@@ -1,0 +1,160 @@
+"""One flight of a worker: its supervisor in a thread, fenced by the lease, told to the desk."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.booked_pads import BookedPads
+from skyway.dispatch.records import End, Progress
+from skyway.flying import request_of
+from skyway.link.protocol.connection import Connection
+from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor, read_journal
+from skyway.link.supervisor.states import IN_AIR, State
+from skyway.link.vehicle.vehicle import Vehicle
+from skyway.models.base.errors import InputError, LinkError, SkywayError
+from skyway.models.composition.file import from_json
+from skyway.models.ledger.ledger import FencedError, VersionError
+from skyway.sim_stub.transports.lockstep_client import LockstepClient, LockstepPads
+
+if TYPE_CHECKING:
+    from skyway.dispatch.records import FlightRecord
+    from skyway.dispatch.worker import Worker
+    from skyway.link.supervisor import Outcome
+    from skyway.link.supervisor.context import Context
+    from skyway.models.ledger.desk import Entry
+
+WITH_PACKAGE = "with the package"
+TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
+"""How often a flight tells how far it is; at once where its state changes, or it is later by so much."""
+NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
+
+
+class Flight:
+    """Supervises one flight in a thread."""
+
+    def __init__(self, worker: Worker, entry: Entry, record: FlightRecord) -> None:
+        self._worker, self._entry, self._record = worker, entry, record
+        self._told = Progress(at_s=-math.inf, state="")
+        self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
+
+    def start(self) -> None:
+        """Begin, or go on."""
+        self._thread.start()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is still supervised."""
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        record = self._record
+        try:
+            world = LockstepClient(self._worker.service.world, f"flight {self._entry.id}", system=record.system)
+        except LinkError:
+            return  # looked at again
+        try:
+            self._fly(world)
+        except (FencedError, VersionError):
+            pass  # another has taken it over
+        except SkywayError as error:
+            self._give_up(world, str(error))
+        finally:
+            world.close()
+
+    def _fly(self, world: LockstepClient) -> None:
+        record, region = self._record, self._worker.region
+        path = self._worker.folder() / record.journal
+        resumes = path.exists() and bool(read_journal(path).records)
+        if not resumes:
+            path.unlink(missing_ok=True)
+            self._worker.leases.confirm(self._entry.keeper)
+            world.order("load", system=record.system, kg=record.mass_kg)
+        self._entry = self._worker.change(self._entry, "flying", record)
+        composition = from_json(json.dumps(record.composition), file="desk")
+        now_s = world.posix_s()
+        scenario = region.in_air(region.with_places((composition.origin, composition.destination)), now_s)
+        loaded = record.phase == WITH_PACKAGE
+        job = DeliveryJob(
+            composition=composition,
+            scenario=scenario,
+            request=replace(request_of(composition, scenario), return_to="none"),
+            forecast=region.forecast(now_s),
+            dispatched=True,
+            hands_over=loaded,
+            not_before_s=record.not_before_s,
+            parameters=region.flying,
+            asking="never",
+        )
+        connection = Connection(world, world)
+        connection.fence = lambda: self._worker.leases.confirm(self._entry.keeper)
+        vehicle = Vehicle(connection, record.system)
+        pads = BookedPads(LockstepPads(world), record.steps, world.posix_s)
+        journal = Journal(path, world.posix_s, resume=resumes)
+        try:
+            supervisor = Supervisor(
+                job, vehicle, world, pads, NobodyThere(), journal, resume=resumes, on_tick=self._tell
+            )
+            outcome = supervisor.run()
+            self._end(world, supervisor.context, outcome)
+        finally:
+            journal.close()
+
+    # Telling
+
+    def _tell(self, ctx: Context) -> None:
+        """Write how far it is, where that is news."""
+        late_s = self._late_s(ctx)
+        told = self._told
+        state = "preparing" if ctx.state in NOT_TOLD else str(ctx.state)
+        news = state != told.state or abs(late_s - told.late_s) >= TELL_LATE_S
+        if not (news or ctx.now_s >= told.at_s + TELL_EVERY_S):
+            return
+        place, soc = ctx.place, ctx.battery.soc
+        progress = Progress(
+            at_s=ctx.now_s, state=state, flights=ctx.delivery.flight, station=ctx.delivery.station,
+            soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != told.state else told.since_s,
+            lat=None if place is None else place[0], lon=None if place is None else place[1],
+        )  # fmt: skip
+        self._told = self._record.progress = progress
+        self._entry = self._worker.change(self._entry, "flying", self._record)
+
+    def _late_s(self, ctx: Context) -> float:
+        """How far behind its plan: by when the flight under way lands, or by the take-off that is due."""
+        flights = [one for one in self._record.steps if one.kind == "fly"]
+        number = ctx.delivery.flight
+        leg = ctx.delivery.leg
+        if ctx.state in IN_AIR and leg is not None and 1 <= number <= len(flights):
+            left_s = None if leg.lookahead is None else leg.lookahead.left_s
+            lands_s = leg.start_s + leg.planned_s if left_s is None else ctx.now_s + float(left_s)
+            return max(lands_s - flights[number - 1].end_s, 0.0)
+        if number < len(flights):
+            return max(ctx.now_s - flights[number].begin_s, 0.0)
+        return max(ctx.now_s - flights[-1].end_s, 0.0)
+
+    def _end(self, world: LockstepClient, ctx: Context, outcome: Outcome) -> None:
+        record = self._record
+        loaded = record.phase == WITH_PACKAGE
+        arrived = outcome.state == State.DELIVERED if not loaded else outcome.delivered
+        sure = not loaded or outcome.proof in ("", "delivered")
+        soc = ctx.battery.soc
+        record.end = End(
+            at_s=world.posix_s(), state=outcome.state, reason=outcome.reason, station=outcome.station,
+            soc=soc if math.isfinite(soc) else None, arrived=arrived, sure=sure, aboard=loaded and not arrived,
+        )  # fmt: skip
+        self._entry = self._worker.change(self._entry, "ended", record)
+
+    def _give_up(self, world: LockstepClient, why: str) -> None:
+        """End a flight that cannot be supervised: a person must look at it."""
+        record = self._record
+        record.end = End(
+            at_s=world.posix_s(), state="not supervised", reason=why, station=None, soc=None, arrived=False,
+            aboard=record.phase == WITH_PACKAGE,
+        )  # fmt: skip
+        try:
+            self._entry = self._worker.change(self._entry, "ended", record)
+        except (FencedError, VersionError, InputError):
+            return

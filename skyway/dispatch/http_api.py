@@ -1,0 +1,196 @@
+"""The HTTP API of a service: orders come in, and how it stands goes out; described by OpenAPI at ``/openapi.json``.
+
+It reads and writes the desk alone, so it is as true as the ledger, and may be asked while the dispatcher plans.
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import threading
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI, HTTPException, Request, Response
+from fastapi.responses import JSONResponse, PlainTextResponse
+from pydantic import BaseModel, ConfigDict, Field
+
+from skyway.dispatch.service import put_order
+from skyway.dispatch.status import document_of, order_document, prometheus, status_of
+from skyway.models.base.errors import InputError
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.files import order_of
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+TOKEN = "SKYWAY_TOKEN"  # noqa: S105  the name of a variable
+LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
+MAX_BODY = 100_000
+WALL_S = 10.0
+
+
+class NewOrder(BaseModel):
+    """An order; the fields are those of orders.csv."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+    id: str = Field(description="Unique; the same id is refused the second time.")
+    origin: str = Field(alias="from", description="Station id, part of its name, or lat,lon.")
+    to: str = Field(description="Station id, part of its name, or lat,lon.")
+    mass_kg: float = Field(description="Mass of the package, kg.")
+    ready: str = Field(description="It can be fetched from then on; ISO 8601 with UTC offset.")
+    due: str = Field(description="It should be there by then; ISO 8601 with UTC offset.")
+    kind: str = ""
+    priority: int = 0
+    value: float | None = None
+
+
+class OrderStatus(BaseModel):
+    """What has become of an order."""
+
+    id: str
+    state: str = Field(description="new, promised, under way, aboard, delivered, refused, or handed to a person.")
+    origin: str = Field(alias="from")
+    to: str
+    mass_kg: float
+    kind: str
+    priority: int
+    ready: str
+    due: str
+    drone: str | None
+    promised: str | None = Field(description="When it will be delivered, as promised now.")
+    first_promised: str | None
+    changes: int = Field(description="How often the promise was changed.")
+    delivered: str | None
+    place: str = Field(description="Where the package is, or was fetched.")
+    reason: str = Field(description="Why it is refused, waits, or was handed to a person.")
+
+
+class Problem(BaseModel):
+    """Why a request was refused: one line for each fault."""
+
+    problems: list[str]
+
+
+def application(ledger: str, dispatcher: str, *, token: str | None = None) -> FastAPI:
+    """Return the API of a dispatcher as an ASGI application; with a token, who asks must have it (``Authorization: Bearer …``)."""
+    api = FastAPI(title="skyway dispatch", version="1", description=__doc__ or "", docs_url=None, redoc_url=None)
+    refused: dict[int | str, dict[str, Any]] = {422: {"model": Problem}, 404: {"model": Problem}}
+
+    def desk() -> Desk:
+        return Desk(open_ledger(ledger), dispatcher)
+
+    @api.middleware("http")
+    async def guarded(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
+        host = request.headers.get("host", "").rpartition(":")[0] or request.headers.get("host", "")
+        if token is None and host.strip("[]") not in LOOPBACK:
+            return JSONResponse({"problems": ["asked under the name of another host"]}, 403)
+        if token is not None:
+            given = request.headers.get("authorization", "").removeprefix("Bearer ")
+            if not hmac.compare_digest(given.encode(), token.encode()):
+                return JSONResponse({"problems": ["a token is needed: Authorization: Bearer …"]}, 401)
+        if (
+            request.method not in ("GET", "HEAD")
+            and request.headers.get("content-type", "").partition(";")[0] != "application/json"
+        ):
+            return JSONResponse({"problems": ["send application/json"]}, 415)
+        if int(request.headers.get("content-length") or 0) > MAX_BODY:
+            return JSONResponse({"problems": [f"more than {MAX_BODY} bytes"]}, 413)
+        return await call_next(request)
+
+    @api.exception_handler(InputError)
+    async def faulty(_: Request, error: Exception) -> Response:
+        return JSONResponse({"problems": str(error).splitlines()}, 422)
+
+    @api.post("/orders", status_code=201, response_model=OrderStatus, responses=refused)
+    def add_order(order: NewOrder) -> dict[str, Any]:
+        """Take an order; it is on the desk when the answer comes."""
+        values = {
+            "id": order.id,
+            "from": order.origin,
+            "to": order.to,
+            "mass_kg": order.mass_kg,
+            "ready": order.ready,
+            "due": order.due,
+        }
+        values |= {"kind": order.kind, "priority": order.priority} | (
+            {} if order.value is None else {"value": order.value}
+        )
+        one = order_of(values, "order")
+        place = desk()
+        with place.ledger:
+            put_order(place, one)
+            return _told(place, order.id)
+
+    @api.get("/orders", response_model=list[OrderStatus])
+    def list_orders() -> list[dict[str, Any]]:
+        """Tell of all orders."""
+        place = desk()
+        with place.ledger:
+            return [order_document(name, state, one) for name, (state, one) in status_of(place).orders.items()]
+
+    @api.get("/orders/{order_id}", response_model=OrderStatus, responses=refused)
+    def get_order(order_id: str) -> dict[str, Any]:
+        """Tell of one order."""
+        place = desk()
+        with place.ledger:
+            if place.get("order", order_id) is None:
+                raise HTTPException(404, {"problems": [f"there is no order {order_id}"]})
+            return _told(place, order_id)
+
+    @api.get("/status")
+    def status() -> dict[str, Any]:
+        """Tell how the service stands (``skyway.fleet-status/1``)."""
+        place = desk()
+        with place.ledger:
+            return document_of(status_of(place))
+
+    @api.get("/metrics", response_class=PlainTextResponse)
+    def metrics() -> str:
+        """Tell figures in the text format of Prometheus."""
+        place = desk()
+        with place.ledger:
+            return prometheus(status_of(place))
+
+    return api
+
+
+def _told(desk: Desk, order: str) -> dict[str, Any]:
+    from skyway.dispatch.records import OrderRecord, read
+
+    entry = desk.get("order", order)
+    if entry is None:
+        raise InputError("there is no such order", field="id", value=order)
+    return order_document(entry.id, entry.state, read(entry, OrderRecord))
+
+
+def serve_in_background(ledger: str, dispatcher: str, where: str) -> str:
+    """Serve the API at ``HOST:PORT`` in a thread of its own; returns its address. Beyond this machine a token is needed."""
+    import uvicorn
+
+    host, _, port = where.rpartition(":")
+    if not host or not port.isdigit() or int(port) > 65535:
+        raise InputError("is no address", field="--http", value=where, remedy="HOST:PORT, such as 127.0.0.1:8090")
+    token = os.environ.get(TOKEN) or None
+    if token is None and host.strip("[]") not in LOOPBACK:
+        raise InputError(
+            "anybody in the network could send orders",
+            field="--http",
+            value=where,
+            remedy=f"set {TOKEN}, or listen at 127.0.0.1",
+        )
+    config = uvicorn.Config(
+        application(ledger, dispatcher, token=token), host=host.strip("[]"), port=int(port), log_level="warning"
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True, name="http")
+    thread.start()
+    end = threading.Event()
+    waited = 0.0
+    while not server.started and thread.is_alive() and waited < WALL_S:
+        end.wait(0.05)
+        waited += 0.05
+    if not server.started:
+        raise InputError("cannot be listened at", field="--http", value=where, remedy="another port")
+    bound = server.servers[0].sockets[0].getsockname()
+    return f"http://{host}:{bound[1]}"

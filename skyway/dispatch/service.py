@@ -1,0 +1,264 @@
+"""The service: begun or gone on with from its desk, with its workers and, where it is simulated, its world."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.dispatcher import Dispatcher
+from skyway.dispatch.leases import KeptLeases
+from skyway.dispatch.records import DroneRecord, OrderRecord, ServiceRecord, read, written
+from skyway.dispatch.region import Region
+from skyway.dispatch.simulation import ADDRESS
+from skyway.dispatch.worker import worker_name
+from skyway.flights.starting import start
+from skyway.models.base.errors import InputError, LinkLostError, SkywayError
+from skyway.models.ledger.desk import Desk, Entry
+from skyway.models.ledger.ledger import FencedError, LedgerError, TakenError, VersionError
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.fitting import fit
+from skyway.sim_stub.transports.lockstep_client import LockstepClient
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Callable, Sequence
+
+    from skyway.models.ledger.ledger import Lease
+    from skyway.models.orders.order import Order, Vehicle
+
+EVERY_S = 10.0
+"""How often the dispatcher looks, of its own time."""
+GRACE_S = 120.0
+"""The simulated world goes on for so long once the dispatcher was killed, before it waits for the next one."""
+WORLD_WALL_S = 60.0
+"""Longest time until a simulated world answers."""
+TAKE_OVER_WALL_S = 120.0
+"""So long a dispatcher waits for the lease of one that has died."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a service is begun, or gone on with."""
+
+    ledger: str
+    dispatcher: str
+    folder: Path
+    begin_s: float
+    orders: Sequence[Order] = ()
+    fleet: Sequence[Vehicle] = ()
+    scenario: str | None = None
+    wind: str | None = None
+    actual_wind: str | None = None
+    reserve: float = 0.2
+    workers: int = 1
+    ttl_s: float = 10.0
+    plan_s: float = 2.0
+    iterations: int = 10**9
+    lasts_s: float | None = None
+    """It ends after so long, of its own time; None: once all orders are closed, and all drones stand."""
+    seed: int = 1
+    strangers: bool = True
+    settings: tuple[str, ...] = ()
+    say: Callable[[str], None] = field(default=print)
+
+
+def put_order(desk: Desk, order: Order) -> None:
+    """Put an order on a desk; an `InputError` says that its id is there already."""
+    desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
+
+
+class Service:
+    """A service that runs until its orders are closed, or its time is over."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self._leases = KeptLeases(options.ledger, f"{socket.gethostname()} {os.getpid()}", options.ttl_s)
+        self._desk = Desk(open_ledger(options.ledger), options.dispatcher)
+        self._workers: dict[int, subprocess.Popen[bytes]] = {}
+        self._take_lease()
+        self.record = self._begun() or self._begin()
+        for order in options.orders:
+            if self._desk.get("order", order.id) is None:  # started anew with the same file: it is there already
+                put_order(self._desk, order)
+        self.dispatcher = self._dispatcher()
+
+    def _take_lease(self) -> None:
+        """Take the lease of the dispatcher; of one that was killed it runs out."""
+        end = time.monotonic() + TAKE_OVER_WALL_S
+        while True:
+            try:
+                self._leases.take(self.options.dispatcher)
+            except FencedError:
+                if time.monotonic() >= end:
+                    raise
+                time.sleep(0.1)
+            else:
+                return
+
+    def _dispatcher(self) -> Dispatcher:
+        o = self.options
+        return Dispatcher(
+            Region(self.record),
+            self._desk,
+            self._leases,
+            workers=self.record.workers,
+            plan_s=o.plan_s,
+            iterations=o.iterations,
+            say=self._say,
+        )
+
+    def _say(self, line: str) -> None:
+        self.options.say(line)
+
+    def _begun(self) -> ServiceRecord | None:
+        """Return the service that is on the desk, which is gone on with; None where there is none."""
+        found = self._desk.get("service", "service")
+        if found is None:
+            return None
+        if found.state == "ended":
+            remedy = "name another --holder, or another ledger"
+            raise InputError(
+                "the service of this name has ended", field="--holder", value=self.options.dispatcher, remedy=remedy
+            )
+        record = read(found, ServiceRecord)
+        if not record.world:
+            record = self._with_world(found, record)
+        self._say(f"going on with the service of {self.options.dispatcher}: nothing is lost")
+        return record
+
+    def _begin(self) -> ServiceRecord:
+        o = self.options
+        if not o.fleet:
+            raise InputError("a service without drones", field="--fleet", remedy="give a file of drones")
+        o.folder.mkdir(parents=True, exist_ok=True)
+        record = ServiceRecord(
+            begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=o.ledger, scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
+            reserve=o.reserve, workers=o.workers, ttl_s=o.ttl_s, settings=list(o.settings), seed=o.seed, strangers=o.strangers,
+        )  # fmt: skip
+        vehicles = fit(Region(record).base, (), o.fleet).vehicles
+        drones = [
+            DroneRecord(vehicle=one, system=number, place=one.place, soc=one.soc)
+            for number, one in enumerate(vehicles, 1)
+        ]
+        entries = [Entry("drone", one.vehicle.id, 0, "standing", o.dispatcher, written(one)) for one in drones]
+        service = Entry("service", "service", 0, "begun", o.dispatcher, written(record))
+        written_ = self._desk.put(self._lease, [*entries, service])
+        return self._with_world(written_[-1], record)
+
+    @property
+    def _lease(self) -> Lease:
+        lease = self._leases.kept(self.options.dispatcher)
+        if lease is None:
+            raise FencedError("the lease of the dispatcher is lost")
+        return lease
+
+    def _with_world(self, entry: Entry, record: ServiceRecord) -> ServiceRecord:
+        """Start the simulated world, and write where it is."""
+        folder = Path(record.folder)
+        address = folder / ADDRESS
+        address.unlink(missing_ok=True)
+        words = ["dispatch", "world", "--ledger", record.ledger, "--holder", self.options.dispatcher]
+        process = start(words, folder / "world.out")
+        end = time.monotonic() + WORLD_WALL_S
+        while not address.exists():
+            if process.poll() is not None or time.monotonic() >= end:
+                raise LinkLostError(f"the simulated world did not start: see {folder / 'world.out'}")
+            time.sleep(0.02)
+        record.world = address.read_text(encoding="ascii").strip()
+        self._desk.put(
+            self._lease,
+            [Entry("service", "service", entry.version, "running", self.options.dispatcher, written(record))],
+        )
+        return record
+
+    # Running
+
+    def run(self) -> None:
+        """Run to the end of the service."""
+        world = LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        try:
+            self._tend_workers()
+            for number in self._workers:
+                world.order("await", name=worker_name(self.options.dispatcher, number))
+            while True:
+                now_s = world.posix_s()
+                self._step(now_s)
+                self._tend_workers()
+                if self._over(now_s):
+                    break
+                world.sleep_until(world.now_s() + EVERY_S)
+            self._end(world)
+        finally:
+            world.close()
+            self._leases.close()
+
+    def _step(self, now_s: float) -> None:
+        """Do what is due; a database that went away is waited for, and found again."""
+        while True:
+            try:
+                self.dispatcher.step(now_s)
+            except (TakenError, VersionError) as error:
+                self._say(f"planned again: {error}")
+                return
+            except LedgerError as error:
+                self._say(f"{error}; waiting for it")
+                self._reopen()
+            else:
+                return
+
+    def _reopen(self) -> None:
+        while True:
+            time.sleep(0.5)
+            try:
+                fresh = open_ledger(self.options.ledger)
+            except SkywayError:
+                continue
+            self._desk = Desk(fresh, self.options.dispatcher)
+            self._take_lease()
+            self.dispatcher = self._dispatcher()
+            return
+
+    def _over(self, now_s: float) -> bool:
+        lasts_s = self.options.lasts_s
+        if lasts_s is not None and now_s >= self.record.begin_s + lasts_s:
+            return True
+        return (
+            lasts_s is None
+            and not self.dispatcher.busy
+            and not self._desk.count("order", ("new", "promised", "under way", "aboard"))
+        )
+
+    def _tend_workers(self) -> None:
+        """Start workers that do not run: at the beginning, and those that have died."""
+        for number in range(1, self.record.workers + 1):
+            process = self._workers.get(number)
+            if process is not None and process.poll() is None:
+                continue
+            if process is not None:
+                self._say(f"worker {number} has died (exit code {process.returncode}): another one is started")
+            words = [
+                "dispatch",
+                "worker",
+                "--ledger",
+                self.record.ledger,
+                "--holder",
+                self.options.dispatcher,
+                "--number",
+                str(number),
+            ]
+            self._workers[number] = start(words, Path(self.record.folder) / f"worker-{number}.out")
+
+    def _end(self, world: LockstepClient) -> None:
+        """End the service: workers finish their flights and end, and then the world."""
+        found = self._desk.get("service", "service")
+        if found is not None:
+            self._desk.put(
+                self._lease, [Entry("service", "service", found.version, "ended", found.keeper, found.document)]
+            )
+        while any(one.poll() is None for one in self._workers.values()):
+            world.sleep_until(world.now_s() + EVERY_S)
+        world.order("end")

@@ -1,0 +1,174 @@
+"""A worker: a process that supervises up to `MOST` flights, each in a thread of its own, under leases that it keeps.
+
+It takes the flights that the dispatcher gave to it, and those of another worker whose lease has run out: they go on from their journals.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.flight import Flight
+from skyway.dispatch.leases import KeptLeases
+from skyway.dispatch.records import ACTIVE, FlightRecord, ServiceRecord, read, written
+from skyway.dispatch.region import Region
+from skyway.models.base.errors import InputError, SkywayError
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.ledger import FencedError, VersionError
+from skyway.models.ledger.opening import open_ledger
+from skyway.sim_stub.transports.lockstep_client import LockstepClient
+
+if TYPE_CHECKING:
+    from skyway.models.ledger.desk import Entry
+
+MOST = 50
+"""Flights of one worker at a time."""
+LOOK_S = 5.0
+"""How often it looks for flights, of its own time."""
+TRY_WALL_S = 0.5
+"""How often, of the wall's time, it tries to take over what another had."""
+GRACE_S = 60.0
+"""The simulated world goes on for so long once a worker was killed, before it waits for who takes its flights over."""
+AGAIN_WALL_S = 1.0
+ALONE_WALL_S = 60.0
+"""A worker without flights ends once there has been no dispatcher for so long."""
+
+
+def worker_name(dispatcher: str, number: int) -> str:
+    """Name of the holder whose lease a worker takes first."""
+    return f"{dispatcher}/worker {number}"
+
+
+class Worker:
+    """One worker process."""
+
+    def __init__(self, ledger: str, dispatcher: str, number: int) -> None:
+        self.name = worker_name(dispatcher, number)
+        self._dispatcher, self._ledger_name = dispatcher, ledger
+        self._lock = threading.RLock()
+        self._desk = Desk(open_ledger(ledger), dispatcher)
+        found = self._desk.get("service", "service")
+        if found is None:
+            raise InputError("there is no service on this desk", ledger, remedy="start one: skyway dispatch run")
+        self.service = read(found, ServiceRecord)
+        self.region = Region(self.service)
+        self.leases = KeptLeases(ledger, f"{socket.gethostname()} {os.getpid()}", self.service.ttl_s)
+        self._flights: dict[str, Flight] = {}
+        self._tried_wall_s = 0.0
+        self._looked_wall_s = self._led_wall_s = time.monotonic()
+
+    def run(self) -> None:
+        """Work until the service has ended and all flights are over."""
+        world = LockstepClient(self.service.world, self.name, grace_s=GRACE_S)
+        try:
+            while not self._over():
+                self._look()
+                world.sleep_until(world.now_s() + LOOK_S)
+        finally:
+            world.close()
+            self.leases.close()
+
+    def _over(self) -> bool:
+        if self._flights:
+            return False
+        found = self._entry("service", "service")
+        return (found is not None and found.state == "ended") or self._left_alone()
+
+    def _left_alone(self) -> bool:
+        """Whether there has been no dispatcher for long: the next one starts workers of its own."""
+        if time.monotonic() < self._looked_wall_s + TRY_WALL_S:
+            return False
+        self._looked_wall_s = time.monotonic()
+        with self._lock:
+            try:
+                led = self._desk.ledger.led(self._dispatcher)
+            except SkywayError:
+                return False  # the database is away, not the dispatcher
+        if led:
+            self._led_wall_s = self._looked_wall_s
+        return self._looked_wall_s > self._led_wall_s + ALONE_WALL_S
+
+    def _entry(self, kind: str, id: str) -> Entry | None:  # noqa: A002
+        with self._lock:
+            try:
+                return self._desk.get(kind, id)  # type: ignore[arg-type]
+            except SkywayError:
+                self._reopen()
+                return None
+
+    def _reopen(self) -> None:
+        """Open the ledger again: its database went away; flights go on meanwhile as long as their lease holds."""
+        time.sleep(AGAIN_WALL_S)
+        try:
+            fresh = open_ledger(self._ledger_name)
+        except SkywayError:
+            return
+        self._desk.ledger.close()
+        self._desk = Desk(fresh, self._dispatcher)
+
+    def _look(self) -> None:
+        """Begin what is to be begun, and take over what nobody has."""
+        self._flights = {name: one for name, one in self._flights.items() if one.alive}
+        try:
+            if self.leases.kept(self.name) is None and not self._flights:
+                self.leases.take(self.name)
+        except (FencedError, SkywayError):
+            pass  # another process has it: wait for its end
+        with self._lock:
+            try:
+                entries = self._desk.entries("flight", ACTIVE)
+            except SkywayError:
+                self._reopen()
+                return
+        mine = set(self.leases.holders)
+        self._take_over({one.keeper for one in entries} - mine)
+        mine = set(self.leases.holders)
+        for entry in entries:
+            if entry.keeper in mine and entry.id not in self._flights and len(self._flights) < MOST:
+                flight = Flight(self, entry, read(entry, FlightRecord))
+                self._flights[entry.id] = flight
+                flight.start()
+
+    def _take_over(self, keepers: set[str]) -> None:
+        """Take the leases of other workers that have run out, as far as there is room."""
+        if not keepers or time.monotonic() < self._tried_wall_s + TRY_WALL_S:
+            return
+        self._tried_wall_s = time.monotonic()
+        for keeper in sorted(keepers):
+            if len(self._flights) >= MOST:
+                return
+            try:
+                self.leases.take(keeper)
+            except (FencedError, SkywayError):
+                continue
+            LockstepClient(self.service.world, keeper).close()  # the world need not wait for it any more
+
+    def change(self, entry: Entry, state: str, record: FlightRecord) -> Entry:
+        """Write what has become of a flight, under the lease of its keeper; a `FencedError` says that it is no longer ours."""
+        while True:
+            lease = self.leases.kept(entry.keeper)
+            if lease is None:
+                raise FencedError(f"the lease of {entry.keeper} is lost")
+            with self._lock:
+                try:
+                    (after,) = self._desk.put(lease, [replace(entry, state=state, document=written(record))])
+                except (FencedError, VersionError):
+                    raise
+                except SkywayError:
+                    self._reopen()
+                    continue
+            return after
+
+    def folder(self) -> Path:
+        """Where journals are."""
+        return Path(self.service.folder)
+
+
+def work(ledger: str, dispatcher: str, number: int) -> None:
+    """Run a worker to its end."""
+    Worker(ledger, dispatcher, number).run()

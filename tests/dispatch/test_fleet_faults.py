@@ -1,0 +1,64 @@
+"""Fleets through faults, flown by real processes: workers and the dispatcher killed, drones lost, pads out of order."""
+
+import os
+import signal
+
+import pytest
+from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
+
+from skyway.dispatch.records import Board, FlightRecord
+
+pytestmark = pytest.mark.slow
+FLEET = ["d1,m200,bellevue,100\n", "d2,m200,nyu-brooklyn,100\n"]
+ORDERS = [order_line("one", "bellevue", "nyu-brooklyn"), order_line("two", "nyu-brooklyn", "bellevue", ready_min=5)]
+
+
+def test_a_dispatcher_that_is_killed_loses_nothing(tmp_path):
+    run = FleetRun(tmp_path, ORDERS, FLEET)
+    try:
+        run.start()
+        run.look(flying)
+        run.process.send_signal(signal.SIGKILL)
+        run.process.wait()
+        run.start(orders=False)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}
+    assert "going on with the service" in run.said()
+
+
+def test_a_lost_drone_is_left_to_a_person_and_its_other_orders_are_planned_anew(tmp_path):
+    run = FleetRun(tmp_path, ORDERS, FLEET)
+    try:
+        run.start()
+        (name, *_) = run.look(flying)
+        from skyway.models.ledger.desk import Desk
+        from skyway.models.ledger.opening import open_ledger
+
+        with open_ledger(run.ledger) as book:
+            system = Board(Desk(book, "dispatch")).read("flight", FlightRecord, ("flying",))[name][1].system
+        run.order_to_world("inject", fault=f"reboot#{system}")
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert sorted(state for state, _ in status.orders.values()) == ["delivered", "handed to a person"], run.said()
+    assert sorted(state for state, _ in status.drones.values()) == ["lost", "standing"]
+
+
+def test_the_dispatcher_and_a_worker_killed_together(tmp_path):
+    run = FleetRun(tmp_path, ORDERS, FLEET)
+    try:
+        run.start()
+        run.look(flying)
+        for pid in (run.process.pid, *run.workers()):
+            os.kill(pid, signal.SIGKILL)
+        run.process.wait()
+        run.start(orders=False)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}

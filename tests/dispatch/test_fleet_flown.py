@@ -1,0 +1,24 @@
+"""A small fleet flown end to end by real processes; a worker is killed while its drone is in the air."""
+
+import os
+import signal
+
+from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
+
+
+def test_a_worker_that_is_killed_is_replaced_and_its_flight_goes_on(tmp_path):
+    orders = [order_line("one", "bellevue", "nyu-brooklyn"), order_line("two", "nyu-brooklyn", "bellevue", ready_min=5)]
+    run = FleetRun(tmp_path, orders, ["d1,m200,bellevue,100\n", "d2,m200,nyu-brooklyn,100\n"])
+    try:
+        run.start()
+        (name, *_) = run.look(flying)
+        (worker,) = run.workers()
+        os.kill(worker, signal.SIGKILL)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}, run.said()
+    journal = next(one for one in (tmp_path / "flights").glob("*.jsonl") if one.stem in name)
+    assert '"event":"resume"' in journal.read_text()
+    assert "worker 1 has died" in run.said()
