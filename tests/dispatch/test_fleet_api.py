@@ -28,7 +28,10 @@ def ledger(tmp_path):
     drone = DroneRecord(vehicle=vehicle, system=1, place="bellevue", soc=0.6)
     with open_ledger(name) as book:
         lease = book.acquire("dispatch", "test")
-        entries = [Entry("drone", "d1", 0, "standing", "dispatch", written(drone)), Entry("service", "service", 0, "running", "dispatch", written(service))]
+        entries = [
+            Entry("drone", "d1", 0, "standing", "dispatch", written(drone)),
+            Entry("service", "service", 0, "running", "dispatch", written(service)),
+        ]
         Desk(book, "dispatch").put(lease, entries)
         book.give_back(lease)
     return name

@@ -10,7 +10,7 @@ from ledgers import opened, postgresql_name, server_address, window
 from skyway.models.base.errors import InputError
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.ledger import Event, LedgerError
-from skyway.models.ledger.migrating import FOLDER, scripts
+from skyway.models.ledger.migrating import scripts
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.ledger.postgresql import PostgresqlLedger
 from skyway.models.ledger.sqlite import SqliteLedger
@@ -47,7 +47,9 @@ def test_an_older_ledger_is_migrated_and_a_newer_one_refused(store, tmp_path, on
         assert ledger.version == newest + 1
         assert [hold.itinerary for hold in ledger.holds()] == ["one"]
         assert audit(ledger) == []
-    with pytest.raises(InputError, match=f"the ledger has version {newest + 1}, this skyway knows {newest}; update skyway"):
+    with pytest.raises(
+        InputError, match=f"the ledger has version {newest + 1}, this skyway knows {newest}; update skyway"
+    ):
         open_ledger(name)
 
 
