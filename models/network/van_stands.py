@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from datetime import timedelta
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.formatting import distance_text, duration
-from skyway.models.base.units import iso, parse_instant
 from skyway.models.network.geojson import features, read_geojson
 from skyway.models.network.network import Station
 from skyway.models.orders.rows import Row, fault_at, read_rows
@@ -59,11 +57,15 @@ def read_van_stands(path: Path, depart_s: float | None = None) -> tuple[VanStand
     """
     faults: list[Fault] = []
     geojson = path.suffix.lower() in GEOJSON_ENDINGS
-    rows = _features(path, faults) if geojson else read_rows(path, "stands", REQUIRED, OPTIONAL, faults)
+    rows = (
+        _features(path, faults)
+        if geojson
+        else ((row, 0.0) for row in read_rows(path, "stands", REQUIRED, OPTIONAL, faults))
+    )
     read: list[_Read] = []
-    for row in rows:
+    for row, drive_s in rows:
         found = len(faults)
-        stand = _stand(row, depart_s)
+        stand = _stand(row, depart_s, drive_s)
         if len(faults) == found:
             read.append(_Read(stand, row.place))
     if not faults and not read:
@@ -89,12 +91,14 @@ def _numbered(stand: VanStand, number: int) -> VanStand:
     return VanStand(station, stand.van, stand.from_s, stand.until_s)
 
 
-def _stand(row: Row, depart_s: float | None) -> VanStand:
+def _stand(row: Row, depart_s: float | None, drive_s: float) -> VanStand:
+    """Read a stand; the van leaves so long before `until`, to be elsewhere then."""
     lat, lon = row.number("lat", -90.0, 90.0), row.number("lon", -180.0, 180.0)
     van = row.text("van")
     height = row.number("elevation_m", -450.0, 9000.0, -math.inf)
     power_w = row.number("recharge_power_w", 1.0, 1e6, -math.inf)
     from_s, until_s = (_seconds(row, field, depart_s) for field in ("from", "until"))
+    until_s -= drive_s
     if until_s <= from_s:
         row.fault("until", "is not later than from", "the van stands there from when until when")
     station = Station(
@@ -153,8 +157,8 @@ def _drive(before: VanStand, after: _Read) -> Iterator[Fault]:
         yield fault_at(after.place, "from", told, None, "give it more time")
 
 
-def _features(path: Path, faults: list[Fault]) -> Iterator[Row]:
-    """Yield a row for each point, and for each place of a line."""
+def _features(path: Path, faults: list[Fault]) -> Iterator[tuple[Row, float]]:
+    """Yield a row for each point, and for each place of a line, with the time for the drive on."""
     for number, feature in enumerate(features(read_geojson(path), str(path))):
         place = Fault("", str(path), None, f"features[{number}]")
         geometry, given = feature.get("geometry"), feature.get("properties")
@@ -170,7 +174,7 @@ def _features(path: Path, faults: list[Fault]) -> Iterator[Row]:
             faults.append(fault_at(place, "coordinates", "must be longitude and latitude"))
             continue
         if kind == "Point":
-            yield Row(properties | _at(coordinates, properties), place, faults)
+            yield Row(properties | _at(coordinates, properties), place, faults), 0.0
         else:
             yield from _on_road(places, properties, place, faults)
 
@@ -182,7 +186,9 @@ def _at(coordinates: list[float], properties: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _on_road(places: list[list[float]], properties: dict[str, Any], place: Fault, faults: list[Fault]) -> Iterator[Row]:
+def _on_road(
+    places: list[list[float]], properties: dict[str, Any], place: Fault, faults: list[Fault]
+) -> Iterator[tuple[Row, float]]:
     """Yield the stands on a road: each from when the van comes until it must drive on, the last until `until`."""
     times = properties.get("times")
     if not isinstance(times, list) or len(times) != len(places):
@@ -191,21 +197,9 @@ def _on_road(places: list[list[float]], properties: dict[str, Any], place: Fault
         return
     speed = Row(properties, place, faults).number("speed_mps", 0.5, FASTEST_MPS, SPEED_MPS)
     for number, (here, comes) in enumerate(zip(places, times, strict=True)):
-        values = properties | _at(here, properties) | {"from": comes}
+        values, drive_s = properties | _at(here, properties) | {"from": comes}, 0.0
         if number + 1 < len(places):
             there = places[number + 1]
             drive_s = geodesy.distance_m(here[1], here[0], there[1], there[0]) / speed
-            values["until"] = _earlier(times[number + 1], drive_s)
-        yield Row(values, place, faults)
-
-
-def _earlier(text: Any, by_s: float) -> Any:
-    """Return a time as it is written, so much earlier; as it is where it cannot be read, so that its own row tells."""
-    after = re.fullmatch(r"(\d{1,3}):([0-5]\d)(?::([0-5]\d))?", str(text))
-    if after is not None:
-        seconds = max(int(3600 * int(after[1]) + 60 * int(after[2]) + int(after[3] or 0) - math.ceil(by_s)), 0)
-        return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
-    try:
-        return iso(parse_instant(str(text)) - timedelta(seconds=by_s))
-    except InputError:
-        return text
+            values["until"] = times[number + 1]
+        yield Row(values, place, faults), drive_s

@@ -154,6 +154,8 @@ def waited(rows: NDArray[np.float64], wait: NDArray[np.float64]) -> NDArray[np.f
 
     `wait` has points (arrival, wait), shape (points, 2): linear between them, constant outside; nobody who arrives later is
     earlier on the pad.
+
+    Takes rows of finite times in order, and one point of the wait or more, by arrival, no two at the same time.
     """
     out = np.empty((len(rows) * (len(wait) + 1), 6))
     size = 0

@@ -214,6 +214,8 @@ def stop_profile(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Land pieces at a station with a queue and put them on its pads: the profiles z and h there.
 
+    Takes `count` pieces of finite times, of which there are at least so many, a queue path, and a charging curve of two points or more.
+
     Parameters
     ----------
     pieces, count

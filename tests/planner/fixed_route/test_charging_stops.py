@@ -205,7 +205,7 @@ def test_nor_where_the_wind_changes_and_pads_are_taken(seed):
 @settings(max_examples=3, deadline=None)
 @given(st.integers(0, 10**6))
 def test_nor_where_pads_are_there_for_a_while_only(seed):
-    compare_with_all_plans(seed, slots=3, windows=True)
+    compare_with_all_plans(seed, slots=3, waiting=True, windows=True)
 
 
 @pytest.mark.slow

@@ -75,8 +75,9 @@ def test_a_policy_is_flown_with_one_path_for_each_place_and_set(policy):
 @settings(max_examples=40, deadline=None)
 @given(members=INDICES, queue=INDICES, energy=st.lists(HOSTILE, max_size=6), gusts=st.tuples(HOSTILE, HOSTILE))
 def test_hostile_runs_are_refused_or_flown(policy, members, queue, energy, gusts):
+    per_leg = np.repeat(np.array(energy, dtype=np.float64)[:, None], len(policy) + 1, axis=1)
     disturbance = no_disturbance(len(queue))._replace(
-        queue=np.array(queue, dtype=np.int64), energy=np.array(energy), gust_sd=gusts[0], gust_time_s=gusts[1]
+        queue=np.array(queue, dtype=np.int64), energy=per_leg, gust_sd=gusts[0], gust_time_s=gusts[1]
     )
     fits = len(members) == len(queue) == len(energy) and all(0 <= one < 3 for one in members)
     fits &= all(0 <= one < 2 for one in queue) and all(0.0 <= one < math.inf for one in energy)
