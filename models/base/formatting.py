@@ -81,7 +81,8 @@ def no_earlier(later: Figure, earlier: Figure) -> Figure:
     if not (_known(later) and _known(earlier)) or later.value < earlier.value or rounded_s(later) >= rounded_s(earlier):
         return later
     step = step_for(later.half_width)
-    return replace(later, value=step * math.ceil(rounded_s(earlier) / step))
+    more = step * math.ceil(rounded_s(earlier) / step) - later.value
+    return replace(later, value=later.value + more, low=later.low + more, high=later.high + more)  # as unsure as before
 
 
 def minutes(figure: Figure) -> str:
