@@ -13,13 +13,12 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import percent
 from skyway.models.queues.pad_service import (
     MAX_LINE_BYTES,
+    AskedPads,
     DroneOnPad,
     PadAnswer,
-    PadRequest,
     PadServiceError,
     StationStatus,
     decode_answer,
-    encode,
 )
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ SNAPSHOT_S = 10.0
 _MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
 
 
-class TcpPads:
+class TcpPads(AskedPads):
     """A pad service at ``tcp:HOST:PORT``, one JSON line a request; opened when first needed, and again after a failure.
 
     An `InputError` refuses another kind of address.
@@ -45,38 +44,14 @@ class TcpPads:
         self._socket: socket.socket | None = None
         self._received = b""
 
-    def status(self, station: str) -> StationStatus:
-        """Return the pads of a station now."""
-        found = self._ask(PadRequest(op="status", station=station)).station
-        if found is None:
-            raise PadServiceError(f"the pad service did not report {station}")
-        return found
-
-    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
-        """Ask for a pad and charging to a state of charge."""
-        return self._drone(PadRequest(op="charge", station=station, drone=drone, to_soc=to_soc))
-
-    def release(self, station: str, drone: str) -> DroneOnPad:
-        """Give the pad, or the place in the line, back."""
-        return self._drone(PadRequest(op="release", station=station, drone=drone))
-
-    def _drone(self, request: PadRequest) -> DroneOnPad:
-        found = self._ask(request).drone
-        if found is None:
-            raise PadServiceError(f"the pad service did not report drone {request.drone}")
-        return found
-
-    def _ask(self, request: PadRequest) -> PadAnswer:
+    def _exchange(self, line: bytes) -> PadAnswer:
         try:
-            answer = self._exchange(encode(request))
+            return self._answered(line)
         except OSError as error:
             self.close()
             raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from error
-        if not answer.ok:
-            raise PadServiceError(answer.error or "the pad service refuses, without a reason")
-        return answer
 
-    def _exchange(self, line: bytes) -> PadAnswer:
+    def _answered(self, line: bytes) -> PadAnswer:
         end_s = time.monotonic() + ANSWER_S
         if self._socket is None:
             self._socket = socket.create_connection((self.address.host, self.address.port), ANSWER_S)

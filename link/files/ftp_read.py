@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.link.files.ftp_words import DATA_BYTES, ERRORS, FtpMessage, Nak, Op, payload, read_payload
-from skyway.link.protocol.exchange import Exchange, RoundTrip
+from skyway.link.files.reading import Reading
+from skyway.link.protocol.exchange import RoundTrip
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +52,7 @@ class _Read:
     """How many that were sent later were answered."""
 
 
-class ReadFtp(Exchange):
+class ReadFtp(Reading):
     """Reads an open file from the end of what is there up to its size."""
 
     transfers = "FILE_TRANSFER"
@@ -65,15 +66,10 @@ class ReadFtp(Exchange):
         size_bytes: int,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        super().__init__(target)
-        self.pieces, self.size_bytes = pieces, size_bytes
-        self.problem = ""
-        """Why it ended before all was there; empty where it did not."""
-        self.ended_early = False
-        """The vehicle says that the file ends before its size."""
+        super().__init__(target, pieces, size_bytes, progress)
         self.session_lost = False
         """The vehicle has closed the file."""
-        self._numbers, self._session, self._progress = numbers, session, progress
+        self._numbers, self._session = numbers, session
         self._reads: dict[int, _Read] = {}
         self._late: dict[int, _Read] = {}
         self._again: list[tuple[int, int]] = []
@@ -246,13 +242,6 @@ class ReadFtp(Exchange):
             self._bursts_help = self._bursting = False
             self._ahead = self.pieces.top
 
-    def _take(self, offset: int, data: bytes) -> int:
-        """Keep a piece; returns how many bytes of it were new."""
-        new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
-        if new and self._progress is not None:
-            self._progress(self.pieces.end)
-        return new
-
     def _refused(self, error: int, offset: int) -> None:
         if error == Nak.EOF:
             self.ended_early = True
@@ -260,10 +249,6 @@ class ReadFtp(Exchange):
         else:
             self.session_lost = error in (Nak.BAD_SESSION, Nak.NOT_FOUND, Nak.FAIL)
             self._end(f"the vehicle stopped the transfer: {ERRORS.get(error, f'error {error}')}")
-
-    def _end(self, problem: str) -> None:
-        self.problem = problem
-        self.finish()
 
     # Time
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.link.files.reading import Reading
 from skyway.link.protocol.exchange import Exchange, Question
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class EndLogs(Question):
         """Nothing is answered."""
 
 
-class ReadLog(Exchange):
+class ReadLog(Reading):
     """Reads a log from the end of what is there up to its size."""
 
     transfers = "LOG_"
@@ -123,13 +124,8 @@ class ReadLog(Exchange):
         size_bytes: int,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        super().__init__(target)
-        self.pieces, self.size_bytes = pieces, size_bytes
-        self.problem = ""
-        """Why it ended before all was there; empty where it did not."""
-        self.ended_early = False
-        """The vehicle says that the log ends before its size."""
-        self._number, self._progress = number, progress
+        super().__init__(target, pieces, size_bytes, progress)
+        self._number = number
         self._part: tuple[int, int] | None = None
         self._part_bytes = LEAST_PART_BYTES
         self._begun_s = self._data_s = self._heard_s = 0.0
@@ -157,8 +153,7 @@ class ReadLog(Exchange):
             self.next_s = now_s + self._pace_s  # all that is missing is on its way
         elif self._short is not None and self._short <= self.pieces.end:
             self.ended_early = True
-            self.problem = f"the log ends at byte {self._short}, and was told to have {self.size_bytes}"
-            self.finish()
+            self._end(f"the log ends at byte {self._short}, and was told to have {self.size_bytes}")
         else:
             self._asked_s.clear()
             first = self.pieces.top
@@ -193,9 +188,7 @@ class ReadLog(Exchange):
         if self._part is not None and self._came_bytes == 0:
             self.round_trip.learn(now_s - self._begun_s)
             self._begun_s = now_s
-        new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
-        if new and self._progress is not None:
-            self._progress(self.pieces.end)
+        self._take(offset, data)
         if count < PIECE_BYTES and offset + count < self.size_bytes and not self._asked_exactly(offset + count):
             self._short = offset + count
         if self._part is None:
@@ -228,8 +221,7 @@ class ReadLog(Exchange):
     def tick(self, now_s: float) -> None:
         """Go on: the part has broken off, or the next request is due."""
         if now_s >= self._heard_s + STALL_S:
-            self.problem = f"nothing came for {STALL_S:g} s"
-            self.finish()
+            self._end(f"nothing came for {STALL_S:g} s")
         elif self._part is not None:
             self._end_part(now_s)
         else:

@@ -13,6 +13,7 @@ A drone is named by its MAVLink system id in decimal. States of charge are fract
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Literal, Protocol, TypeVar
 
 import msgspec
@@ -102,6 +103,41 @@ class PadAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """After the request."""
     drone: DroneOnPad | None = None
     """The drone of a ``charge`` or ``release``."""
+
+
+class AskedPads(ABC):
+    """A `PadService` that is asked by requests and answers, however these travel."""
+
+    def status(self, station: str) -> StationStatus:
+        """Return the pads of a station now."""
+        found = self._ask(PadRequest(op="status", station=station)).station
+        if found is None:
+            raise PadServiceError(f"the pad service did not report {station}")
+        return found
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask for a pad and charging to a state of charge."""
+        return self._drone(PadRequest(op="charge", station=station, drone=drone, to_soc=to_soc))
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Give the pad, or the place in the line, back."""
+        return self._drone(PadRequest(op="release", station=station, drone=drone))
+
+    def _drone(self, request: PadRequest) -> DroneOnPad:
+        found = self._ask(request).drone
+        if found is None:
+            raise PadServiceError(f"the pad service did not report drone {request.drone}")
+        return found
+
+    def _ask(self, request: PadRequest) -> PadAnswer:
+        answer = self._exchange(encode(request))
+        if not answer.ok:
+            raise PadServiceError(answer.error or "the pad service refuses, without a reason")
+        return answer
+
+    @abstractmethod
+    def _exchange(self, line: bytes) -> PadAnswer:
+        """Send the line of a request, and return the answer to it."""
 
 
 _REQUEST = msgspec.json.Decoder(PadRequest)

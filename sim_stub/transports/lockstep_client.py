@@ -9,11 +9,11 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import LinkLostError
-from skyway.models.queues.pad_service import PadRequest, PadServiceError, decode_answer, encode
+from skyway.models.queues.pad_service import AskedPads, decode_answer
 from skyway.sim_stub.transports.shared_lockstep import JOIN, LEAVE, LENGTH, ORDER, PADS, READ, SLEEP, TIME, WRITE
 
 if TYPE_CHECKING:
-    from skyway.models.queues.pad_service import DroneOnPad, PadAnswer, StationStatus
+    from skyway.models.queues.pad_service import PadAnswer
 
 
 class LockstepClient:
@@ -123,35 +123,11 @@ class LockstepClient:
         return decode_answer(self._ask(PADS, line))
 
 
-class LockstepPads:
+class LockstepPads(AskedPads):
     """The pads of a world in another process; satisfies `models.queues.pad_service.PadService`."""
 
     def __init__(self, client: LockstepClient) -> None:
         self._client = client
 
-    def status(self, station: str) -> StationStatus:
-        """Return the pads of a station now."""
-        found = self._asked(PadRequest(op="status", station=station)).station
-        if found is None:
-            raise PadServiceError(f"the pads did not report {station}")
-        return found
-
-    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
-        """Ask for a pad and charging."""
-        return self._drone(PadRequest(op="charge", station=station, drone=drone, to_soc=to_soc))
-
-    def release(self, station: str, drone: str) -> DroneOnPad:
-        """Give the pad, or the place in the line, back."""
-        return self._drone(PadRequest(op="release", station=station, drone=drone))
-
-    def _drone(self, request: PadRequest) -> DroneOnPad:
-        found = self._asked(request).drone
-        if found is None:
-            raise PadServiceError(f"the pads did not report drone {request.drone}")
-        return found
-
-    def _asked(self, request: PadRequest) -> PadAnswer:
-        told = self._client.pads_line(encode(request))
-        if not told.ok:
-            raise PadServiceError(told.error or "the pads refuse, without a reason")
-        return told
+    def _exchange(self, line: bytes) -> PadAnswer:
+        return self._client.pads_line(line)

@@ -1,0 +1,39 @@
+"""What reading a file and reading a log have in common: where the pieces go, and why it ended."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.exchange import Exchange
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.link.files.part_file import Pieces
+    from skyway.link.protocol.exchange import Target
+
+
+class Reading(Exchange):
+    """Reads from the end of what is there up to a size."""
+
+    def __init__(
+        self, target: Target, pieces: Pieces, size_bytes: int, progress: Callable[[int], None] | None = None
+    ) -> None:
+        super().__init__(target)
+        self.pieces, self.size_bytes = pieces, size_bytes
+        self.problem = ""
+        """Why it ended before all was there; empty where it did not."""
+        self.ended_early = False
+        """The vehicle says that it ends before its size."""
+        self._progress = progress
+
+    def _take(self, offset: int, data: bytes) -> int:
+        """Keep a piece; returns how many bytes of it were new."""
+        new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
+        if new and self._progress is not None:
+            self._progress(self.pieces.end)
+        return new
+
+    def _end(self, problem: str) -> None:
+        self.problem = problem
+        self.finish()
