@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from skyway.missions.autopilots.registry import FAMILIES
@@ -27,9 +28,21 @@ _ELSEWHERE = re.compile(
 )
 
 
-def read_parameters(path: Path) -> dict[str, float]:
-    """Read a parameter file; an `InputError` lists every line that is no parameter."""
-    found: dict[str, float] = {}
+@dataclass(frozen=True, slots=True)
+class ParameterLine:
+    """One parameter of a file."""
+
+    number: int
+    """Of its line, from 1."""
+    component: int | None
+    """Of the vehicle; None where the file does not say."""
+    name: str
+    value: float
+
+
+def parameter_lines(path: Path) -> list[ParameterLine]:
+    """Read a parameter file line by line; an `InputError` lists every line that is no parameter."""
+    found = []
     faults = []
     for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):
         text = line.partition("#")[0].strip()
@@ -37,10 +50,17 @@ def read_parameters(path: Path) -> dict[str, float]:
         if text and (math.isnan(value) or not re.fullmatch(r"[A-Za-z0-9_]{1,16}", name)):
             faults.append(Fault("is not a parameter", str(path), number, value=text, remedy="NAME,VALUE"))
         elif text:
-            found[name] = value
+            words = text.split("\t")
+            component = int(words[1]) if len(words) == _QGC_FIELDS and words[1].isdecimal() else None
+            found.append(ParameterLine(number, component, name, value))
     if faults:
         raise InputError(faults)
     return found
+
+
+def read_parameters(path: Path) -> dict[str, float]:
+    """Read a parameter file; errors are those of `parameter_lines`."""
+    return {line.name: line.value for line in parameter_lines(path)}
 
 
 def read_required(path: Path) -> tuple[Parameter, ...]:

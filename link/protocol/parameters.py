@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from skyway.missions.items.parameters import Parameter
 
 REAL32 = 9
+CHANGE_BY_THEMSELVES = ("STAT_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK")
+"""Beginnings of the names of parameters that autopilots write themselves."""
 GIVE_UP_S = 5.0
 _LIST_GIVE_UP_S = 8.0
 _LIST_QUIET_S = 0.6
@@ -66,6 +68,11 @@ def wire_value(value: float, kind: int, *, bytewise: bool) -> float:
     except struct.error:
         raise InputError(Fault("does not fit this parameter", value=value, remedy="a smaller whole number")) from None
     return float(struct.unpack("<f", raw)[0])
+
+
+def is_whole(kind: int) -> bool:
+    """Whether a parameter of a MAV_PARAM_TYPE is a whole number."""
+    return kind in _WHOLE
 
 
 def same_value(wanted: float, actual: float, kind: int) -> bool:

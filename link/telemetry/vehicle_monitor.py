@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.parameters import read_value
+from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, read_value
 from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
 from skyway.link.telemetry.stored_lists import KINDS, StoredLists
@@ -36,8 +36,6 @@ CONFIRMED = 2
 _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
-_CHANGE_BY_THEMSELVES = ("STAT_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK")
-"""Beginnings of the names of parameters that autopilots write themselves."""
 _MAX_PARAMETERS = 10_000
 _UNTOLD = "untold"
 _IDS = struct.Struct("<III")
@@ -179,7 +177,7 @@ class VehicleMonitor:
             return
         self._parameters[told.name] = told.value
         same = before is None or before == told.value or (math.isnan(before) and math.isnan(told.value))
-        if not same and not told.name.startswith(_CHANGE_BY_THEMSELVES):
+        if not same and not told.name.startswith(CHANGE_BY_THEMSELVES):
             self._changed(f"parameter {told.name}", f"{before:g}", f"{told.value:g}")
 
     def _tells_taken(self, message: Message) -> bool:

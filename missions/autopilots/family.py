@@ -74,6 +74,8 @@ class Family(ABC):
     """Settings of which the smallest limits its lean; 0 is no limit of its own."""
     wind_message: ClassVar[int] = 168
     """Id of the message that tells its estimate of the wind: WIND, or WIND_COV."""
+    system_id_names: ClassVar[tuple[str, ...]] = ()
+    """Names of the parameter that is its system id, in all versions."""
     log_folders: ClassVar[tuple[str, ...]]
     """Where its logs may lie, by MAVLink FTP: the first that there is."""
     log_endings: ClassVar[tuple[str, ...]]

@@ -89,6 +89,7 @@ class ArduPilot(Family):
 
     name = "ardupilot"
     firmware = 3
+    system_id_names = ("MAV_SYSID", "SYSID_THISMAV")
     log_folders = ("/APM/LOGS", "/logs", "/var/APM/logs")  # a board's card; its simulator; Linux boards
     log_endings = (".bin",)
     home_items = 1

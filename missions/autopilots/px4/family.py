@@ -78,6 +78,7 @@ class Px4(Family):
 
     name = "px4"
     firmware = 12
+    system_id_names = ("MAV_SYS_ID",)
     log_folders = ("/fs/microsd/log", "/log")  # a board's card; the working folder of its simulator
     log_endings = (".ulg", ".px4log")
     stays_in_mission_after_landing = True

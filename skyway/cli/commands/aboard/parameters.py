@@ -1,4 +1,4 @@
-"""Commands ``params get``, ``params set``, ``params diff`` and ``params restore``."""
+"""Commands ``params get``, ``params set``, ``params diff``, ``params save`` and ``params restore``."""
 
 from __future__ import annotations
 
@@ -154,22 +154,55 @@ def params_diff(
         raise typer.Exit(1)
 
 
+@params.command("save")
+@with_groups
+def params_save(
+    link: Link,
+    file: Annotated[Path, typer.Argument(help="FILE.param (Mission Planner) or FILE.params (QGroundControl).")],
+    as_json: options.AsJson = False,
+    force: options.Force = False,
+) -> None:
+    """Save all parameters of a vehicle as a set, which ground stations read, too.
+
+    Examples
+    --------
+      skyway params save before.param --connect tcp:127.0.0.1:5760
+    """
+    from skyway.cli.commands.aboard.parameter_sets import save_set
+
+    save_set(link, file, as_json=as_json, force=force)
+
+
 @params.command("restore")
 @with_groups
 def params_restore(
     link: Link,
-    journal: Annotated[Path, typer.Argument(help="Journal of a flight: recordings/….jsonl.")],
+    file: Annotated[
+        Path, typer.Argument(help="Set: FILE.param or FILE.params; or the journal of a flight: recordings/….jsonl.")
+    ],
     yes: Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Restore the parameters of a vehicle that a flight changed and did not restore; each is read back.
+    """Restore a saved set, or the parameters that a flight changed and did not restore; each is read back.
 
-    A value that was changed since is left as it is.
+    First it is shown what will change. At a terminal it is asked for once; elsewhere nothing is changed without --yes. Of a journal,
+    a value that was changed since is left as it is.
 
     Examples
     --------
+      skyway params restore before.param --connect tcp:127.0.0.1:5760
       skyway params restore recordings/delivery.jsonl --yes --connect tcp:127.0.0.1:5760
     """
+    from skyway.cli.commands.aboard.parameter_sets import SET_ENDINGS, restore_from_set
+
+    if file.suffix.lower() in SET_ENDINGS:
+        restore_from_set(link, file, yes=yes, as_json=as_json)
+    else:
+        _restore_from_journal(link, file, yes=yes, as_json=as_json)
+
+
+def _restore_from_journal(link: Link, journal: Path, *, yes: bool, as_json: bool) -> None:
+    """Restore what a flight changed."""
     from datetime import UTC, datetime
 
     from skyway.link.supervisor import Journal, read_journal
