@@ -21,8 +21,8 @@ _REFRESH_S = 1.5
 def restore_set(vehicle: Vehicle, changes: Sequence[SetChange], tell: Callable[[SetChange, str], None]) -> str:
     """Set the parameters of a set on a disarmed vehicle; returns why not all were, or nothing.
 
-    `tell` takes each and what was done: ``set`` (and read back), ``refused``, ``gone`` or ``not reached``. After a refusal it goes on
-    with the next; where the vehicle is armed, or no longer answers, it stops.
+    `tell` takes each and what was done: ``set`` (and read back), ``refused``, ``gone``, ``unknown`` (sent, and not read back) or
+    ``not reached``. After a refusal it goes on with the next; where the vehicle is armed, or no longer answers, it stops.
     """
     vehicle.connection.run_for(_REFRESH_S)  # whether it is armed may be old: somebody has thought about a question
     vehicle.refuse_other_supervisor()
@@ -40,8 +40,9 @@ def restore_set(vehicle: Vehicle, changes: Sequence[SetChange], tell: Callable[[
             tell(change, "refused")
         except LinkError as error:
             problems.append(str(error))
+            asked = isinstance(error, VehicleTimeoutError)
             for left in changes[number:]:
-                tell(left, "not reached")
+                tell(left, "unknown" if asked and left is change else "not reached")
             break
         else:
             tell(change, "set")
