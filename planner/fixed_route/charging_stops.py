@@ -108,6 +108,14 @@ def charging_stops(route: FixedRoute) -> ChargingPlan | None:
     return _Search(route).solve()
 
 
+def least_end(route: FixedRoute) -> float:
+    """Return a bound of the end of a route, without looking for its stops; infinite where none let it end."""
+    search = _Search(replace(route, windows=()))
+    none = np.empty((0, 3))
+    rows = search.ways_on(_Label(NOWHERE, NOWHERE, np.array([[route.start_s, route.soc_start]]), none, none, None))
+    return float(rows[:, 0].min()) if len(rows) else math.inf
+
+
 class _Search:
     """Best-first search over labels."""
 
@@ -160,7 +168,7 @@ class _Search:
     def _dive(self, label: _Label) -> None:
         """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""
         for _ in range(len(self.route.can_leave) * len(self.route.curves)):
-            rows = self._ways_on(label)
+            rows = self.ways_on(label)
             reached = None
             for number in np.lexsort((-rows[:, 1], rows[:, 0]))[:20]:
                 _, position, pad = rows[number, :3].tolist()
@@ -174,7 +182,8 @@ class _Search:
                 return
             label = reached
 
-    def _ways_on(self, label: _Label) -> NDArray[np.float64]:
+    def ways_on(self, label: _Label) -> NDArray[np.float64]:
+        """Return the ways on from a label that may end before the best, with their bounds."""
         found = onward(
             label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s
         )  # fmt: skip
@@ -182,7 +191,7 @@ class _Search:
 
     def _go_on_from(self, label: _Label) -> None:
         """Queue the best way on from a label; the others wait in its iterator."""
-        rows = self._ways_on(label)
+        rows = self.ways_on(label)
         order = np.lexsort((-rows[:, 1], rows[:, 0]))
         self._queue_next(label, (rows[number].tolist() for number in order))
 

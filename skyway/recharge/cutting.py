@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from skyway.missions.autopilots.registry import family_of
-from skyway.missions.checks.areas import check_fence
 from skyway.missions.checks.report import check
-from skyway.missions.checks.route import fly
-from skyway.missions.checks.structure import check_structure
 from skyway.missions.checks.weather import ForecastWind
-from skyway.missions.items.commands import TAKEOFF_COMMANDS
 from skyway.missions.items.document import MissionDocument
-from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
-from skyway.missions.recharge.parts import PartBuilder, completed
+from skyway.missions.recharge.parts import PartBuilder
 from skyway.missions.recharge.spans import Cut
-from skyway.missions.recharge.work import work_of
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.formatting import duration, height_text, probability
+from skyway.models.base.formatting import duration, probability
+from skyway.recharge.preparing import prepared
 from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of
 from skyway.recharge.reasons import no_plan
 
@@ -32,21 +23,17 @@ if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.checks.report import CheckReport
     from skyway.missions.items.finding import Finding
-    from skyway.missions.items.mission import Mission
     from skyway.models.network.network import Station
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
+    from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeProblem
 
-LOW_TAKEOFF_M = 10.0
-"""Least height of a take-off that is put before a mission which has none."""
 MAX_ROUNDS = 6
 """So often flights are given more charge where the winds of a forecast ask for more than their mean."""
 MORE_SURE = 1.02
 ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
-_OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
-"""Findings of a whole mission that its flights may not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,18 +74,14 @@ def recharged(
     An `InputError` says what hinders it: a home that is not known, no pad in reach and what is lacking, an item that cannot be cut, a
     flight that an autopilot does not fly.
     """
-    mission, notes = _whole(document.mission, families, options)
-    document = replace(document, mission=mission)
-    families, left_out = _that_fly(document, families, options)
-    usable = tuple(pad for pad in pads if pad.pads > 0 and not pad.flyover)
-    if not usable:
-        raise InputError("there are no pads", field="--pads", remedy="give stations with one pad or more")
-    only = len(families) == 1
-    by = families[0] if only else family_of(mission.firmware)
-    work = work_of(mission, by, laps=options.laps, only=only)
-    home_m = None if mission.home is None else mission.home.altitude_m
-    ground = pad_grounds_m(usable, home_m, options.transit.over, level=options.level_ground)
-    ways = pad_ways(work, document, usable, ground, options.transit, families)
+    return cut(prepared(document, pads, families, options), options)
+
+
+def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
+    """Cut a mission as `recharged` does."""
+    document, families, notes, left_out = ready.document, ready.families, ready.notes, [*ready.left_out]
+    work = ready.work(options)
+    ways = ready.ways(work, options)
     problem = problem_of(work, ways, options)
     sure = ROUNDED * sure_ratio_of(options)
     for _ in range(MAX_ROUNDS):
@@ -180,55 +163,6 @@ def packs_needed(found: Recharged) -> int:
             ready.remove(again)
         ready.append(stop.leave_s + float(curve.duration_s(max(stop.soc_arrive, 0.0), 1.0)))
     return packs
-
-
-def _whole(mission: Mission, families: Sequence[Family], options: RechargeOptions) -> tuple[Mission, tuple[str, ...]]:
-    """Add what a mission lacks to be flown from the ground to the ground, and the height of its home where terrain tells it."""
-    notes: list[str] = []
-    home, over = mission.home, options.transit.over
-    if home is not None and home.altitude_m is None and over is not None:
-        ground = float(over.terrain.ground_m(np.array([home.point.lat]), np.array([home.point.lon]))[0])
-        if math.isfinite(ground):
-            mission = replace(mission, home=replace(home, altitude_m=round(ground, 2)))
-            notes.append(f"home is {height_text(ground)} above the sea by the terrain model")
-    route = fly(mission, autopilot=families[0], laps=options.laps)
-    flown = [item for item in mission.items if item.is_flown_to or item.command in TAKEOFF_COMMANDS]
-    steps = route.steps
-    takes_off_m = None
-    if flown and steps and flown[0].command not in TAKEOFF_COMMANDS and not math.isnan(steps[0].height_m):
-        takes_off_m = max(steps[0].height_m, LOW_TAKEOFF_M)
-    lands = not route.legs or route.legs[-1].landing != "none"
-    mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
-    if mission.hover_speed_mps is None:
-        notes.append("the mission tells no speed to plan with: 5 m/s is taken until it orders one")
-    return mission, (*added, *notes)
-
-
-def _that_fly(
-    document: MissionDocument, families: Sequence[Family], options: RechargeOptions
-) -> tuple[list[Family], list[str]]:
-    """Return the autopilots that fly a mission but for its battery, and what is said of the others.
-
-    An `InputError` says why none does.
-    """
-    fit: list[Family] = []
-    faults: list[Fault] = []
-    for family in families:
-        route = fly(document.mission, autopilot=family, laps=options.laps)
-        found = [
-            *check_structure(document.mission, route),
-            *check_fence(document, route, family),
-            *family.cannot_fly(document),
-        ]
-        errors = [one for one in found if one.severity == "error" and one.code not in _OF_THE_WHOLE]
-        if not errors:
-            fit.append(family)
-            continue
-        where = "" if errors[0].item is None else f"item {errors[0].item}: "
-        faults.append(Fault(f"no missions for {family.name}: {where}{errors[0].message}", remedy=errors[0].remedy))
-    if not fit:
-        raise InputError(faults)
-    return fit, [fault.problem for fault in faults]
 
 
 def cuts_of(plan: ChargingPlan) -> tuple[Cut, ...]:

@@ -16,6 +16,7 @@ from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.pad_windows import ALWAYS
+from skyway.planner.fixed_route.sharing import on_windows
 from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 MAX_SLOTS = 24
 """Slots of a forecast that are looked at; the last one holds on."""
 AT_ONCE_S = 1e-3
-_BY_PAD, _BETWEEN = ("to_s", "to_soc", "from_s", "from_soc"), ("between_s", "between_soc")
-"""Hops whose last axis, and last two, are pads."""
 EPSILON = 0.001
 """A flight may miss the reserve with this probability; that of checks."""
 
@@ -98,26 +97,21 @@ class RechargeProblem:
 
         Its pads are those of `usable`.
         """
-        conditions, hops = self.options.conditions, self.hops
+        conditions = self.options.conditions
         can_leave = np.array([point.hinders is None for point in self.work.points])
-        pads = [pad for pad, _ in self.usable]
-        if pads != list(range(len(self.ways.pads))):
-            of_pads = {name: np.ascontiguousarray(getattr(hops, name)[:, :, pads]) for name in _BY_PAD}
-            between = {name: np.ascontiguousarray(getattr(hops, name)[:, pads][:, :, pads]) for name in _BETWEEN}
-            hops = hops._replace(**of_pads, **between)
-        return FixedRoute(
-            hops,
+        route = FixedRoute(
+            self.hops,
             self.slots,
             can_leave,
-            tuple(self.curves[pad] for pad in pads),
-            tuple(self.waits[pad] for pad in pads),
+            self.curves,
+            self.waits,
             0.0,
             conditions.soc_start,
             conditions.reserve_soc,
             1.0,
             sure_ratio,
-            tuple(window for _, window in self.usable) if self.options.windows else (),
         )
+        return on_windows(route, self.usable) if self.options.windows else route
 
     def stops(self, sure_ratio: float) -> ChargingPlan | None:
         """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""

@@ -1,0 +1,192 @@
+"""A bound of all orders: nothing that does the work ends earlier, whatever the order, the stops, and which drone does what.
+
+A linear relaxation. Each unit is come to from one other and gone on from to one other, on ways that cost their time and their charge,
+the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
+on with it where it was left, costs at least what the nearest place to a pad does. With V such visits and D drones there are V + D ways from charge
+to charge. Charging for one of energy E takes at least phi(E) = tau(r + E) - tau(r), tau the time from empty on the fastest curve and r the
+reserve; phi is convex, so that all ways together take at least a E - b (V + D) for each tangent of phi. HiGHS, of SciPy, solves it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.fixed_route.charging_stops import fastest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.fixed_route.orders import FreeOrder
+
+MANY = 150
+"""Beyond so many units ways are not told apart by where they come from."""
+ROUNDS = 12
+TOLERANCE_S = 1e-3
+"""The bound is so much less than what the solver says, for it works in floating point."""
+
+
+def bound_of_orders(work: FreeOrder) -> float:
+    """Return a time before which no order of some work ends, seconds on its clock; infinite where no order does."""
+    least, drones = work.least, work.drones
+    route = least.pads
+    tour = _Ways(least, np.array(work.groups))
+    base_s, base_soc = tour.base
+    # columns: ways; visits of pads, ways from pad to pad, charging
+    wait_s = min(float(wait[:, 1].min()) for wait in route.waits)
+    extra_s = [work.visit_s + wait_s, _least_hop(route.hops.between_s[0]) + wait_s, 1.0]
+    objective = np.concatenate((tour.time_s, extra_s))
+    energy = np.concatenate((tour.soc, [work.visit_soc, _least_hop(route.hops.between_soc[0]), 0.0]))
+    visits = np.concatenate((np.zeros(len(tour.soc)), [1.0, 1.0, 0.0]))
+    # what all ways need comes from the start or from pads
+    usable = (1.0 - route.reserve_soc) / route.sure_ratio
+    rows = [energy - usable * visits]
+    most = [drones * (route.soc_start - route.reserve_soc) / route.sure_ratio - base_soc]
+    for slope, level, begin_s in _tangents(least):
+        row = slope * energy - level * visits
+        row[-1] -= 1.0
+        rows.append(row)
+        most.append(drones * (level + begin_s) - slope * base_soc)
+    answer = math.inf
+    for _ in range(ROUNDS):
+        solved = _solved(objective, np.array(rows), np.array(most), *tour.degrees(drones))
+        if solved is None:
+            return math.inf
+        answer, x = solved
+        cuts = tour.cuts(x)
+        if not cuts:
+            break
+        rows += [-row for row in cuts]
+        most += [-1.0] * len(cuts)
+    return route.start_s + max((base_s + answer - TOLERANCE_S) / drones, 0.0)
+
+
+def _tangents(work: FreeOrder) -> list[tuple[float, float, float]]:
+    """Return of each tangent of phi its slope a, its level b, and what is charged at the start already, in seconds of the fastest curve."""
+    route = work.pads
+    tau_soc, tau_s = fastest(route.curves)
+    reserve, mean = route.reserve_soc, route.mean_ratio
+
+    def tau(soc: float) -> float:
+        return float(np.interp(soc, tau_soc, tau_s))
+
+    begin_s = tau(route.soc_start) - tau(reserve)
+    found = []
+    for s0, s1, t0, t1 in zip(tau_soc[:-1], tau_soc[1:], tau_s[:-1], tau_s[1:], strict=True):
+        if s1 <= reserve:
+            continue
+        slope = float((t1 - t0) / (s1 - s0)) * mean
+        energy = max(float(s0) - reserve, 0.0) / mean
+        found.append((slope, slope * energy - (tau(reserve + mean * energy) - tau(reserve)), begin_s))
+    return found
+
+
+def _least_hop(hops: NDArray[np.float64]) -> float:
+    """Least of ways from one pad to another."""
+    away = hops[~np.eye(len(hops), dtype=bool)]
+    away = away[np.isfinite(away)]
+    return float(away.min()) if len(away) else 0.0
+
+
+def _solved(
+    objective: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    most: NDArray[np.float64],
+    equal: NDArray[np.float64],
+    wanted: NDArray[np.float64],
+) -> tuple[float, NDArray[np.float64]] | None:
+    """Solve a linear program over columns that are 0 or more; None where nothing does it."""
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_array
+
+    found = linprog(objective, csr_array(rows), most, csr_array(equal), wanted, method="highs")
+    return (float(found.fun), np.asarray(found.x)) if found.status == 0 else None
+
+
+class _Ways:
+    """Ways of the relaxation, from the head or a unit to a unit or the tail; `units` stands for head and tail."""
+
+    def __init__(self, work: FreeOrder, groups: NDArray[np.int64]) -> None:
+        self.units = units = work.units
+        inside = [
+            (float(one.work_s.sum()), float(one.work_soc.sum())) if one is not None else (math.inf, math.inf)
+            for one in work.turns
+        ]
+        per_unit = np.array(inside, dtype=np.float64).reshape(units, 2, 2).min(axis=1)
+        ends = [(float(one.work_s.sum()), float(one.work_soc.sum())) for one in (work.head, work.tail)]
+        self.base = (
+            float(per_unit[:, 0].sum()) + work.drones * sum(one[0] for one in ends),
+            float(per_unit[:, 1].sum()) + work.drones * sum(one[1] for one in ends),
+        )
+        """Time and charge of all units, and of head and tail of each drone."""
+        time_s, soc = (self._less(table) for table in (work.way_s[0], work.way_soc[0]))
+        allowed = np.array([[self._may(a, b, groups, work.drones) for b in range(units + 1)] for a in range(units + 1)])
+        allowed &= np.isfinite(time_s)
+        self.apart = units <= MANY
+        if self.apart:
+            self.tails, self.heads = np.nonzero(allowed)
+            self.time_s, self.soc = time_s[self.tails, self.heads], soc[self.tails, self.heads]
+        else:
+            self.heads = np.flatnonzero(allowed.any(axis=0))
+            self.tails = np.full(len(self.heads), -1)
+            self.time_s = np.where(allowed, time_s, math.inf).min(axis=0)[self.heads]
+            self.soc = np.where(allowed, soc, math.inf).min(axis=0)[self.heads]
+
+    def _less(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Ways between units: the least of both ways round at both ends."""
+        units = self.units
+        found = np.empty((units + 1, units + 1))
+        found[:units, :units] = table[: 2 * units, : 2 * units].reshape(units, 2, units, 2).min(axis=(1, 3))
+        found[units, :units] = table[2 * units, : 2 * units].reshape(units, 2).min(axis=1)
+        found[:units, units] = table[: 2 * units, 2 * units].reshape(units, 2).min(axis=1)
+        found[units, units] = table[2 * units, 2 * units]
+        return found
+
+    def _may(self, one: int, other: int, groups: NDArray[np.int64], drones: int) -> bool:
+        """Whether a way may be flown: groups stay in their order."""
+        if one == other:
+            return one == self.units and drones > 1
+        if drones > 1:
+            return self.units in (one, other) or bool(groups[one] <= groups[other])
+        if one == self.units:
+            return bool(groups[other] == groups.min())
+        if other == self.units:
+            return bool(groups[one] == groups.max())
+        return bool(groups[one] <= groups[other] <= groups[one] + 1)
+
+    def degrees(self, drones: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the equations: each unit is come to once and left once, head and tail once by each drone."""
+        columns = len(self.heads) + 3
+        sides = (self.heads, self.tails) if self.apart else (self.heads,)
+        rows = np.zeros((len(sides) * (self.units + 1), columns))
+        for number, side in enumerate(sides):
+            rows[number * (self.units + 1) + side, np.arange(len(side))] = 1.0
+        wanted = np.ones(len(rows))
+        wanted[self.units :: self.units + 1] = drones
+        return rows, wanted
+
+    def cuts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return rows of ways into sets of units that are come to too rarely: at least one of them is flown."""
+        if not self.apart or self.units < 2:
+            return []
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import connected_components
+
+        flow = x[: len(self.heads)]
+        found: list[NDArray[np.float64]] = []
+        for least in (1e-6, 0.3, 0.6):
+            used = flow > least
+            graph = csr_array((flow[used], (self.tails[used], self.heads[used])), shape=(self.units + 1,) * 2)
+            count, part = connected_components(graph, directed=False)
+            for number in range(count):
+                inside = part == number
+                if inside[self.units]:
+                    continue
+                into = ~inside[self.tails] & inside[self.heads]
+                if float(flow[into].sum()) < 1.0 - 1e-3:
+                    found.append(np.concatenate((into.astype(np.float64), np.zeros(3))))
+            if found:
+                break
+        return found

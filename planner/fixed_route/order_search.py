@@ -1,0 +1,228 @@
+"""Orders of units looked for by adaptive large neighbourhood search over the exact planner of fixed routes.
+
+Some turns are taken out and put in again elsewhere, whichever way round costs least by time and charge of the ways. What a new order ends at
+is bounded in a millisecond (`charging_stops.least_end`): orders are walked through on that bound, and an order that is bounded to end before
+the best known is worked out exactly, pads shared, so that every end that is told was planned. Which way of taking out is used follows from how
+often it helped (Ropke and Pisinger, "An adaptive large neighborhood search heuristic for the pickup and delivery problem with time windows",
+Transportation Science 40, 2006).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.fixed_route.charging_stops import charging_stops, least_end
+from skyway.planner.fixed_route.sharing import shared
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.planner.fixed_route.orders import FreeOrder
+
+Tours = list[list[int]]
+"""Turns of each drone."""
+ITERATIONS = 1500
+_MOST_OUT = 30
+_WARM, _COLD = 0.01, 1e-4
+"""Share of the end by which a worse order is taken at first, and at last."""
+_REACTION = 0.1
+_TIE_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class BestOrder:
+    """The best order that was found, and when all of it ends."""
+
+    tours: tuple[tuple[int, ...], ...]
+    end_s: float
+    """Of the plans of its fixed routes, the last one; infinite where none was found."""
+    looked_at: int
+    """Orders that were bounded."""
+    planned: int
+    """Orders that were planned exactly."""
+
+
+def best_order(
+    work: FreeOrder, begin: Tours, *, keeps_order: bool = False, iterations: int = ITERATIONS, seed: int = 0
+) -> BestOrder:
+    """Look for the order that ends first, from an order on; `keeps_order`: units are shared among drones, each in the order of `begin`.
+
+    The same seed gives the same answer.
+    """
+    return _Search(work, begin, seed, keeps_order=keeps_order).run(iterations)
+
+
+class _Search:
+    def __init__(self, work: FreeOrder, begin: Tours, seed: int, *, keeps_order: bool) -> None:
+        self.work, self.coarse = work, work.coarse
+        self.bounds = work.coarse.least
+        self.rng = np.random.default_rng(seed)
+        self.keeps_order = keeps_order
+        self.way, self.turn = work.way_cost_s, work.turn_cost_s
+        self.edge = len(work.turns)
+        """Row of the head and column of the tail."""
+        self.rank = {turn // 2: number for number, turn in enumerate(turn for tour in begin for turn in tour)}
+        self.begin = begin
+        self.known: dict[tuple[int, ...], float] = {}
+        self.looked_at = self.planned = 0
+        self.best: Tours = begin
+        self.best_s = math.inf
+
+    def run(self, iterations: int) -> BestOrder:
+        """Walk from order to order, ever more strictly."""
+        now, now_s = self.begin, self._bounded(self.begin)
+        self._plan(now, now_s)
+        for start in self._starts():
+            bound = self._bounded(start)
+            self._plan(start, bound)
+            if bound < now_s:
+                now, now_s = start, bound
+        ways: list[Callable[[Tours, int], list[int]]] = [self._any, self._near, self._dear, self._run]
+        weights = np.ones(len(ways))
+        scale = now_s if math.isfinite(now_s) else float(self.turn[np.isfinite(self.turn)].sum())
+        for number in range(iterations if self.work.units > 1 or len(self.begin) > 1 or self._may_turn() else 0):
+            warmth = scale * _WARM * (_COLD / _WARM) ** (number / max(iterations - 1, 1))
+            chosen = int(self.rng.choice(len(ways), p=weights / weights.sum()))
+            most = max(1, min(_MOST_OUT, math.ceil(0.4 * self.work.units)))
+            out = ways[chosen](now, int(self.rng.integers(1, most + 1)))
+            trial = self._put_in([[one for one in tour if one not in out] for tour in now], out)
+            if trial == now:
+                continue
+            bound = self._bounded(trial)
+            score = 0.1
+            if self._plan(trial, bound):
+                score = 3.0
+            elif bound < now_s:
+                score = 1.5
+            if bound < now_s or (math.isfinite(bound) and self.rng.random() < math.exp((now_s - bound) / warmth)):
+                now, now_s = trial, bound
+            weights[chosen] = max(0.1, (1.0 - _REACTION) * weights[chosen] + _REACTION * score)
+        return BestOrder(tuple(map(tuple, self.best)), self.best_s, self.looked_at, self.planned)
+
+    def _may_turn(self) -> bool:
+        return any(one is not None for one in self.work.turns[1::2]) and not self.keeps_order
+
+    def _bounded(self, tours: Tours) -> float:
+        """Bound of the last end, and a little of the others, so that of two orders the one with less work in all is liked."""
+        self.looked_at += 1
+        ends = []
+        for tour in tours:
+            key = tuple(tour)
+            if key not in self.known:
+                self.known[key] = least_end(self.bounds.route(tour))
+            ends.append(self.known[key])
+        return max(ends) + 1e-3 * sum(ends) / len(ends)
+
+    def _plan(self, tours: Tours, bound: float) -> bool:
+        """Plan an order exactly where it may be the best; return whether it is."""
+        last = max(self.known[tuple(tour)] for tour in tours)
+        if not math.isfinite(bound) or last >= self.best_s - _TIE_S:
+            return False
+        self.planned += 1
+        routes = [self.coarse.route(tour) for tour in tours]
+        if len(routes) == 1:
+            plan = charging_stops(routes[0])
+            ends = math.inf if plan is None else plan.end_s
+        else:
+            plans = shared(routes, self.work.counts, below_s=self.best_s)
+            ends = math.inf if plans is None else max(plan.end_s for plan in plans)
+        if ends >= self.best_s - _TIE_S:
+            return False
+        self.best, self.best_s = tours, ends
+        return True
+
+    def _starts(self) -> list[Tours]:
+        """Orders to begin with: units put in one by one where they cost least, the dearest first and at random."""
+        turns = [turn for tour in self.begin for turn in tour]
+        far = sorted(turns, key=lambda turn: -float(self.way[self.edge, turn]))
+        empty: Tours = [[] for _ in self.begin]
+        return [self._put_in(empty, order, mixed=False) for order in (far, list(reversed(far)))]
+
+    # what is taken out
+
+    def _any(self, tours: Tours, count: int) -> list[int]:
+        turns = [turn for tour in tours for turn in tour]
+        return [turns[one] for one in self.rng.permutation(len(turns))[:count].tolist()]
+
+    def _near(self, tours: Tours, count: int) -> list[int]:
+        """Take out a unit and those to which the ways from it are short."""
+        turns = np.array([turn for tour in tours for turn in tour])
+        here = int(self.rng.choice(turns))
+        away = np.minimum(self.way[here, turns], self.way[turns, here])
+        away[turns == here] = -math.inf
+        return [int(one) for one in turns[np.argsort(away, kind="stable")[:count]]]
+
+    def _dear(self, tours: Tours, count: int) -> list[int]:
+        """Take out what costs most where it is, mostly."""
+        costs: list[tuple[float, int]] = []
+        for tour in tours:
+            around = [self.edge, *tour, self.edge]
+            for before, turn, after in zip(around, tour, around[2:], strict=False):
+                saved = self.way[before, turn] + self.way[turn, after] - self.way[before, after]
+                costs.append((float(saved) * float(self.rng.uniform(0.6, 1.4)), turn))
+        return [turn for _, turn in sorted(costs, reverse=True)[:count]]
+
+    def _run(self, tours: Tours, count: int) -> list[int]:
+        """Take out a run of one tour."""
+        tour = tours[int(self.rng.integers(len(tours)))]
+        if not tour:
+            return self._any(tours, count)
+        begin = int(self.rng.integers(len(tour)))
+        return tour[begin : begin + count]
+
+    # where it is put in
+
+    def _put_in(self, tours: Tours, out: Sequence[int], *, mixed: bool = True) -> Tours:
+        """Put turns in one after the other, each where it costs least; what they cost is blurred, and long tours are shunned."""
+        found = [list(tour) for tour in tours]
+        order = [out[one] for one in self.rng.permutation(len(out)).tolist()] if mixed else list(out)
+        blur = float(self.rng.choice([0.0, 0.0, 0.1, 0.3])) if mixed else 0.0
+        weight = float(self.rng.choice([0.0, 0.3, 1.0])) if mixed else 1.0
+        loads = [self._load(tour) for tour in found]
+        for turn in order:
+            best = (math.inf, 0, 0, turn)
+            for number, tour in enumerate(found):
+                for way_round in self._ways_round(turn):
+                    cost = self._costs(tour, way_round) + self.turn[way_round]
+                    if len(found) > 1:
+                        cost = cost * (1.0 if weight < 1.0 else 0.2) + weight * np.maximum(loads[number] + cost - min(loads), 0.0)
+                    if blur:
+                        cost = cost * self.rng.uniform(1.0 - blur, 1.0 + blur, len(cost))
+                    place = int(np.argmin(cost))
+                    if cost[place] < best[0]:
+                        best = (float(cost[place]), number, place, way_round)
+            _, number, place, way_round = best
+            found[number].insert(place, way_round)
+            loads[number] = self._load(found[number])
+        return found
+
+    def _load(self, tour: Sequence[int]) -> float:
+        ways = sum(float(self.way[one, other]) for one, other in zip([self.edge, *tour], [*tour, self.edge], strict=True))
+        return ways + float(self.turn[list(tour)].sum()) if tour else ways
+
+    def _ways_round(self, turn: int) -> list[int]:
+        unit = turn // 2
+        if self.keeps_order or self.work.turns[2 * unit + 1] is None:
+            return [2 * unit]
+        return [2 * unit, 2 * unit + 1]
+
+    def _costs(self, tour: Sequence[int], turn: int) -> NDArray[np.float64]:
+        """Return what a turn costs at each place of a tour; infinite where it may not be."""
+        before, after = np.array([self.edge, *tour]), np.array([*tour, self.edge])
+        cost = np.asarray(self.way[before, turn] + self.way[turn, after] - self.way[before, after])
+        cost = np.where(np.isnan(cost), math.inf, cost)
+        if self.keeps_order:
+            ranks = np.array([self.rank[one // 2] for one in tour])
+            only = int(np.searchsorted(ranks, self.rank[turn // 2]))
+            return np.where(np.arange(len(cost)) == only, cost, math.inf)
+        groups = np.array([self.work.groups[one // 2] for one in tour])
+        mine = self.work.groups[turn // 2]
+        first, last = np.searchsorted(groups, mine, side="left"), np.searchsorted(groups, mine, side="right")
+        at = np.arange(len(cost))
+        return np.where((at >= first) & (at <= last), cost, math.inf)

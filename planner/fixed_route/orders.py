@@ -1,0 +1,168 @@
+"""Routes whose order is free: units of work in turns, and the fixed route that an order of them is.
+
+A *turn* is a unit flown from its beginning (2 u) or from its end (2 u + 1). Ways between turns are a table; the head of the
+mission comes before the first turn of every route, its tail behind the last one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.flight.kernels import Slots
+from skyway.planner.fixed_route.charging_stops import FixedRoute, fastest
+from skyway.planner.fixed_route.way_kernels import Hops
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+_LITTLE = 0.2
+"""Share of a battery."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Stretch:
+    """Positions of a stretch of work, one after the other, and their hops by slot."""
+
+    work_s: NDArray[np.float64]
+    work_soc: NDArray[np.float64]
+    """Shape (slots, positions - 1)."""
+    to_s: NDArray[np.float64]
+    to_soc: NDArray[np.float64]
+    from_s: NDArray[np.float64]
+    from_soc: NDArray[np.float64]
+    """Shape (slots, positions, pads)."""
+    can_leave: NDArray[np.bool_]
+
+    @property
+    def ends_only(self) -> Stretch:
+        """The stretch with its first and last position alone."""
+        if len(self.can_leave) <= 2:
+            return self
+        of_pads = (getattr(self, name)[:, [0, -1]] for name in ("to_s", "to_soc", "from_s", "from_soc"))
+        sums = (one.sum(axis=1, keepdims=True) for one in (self.work_s, self.work_soc))
+        return Stretch(*sums, *of_pads, self.can_leave[[0, -1]])
+
+    @property
+    def least(self) -> Stretch:
+        """The stretch with the least that each hop takes in any slot."""
+        hops = (self.work_s, self.work_soc, self.to_s, self.to_soc, self.from_s, self.from_soc)
+        return Stretch(*(one.min(axis=0, keepdims=True) for one in hops), self.can_leave)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeOrder:
+    """Work whose units may be put in other orders, for one or more drones that share its pads."""
+
+    pads: FixedRoute
+    """Pads, charge and clock; its hops between pads are used."""
+    head: Stretch
+    tail: Stretch
+    turns: tuple[Stretch | None, ...]
+    """Of unit u 2 u and 2 u + 1; None where it is not flown from its end."""
+    groups: tuple[int, ...]
+    """Of each unit; no unit is flown before one of a lower group."""
+    way_s: NDArray[np.float64]
+    way_soc: NDArray[np.float64]
+    """Shape (slots, turns + 1, turns + 1). From the last position of a turn to the first of another; the last row is the head, the last
+    column the tail."""
+    counts: tuple[int, ...]
+    """Pads of each kind that can be used at once."""
+    drones: int = 1
+    visit_s: float = 0.0
+    visit_soc: float = 0.0
+    """What leaving the work for a pad and coming back takes at least, wherever it is left."""
+
+    @property
+    def units(self) -> int:
+        """How many units there are."""
+        return len(self.groups)
+
+    @cached_property
+    def least(self) -> FreeOrder:
+        """The same with the least that each hop takes in any slot: what bounds are made of."""
+        hops = self.pads.hops
+        pads = hops._replace(**{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"})
+        return replace(
+            self,
+            pads=replace(self.pads, hops=pads, slots=Slots(0.0, 1.0, 1)),
+            head=self.head.least,
+            tail=self.tail.least,
+            turns=tuple(None if one is None else one.least for one in self.turns),
+            way_s=self.way_s.min(axis=0, keepdims=True),
+            way_soc=self.way_soc.min(axis=0, keepdims=True),
+        )
+
+    @cached_property
+    def coarse(self) -> FreeOrder:
+        """The same with the ends of turns as the only places where one is left, but of turns that take much of a battery.
+
+        Fewer positions; plans for it are plans for all of it.
+        """
+        usable = _LITTLE * (1.0 - self.pads.reserve_soc) / self.pads.sure_ratio
+        turns = tuple(
+            one if one is None or one.work_soc.max(axis=0).sum() > usable else one.ends_only for one in self.turns
+        )
+        return replace(self, turns=turns)
+
+    @cached_property
+    def price_s(self) -> float:
+        """Seconds of charging that a battery's charge costs at least."""
+        tau_soc, tau_s = fastest(self.pads.curves)
+        return float(self.pads.mean_ratio * (tau_s[1] - tau_s[0]) / (tau_soc[1] - tau_soc[0]))
+
+    @cached_property
+    def way_cost_s(self) -> NDArray[np.float64]:
+        """Ways by time and charge together, shape (turns + 1, turns + 1)."""
+        return np.asarray(self.least.way_s[0] + self.price_s * self.least.way_soc[0])
+
+    @cached_property
+    def turn_cost_s(self) -> NDArray[np.float64]:
+        """Turns likewise; infinite where there is none."""
+        costs = [
+            math.inf if one is None else float(one.work_s.sum() + self.price_s * one.work_soc.sum())
+            for one in self.least.turns
+        ]
+        return np.array(costs)
+
+    def route(self, tour: Sequence[int]) -> FixedRoute:
+        """Return the fixed route of an order of turns."""
+        names = [len(self.turns), *tour]
+        stretches = [self.head, *(self._turn(one) for one in tour), self.tail]
+        ways = [(one, other) for one, other in zip(names, [*tour, len(self.turns)], strict=True)]
+        slots = self.way_s.shape[0]
+
+        def along(name: str, way: NDArray[np.float64]) -> NDArray[np.float64]:
+            parts: list[NDArray[np.float64]] = []
+            for number, stretch in enumerate(stretches):
+                if number:
+                    parts.append(way[:, ways[number - 1][0], ways[number - 1][1]].reshape(slots, 1))
+                parts.append(getattr(stretch, name))
+            return np.ascontiguousarray(np.concatenate(parts, axis=1))
+
+        def at(name: str) -> NDArray[np.float64]:
+            return np.ascontiguousarray(np.concatenate([getattr(one, name) for one in stretches], axis=1))
+
+        can_leave = np.concatenate([one.can_leave for one in stretches])
+        hops = self.pads.hops._replace(
+            work_s=along("work_s", self.way_s),
+            work_soc=along("work_soc", self.way_soc),
+            to_s=at("to_s"),
+            to_soc=at("to_soc"),
+            from_s=at("from_s"),
+            from_soc=at("from_soc"),
+            resume=np.arange(len(can_leave)),
+        )
+        return replace(self.pads, hops=Hops(*hops), can_leave=can_leave)
+
+    def _turn(self, turn: int) -> Stretch:
+        stretch = self.turns[turn]
+        if stretch is None:
+            raise ValueError("a unit is flown from its end that cannot be")
+        return stretch

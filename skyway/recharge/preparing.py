@@ -1,0 +1,130 @@
+"""A mission that is to be cut, completed: flown from the ground to the ground, by the autopilots that fly it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.missions.autopilots.registry import family_of
+from skyway.missions.checks.areas import check_fence
+from skyway.missions.checks.route import fly
+from skyway.missions.checks.structure import check_structure
+from skyway.missions.items.commands import TAKEOFF_COMMANDS
+from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
+from skyway.missions.recharge.parts import completed
+from skyway.missions.recharge.work import work_of
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import height_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.autopilots.family import Family
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.mission import Mission
+    from skyway.missions.recharge.pad_ways import PadWays
+    from skyway.missions.recharge.work import Work
+    from skyway.models.network.network import Station
+    from skyway.recharge.problem import RechargeOptions
+
+LOW_TAKEOFF_M = 10.0
+"""Least height of a take-off that is put before a mission which has none."""
+_OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
+"""Findings of a whole mission that its flights may not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A mission that is flown from the ground to the ground, and what it is cut for."""
+
+    document: MissionDocument
+    families: tuple[Family, ...]
+    """Autopilots that fly it."""
+    only: bool
+    """One autopilot was asked for."""
+    pads: tuple[Station, ...]
+    """Those that can be landed on."""
+    notes: tuple[str, ...]
+    left_out: tuple[str, ...]
+    """What is said of the autopilots that do not fly it."""
+
+    @property
+    def by(self) -> Family:
+        """Who reads it."""
+        return self.families[0] if self.only else family_of(self.document.mission.firmware)
+
+    def work(self, options: RechargeOptions) -> Work:
+        """Return what it does."""
+        return work_of(self.document.mission, self.by, laps=options.laps, only=self.only)
+
+    def ways(self, work: Work, options: RechargeOptions) -> PadWays:
+        """Return the ways between its work and the pads."""
+        home = self.document.mission.home
+        home_m = None if home is None else home.altitude_m
+        ground = pad_grounds_m(self.pads, home_m, options.transit.over, level=options.level_ground)
+        return pad_ways(work, self.document, self.pads, ground, options.transit, self.families)
+
+
+def prepared(
+    document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
+) -> Prepared:
+    """Complete a mission, and find out who flies it and where it can land; an `InputError` says what hinders it."""
+    mission, notes = _whole(document.mission, families, options)
+    document = replace(document, mission=mission)
+    flown_by, left_out = _that_fly(document, families, options)
+    usable = tuple(pad for pad in pads if pad.pads > 0 and not pad.flyover)
+    if not usable:
+        raise InputError("there are no pads", field="--pads", remedy="give stations with one pad or more")
+    return Prepared(document, tuple(flown_by), len(flown_by) == 1, usable, notes, tuple(left_out))
+
+
+def _whole(mission: Mission, families: Sequence[Family], options: RechargeOptions) -> tuple[Mission, tuple[str, ...]]:
+    """Add what a mission lacks to be flown from the ground to the ground, and the height of its home where terrain tells it."""
+    notes: list[str] = []
+    home, over = mission.home, options.transit.over
+    if home is not None and home.altitude_m is None and over is not None:
+        ground = float(over.terrain.ground_m(np.array([home.point.lat]), np.array([home.point.lon]))[0])
+        if math.isfinite(ground):
+            mission = replace(mission, home=replace(home, altitude_m=round(ground, 2)))
+            notes.append(f"home is {height_text(ground)} above the sea by the terrain model")
+    route = fly(mission, autopilot=families[0], laps=options.laps)
+    flown = [item for item in mission.items if item.is_flown_to or item.command in TAKEOFF_COMMANDS]
+    steps = route.steps
+    takes_off_m = None
+    if flown and steps and flown[0].command not in TAKEOFF_COMMANDS and not math.isnan(steps[0].height_m):
+        takes_off_m = max(steps[0].height_m, LOW_TAKEOFF_M)
+    lands = not route.legs or route.legs[-1].landing != "none"
+    mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
+    if mission.hover_speed_mps is None:
+        notes.append("the mission tells no speed to plan with: 5 m/s is taken until it orders one")
+    return mission, (*added, *notes)
+
+
+def _that_fly(
+    document: MissionDocument, families: Sequence[Family], options: RechargeOptions
+) -> tuple[list[Family], list[str]]:
+    """Return the autopilots that fly a mission but for its battery, and what is said of the others.
+
+    An `InputError` says why none does.
+    """
+    fit: list[Family] = []
+    faults: list[Fault] = []
+    for family in families:
+        route = fly(document.mission, autopilot=family, laps=options.laps)
+        found = [
+            *check_structure(document.mission, route),
+            *check_fence(document, route, family),
+            *family.cannot_fly(document),
+        ]
+        errors = [one for one in found if one.severity == "error" and one.code not in _OF_THE_WHOLE]
+        if not errors:
+            fit.append(family)
+            continue
+        where = "" if errors[0].item is None else f"item {errors[0].item}: "
+        faults.append(Fault(f"no missions for {family.name}: {where}{errors[0].message}", remedy=errors[0].remedy))
+    if not fit:
+        raise InputError(faults)
+    return fit, [fault.problem for fault in faults]
