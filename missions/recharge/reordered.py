@@ -210,9 +210,8 @@ class Reorderer:
         found.append(self._exact(self._at(pictures[-1]), pictures[-1].step))
         orders = [self.items[one] for one in self.order[self.steps[begin].taken : self._taken(begin + 1)]]
         found.append(replace(next(one for one in orders if _by_distance(one)), param3=1.0, extra={}))
-        for step in range(end - 1, begin, -1):
-            if step < pictures[-1].step:
-                found.append(self._written(self.steps[step].taken))
+        inside = range(min(end, pictures[-1].step) - 1, begin, -1)
+        found += [self._written(self.steps[step].taken) for step in inside]
         found.append(self._exact(self._beyond(unit), begin + 1))
         found.append(MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION))
         return [*found, *(self._written(self.steps[step].taken) for step in range(begin - 1, unit.first - 1, -1))]

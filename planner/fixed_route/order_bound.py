@@ -10,7 +10,7 @@ reserve; phi is convex, so that all ways together take at least a E - b (V + D) 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -101,7 +101,9 @@ def _solved(
     from scipy.optimize import linprog
     from scipy.sparse import csr_array
 
-    found = linprog(objective, csr_array(rows), most, csr_array(equal), wanted, method="highs")
+    table: Any = csr_array(rows)
+    exact: Any = csr_array(equal)
+    found = linprog(objective, table, most, exact, wanted, method="highs")
     return (float(found.fun), np.asarray(found.x)) if found.status == 0 else None
 
 

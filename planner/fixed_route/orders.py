@@ -46,14 +46,14 @@ class Stretch:
         if len(self.can_leave) <= 2:
             return self
         of_pads = (getattr(self, name)[:, [0, -1]] for name in ("to_s", "to_soc", "from_s", "from_soc"))
-        sums = (one.sum(axis=1, keepdims=True) for one in (self.work_s, self.work_soc))
-        return Stretch(*sums, *of_pads, self.can_leave[[0, -1]])
+        work_s, work_soc = (one.sum(axis=1, keepdims=True) for one in (self.work_s, self.work_soc))
+        return Stretch(work_s, work_soc, *of_pads, can_leave=self.can_leave[[0, -1]])
 
     @property
     def least(self) -> Stretch:
         """The stretch with the least that each hop takes in any slot."""
         hops = (self.work_s, self.work_soc, self.to_s, self.to_soc, self.from_s, self.from_soc)
-        return Stretch(*(one.min(axis=0, keepdims=True) for one in hops), self.can_leave)
+        return Stretch(*(one.min(axis=0, keepdims=True) for one in hops), can_leave=self.can_leave)
 
 
 @dataclass(frozen=True, eq=False)

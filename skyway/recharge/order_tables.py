@@ -57,11 +57,11 @@ class _Levels:
         to = np.array(begins)
         level = np.maximum(np.maximum(np.array(ends)[:, None, 2], to[None, :, 2]), self.floor_m)
         if self.over is None:
-            return level
+            return np.asarray(level)
         for number, here in enumerate(ends):
             top = level_over_m((here.lat, here.lon), to[:, 0], to[:, 1], self.over) - self.home_m
             level[number] = np.where(np.isnan(top), np.nan, np.maximum(level[number], top))
-        return level
+        return np.asarray(level)
 
     def of(self, here: Spot, there: Spot) -> float:
         """Height of one way."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.recharge.reordered import Turn
-from skyway.missions.recharge.work import work_of
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.planner.fixed_route.order_bound import bound_of_orders
@@ -140,5 +139,5 @@ def same_pictures(before: Sequence[Picture], after: Sequence[Picture]) -> bool:
     lat0, lon0 = places[0].mean(axis=0)
     planes = [np.column_stack(geodesy.local_offsets_m(one[:, 0], one[:, 1], lat0, lon0)) for one in places]
     return all(
-        float(KDTree(one).query(other)[0].max()) <= SAME_M for one, other in (planes, planes[::-1])
+        float(np.max(KDTree(one).query(other)[0])) <= SAME_M for one, other in (planes, planes[::-1])
     )
