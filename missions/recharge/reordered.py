@@ -220,7 +220,9 @@ class Reorderer:
         """Return the steps from and to which a line takes its pictures."""
         on = range(unit.first, unit.last + 1)
         begin = next(step for step in on if any(_by_distance(one) for one in self._orders(step)))
-        return begin, next(step for step in on if step > begin and any(_ends_pictures(one) for one in self._orders(step)))
+        return begin, next(
+            step for step in on if step > begin and any(_ends_pictures(one) for one in self._orders(step))
+        )
 
     def _orders(self, step: int) -> list[MissionItem]:
         return [self.items[one] for one in self.order[self.steps[step].taken + 1 : self._taken(step + 1)]]

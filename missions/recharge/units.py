@@ -287,7 +287,9 @@ class _Divider:
 
     def _adds(self, unit: Unit) -> bool:
         """Whether something is ordered in a unit that was not ordered before it, and that nothing ends."""
-        inner = [one for step in range(unit.first, unit.last + 1) for one in tidied(self.after[step], last=step == unit.last)]
+        inner = [
+            one for step in range(unit.first, unit.last + 1) for one in tidied(self.after[step], last=step == unit.last)
+        ]
         held = {state_key(one): one for one in inner if role_of(one) == "state"}
         return bool({key for key in lasting(held) if key not in (ROI, "CONDITION_YAW")} - self._keys(unit.first))
 

@@ -191,7 +191,9 @@ class _Search:
                 for way_round in self._ways_round(turn):
                     cost = self._costs(tour, way_round) + self.turn[way_round]
                     if len(found) > 1:
-                        cost = cost * (1.0 if weight < 1.0 else 0.2) + weight * np.maximum(loads[number] + cost - min(loads), 0.0)
+                        cost = cost * (1.0 if weight < 1.0 else 0.2) + weight * np.maximum(
+                            loads[number] + cost - min(loads), 0.0
+                        )
                     if blur:
                         cost = cost * self.rng.uniform(1.0 - blur, 1.0 + blur, len(cost))
                     place = int(np.argmin(cost))
@@ -203,7 +205,9 @@ class _Search:
         return found
 
     def _load(self, tour: Sequence[int]) -> float:
-        ways = sum(float(self.way[one, other]) for one, other in zip([self.edge, *tour], [*tour, self.edge], strict=True))
+        ways = sum(
+            float(self.way[one, other]) for one, other in zip([self.edge, *tour], [*tour, self.edge], strict=True)
+        )
         return ways + float(self.turn[list(tour)].sum()) if tour else ways
 
     def _ways_round(self, turn: int) -> list[int]:

@@ -45,15 +45,18 @@ class Stretch:
         """The stretch with its first and last position alone."""
         if len(self.can_leave) <= 2:
             return self
-        of_pads = (getattr(self, name)[:, [0, -1]] for name in ("to_s", "to_soc", "from_s", "from_soc"))
+        to_s, to_soc, from_s, from_soc = (
+            one[:, [0, -1]] for one in (self.to_s, self.to_soc, self.from_s, self.from_soc)
+        )
         work_s, work_soc = (one.sum(axis=1, keepdims=True) for one in (self.work_s, self.work_soc))
-        return Stretch(work_s, work_soc, *of_pads, can_leave=self.can_leave[[0, -1]])
+        return Stretch(work_s, work_soc, to_s, to_soc, from_s, from_soc, self.can_leave[[0, -1]])
 
     @property
     def least(self) -> Stretch:
         """The stretch with the least that each hop takes in any slot."""
         hops = (self.work_s, self.work_soc, self.to_s, self.to_soc, self.from_s, self.from_soc)
-        return Stretch(*(one.min(axis=0, keepdims=True) for one in hops), can_leave=self.can_leave)
+        work_s, work_soc, to_s, to_soc, from_s, from_soc = (one.min(axis=0, keepdims=True) for one in hops)
+        return Stretch(work_s, work_soc, to_s, to_soc, from_s, from_soc, self.can_leave)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,9 @@ class FreeOrder:
     def least(self) -> FreeOrder:
         """The same with the least that each hop takes in any slot: what bounds are made of."""
         hops = self.pads.hops
-        pads = hops._replace(**{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"})
+        pads = hops._replace(
+            **{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"}
+        )
         return replace(
             self,
             pads=replace(self.pads, hops=pads, slots=Slots(0.0, 1.0, 1)),

@@ -115,8 +115,7 @@ def on_windows(route: FixedRoute, usable: Sequence[tuple[int, Window]]) -> Fixed
     pads = [pad for pad, _ in usable]
     hops = route.hops
     of_pads = {
-        name: np.ascontiguousarray(getattr(hops, name)[:, :, pads])
-        for name in ("to_s", "to_soc", "from_s", "from_soc")
+        name: np.ascontiguousarray(getattr(hops, name)[:, :, pads]) for name in ("to_s", "to_soc", "from_s", "from_soc")
     }
     between = {
         name: np.ascontiguousarray(getattr(hops, name)[:, pads][:, :, pads]) for name in ("between_s", "between_soc")

@@ -17,3 +17,10 @@ class CrewOptions:
         Path | None,
         typer.Option(help="Vans with pads: where each stands from when until when (CSV, GeoJSON)."),
     ] = None
+    reorder: Annotated[
+        bool,
+        typer.Option(
+            "--reorder",
+            help="Fly independent parts (survey lines, inspected places) in the order that ends first; a bound is told.",
+        ),
+    ] = False

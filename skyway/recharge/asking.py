@@ -63,6 +63,7 @@ class Asked:
     swap_s: float | None = None
     single: bool = False
     seed: int = 0
+    reorder: bool = False
 
 
 def region_of(asked: Asked) -> Scenario | None:
@@ -170,6 +171,7 @@ def options_of(
         asked.single,
         asked.seed,
         {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands},
+        asked.reorder,
     )
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.finding import Finding
     from skyway.models.network.network import Station
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
+    from skyway.recharge.ordering import OrderTold
     from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeProblem
 
@@ -59,6 +60,8 @@ class Recharged:
     notes: tuple[str, ...]
     whole: dict[str, MissionDocument]
     """All flights in one mission, by the name of each autopilot that flies one."""
+    order: OrderTold | None = None
+    """Where the order of its parts was free."""
 
     @property
     def told(self) -> tuple[Flight, ...]:
@@ -74,7 +77,12 @@ def recharged(
     An `InputError` says what hinders it: a home that is not known, no pad in reach and what is lacking, an item that cannot be cut, a
     flight that an autopilot does not fly.
     """
-    return cut(prepared(document, pads, families, options), options)
+    ready = prepared(document, pads, families, options)
+    if not options.reorder:
+        return cut(ready, options)
+    from skyway.recharge.ordering import with_best_order
+
+    return with_best_order(ready, options)
 
 
 def cut(ready: Prepared, options: RechargeOptions) -> Recharged:

@@ -75,7 +75,8 @@ def tables_of(ready: Prepared, options: RechargeOptions, sure_ratio: float, *, d
     if not division.units or len(division.units) > MAX_UNITS:
         return None
     levels = _Levels(ready, options, max(step.height_m for step in work.steps))
-    writer = Reorderer(work, division, levels.of, keeps_height_of_zero=ready.by.zero_means_as_it_is)
+    keeps = any(family.zero_means_as_it_is for family in ([ready.by] if ready.by else ready.families))
+    writer = Reorderer(work, division, levels.of, keeps_height_of_zero=keeps)
     both = [
         _Flown(ready, options, written)
         for written in (
@@ -176,7 +177,9 @@ def _ways(
     slots = forwards.problem.slots
     at_s = slots.start_s + slots.slot_s * (np.arange(slots.length, dtype=np.float64) + 0.5)
     kg = np.full(size * size, options.conditions.payload_kg)
-    times, charges = (one.reshape(len(at_s), size, size) for one in times_and_charges(hops, kg, options.conditions, at_s))
+    times, charges = (
+        one.reshape(len(at_s), size, size) for one in times_and_charges(hops, kg, options.conditions, at_s)
+    )
     # how the mission lands is in the way to its tail that it has itself
     own_s, own_soc = forwards.way(len(units))
     before = 2 * (len(units) - 1)
@@ -222,7 +225,10 @@ def _visit(
     """Least time and charge of leaving the work for a pad and coming back, from any place between the units."""
     import shapely
 
-    conditions, speed = options.conditions, min(options.transit.speed_mps, options.conditions.drone.max_ground_speed_mps)
+    conditions, speed = (
+        options.conditions,
+        min(options.transit.speed_mps, options.conditions.drone.max_ground_speed_mps),
+    )
     power = FlightPower.of(conditions.drone, 0.0)
     places = np.array(writer.work.places)
     lat0, lon0 = places.mean(axis=0)

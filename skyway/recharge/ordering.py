@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from skyway.recharge.problem import sure_ratio_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.missions.recharge.work import Picture
+    from skyway.missions.recharge.work import Work
     from skyway.recharge.cutting import Recharged
     from skyway.recharge.order_tables import OrderTables
     from skyway.recharge.preparing import Prepared
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 SAME_M = 0.1
 """A picture is where it was within this."""
 MOST_TOLD = 3
+NOTHING_FREE = (
+    "order kept: no parts of the mission are surely independent (lines of pictures, places with a picture or a stay)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,78 +44,89 @@ class OrderTold:
         Parts of the mission that stay as they are.
     moved : int
         How many of them are not where they were, or are flown from their end.
+    end_s : float
+        When the mission ends by the plan.
     before_s : float or None
-        When the mission ends in its own order; None where that cannot be flown.
+        When it ends in its own order; None where that cannot be flown.
     bound_s : float
         No order ends before.
     looked_at, planned : int
         Orders that were bounded, and planned exactly.
-    kept : tuple of str
-        Why the order is not freer.
+    pictures_off_m : float
+        The farthest that a picture is from where it was by the order alone.
     """
 
     units: int
     moved: int
+    end_s: float
     before_s: float | None
     bound_s: float
     looked_at: int
     planned: int
-    kept: tuple[str, ...]
+    pictures_off_m: float = 0.0
 
 
-def with_best_order(
-    ready: Prepared, options: RechargeOptions, *, iterations: int = ITERATIONS
-) -> tuple[Recharged, OrderTold]:
+def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: int = ITERATIONS) -> Recharged:
     """Cut a mission whose independent parts may be put in another order, and flown from their ends; the better of that and its own order.
 
-    An `InputError` says that nothing may be moved, or why neither can be cut.
+    Where nothing may be moved the order is kept, and a note says why. An `InputError` says why neither can be cut.
     """
-    tables = independent(ready, options)
     own: Recharged | None = None
     refusal: InputError | None = None
     try:
         own = cut(ready, options)
     except InputError as error:
         refusal = error
-    free = tables.free
-    begin = [2 * number for number in range(free.units)]
-    best = best_order(free, [begin], iterations=iterations, seed=options.seed)
-    kept = list(told(tables))
-    found, tour = own, begin
-    if list(best.tours[0]) != begin:
-        try:
-            other = cut(in_order(ready, tables, best.tours[0]), options)
-        except InputError as error:
-            if own is None:
-                raise
-            kept.append(f"the best order is not flown: {error.faults[0].problem}")
-        else:
-            if not same_pictures(tables.writer.work.pictures, other.problem.work.pictures):
-                kept.append("order kept: pictures would not be where they were")
-            elif own is None or other.plan.end_s < own.plan.end_s:
-                found, tour = other, list(best.tours[0])
+    tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options)) if own or _may_help(refusal) else None
+    if tables is None or not tables.division.is_free:
+        if own is None:
+            raise refusal or InputError("the mission cannot be cut")
+        end_s = own.plan.end_s
+        parts = 0 if tables is None else tables.free.units
+        why = told(tables) or (NOTHING_FREE,)
+        return replace(own, notes=(*own.notes, *why), order=OrderTold(parts, 0, end_s, end_s, end_s, 0, 0))
+    begin = [2 * number for number in range(tables.free.units)]
+    best = best_order(tables.free, [begin], iterations=iterations, seed=options.seed)
+    tour = list(best.tours[0])
+    found, off_m, notes = _better(ready, options, tables, tour, own)
     if found is None:
         raise refusal or InputError("no order of the mission can be flown")
-    moved = sum(one != other for one, other in zip(tour, begin, strict=True))
-    bound = min(bound_of_orders(tables.free), found.plan.end_s)
-    before_s = None if own is None else own.plan.end_s
-    return found, OrderTold(free.units, moved, before_s, bound, best.looked_at, best.planned, tuple(kept))
+    if found is own:
+        tour = begin
+    order = OrderTold(
+        tables.free.units,
+        sum(one != other for one, other in zip(tour, begin, strict=True)),
+        found.plan.end_s,
+        None if own is None else own.plan.end_s,
+        min(bound_of_orders(tables.free), found.plan.end_s),
+        best.looked_at,
+        best.planned,
+        off_m,
+    )
+    return replace(found, notes=(*found.notes, *told(tables), *notes), order=order)
 
 
-def independent(ready: Prepared, options: RechargeOptions, *, drones: int = 1) -> OrderTables:
-    """Return the units of a mission; an `InputError` says that there are none, or that none may be moved."""
-    tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options), drones=drones)
-    field = "--reorder" if drones == 1 else "--drones"
-    if tables is None:
-        raise InputError(
-            "no parts of the mission are surely independent: none is a line of pictures, or a place with a picture or a stay",
-            field=field,
-            remedy=f"leave {field} out",
-        )
-    if not tables.division.is_free or (drones > 1 and tables.free.units < 2):
-        why = tables.division.kept[0] if tables.division.kept else "it has one part only"
-        raise InputError(f"no parts of the mission are surely independent: {why}", field=field, remedy=f"leave {field} out")
-    return tables
+def _may_help(refusal: InputError | None) -> bool:
+    """Whether another order may be cut where the own one is not: the way to a pad may be shorter."""
+    return refusal is not None and any("no pad in reach" in fault.problem for fault in refusal.faults)
+
+
+def _better(
+    ready: Prepared, options: RechargeOptions, tables: OrderTables, tour: Sequence[int], own: Recharged | None
+) -> tuple[Recharged | None, float, tuple[str, ...]]:
+    """Cut the mission in an order; return that or its own, how far pictures are from where they were, and what hindered it."""
+    if list(tour) == [2 * number for number in range(tables.free.units)]:
+        return own, 0.0, ()
+    try:
+        other = cut(in_order(ready, tables, tour), options)
+    except InputError as error:
+        return own, 0.0, (f"order kept: the best that was found is not flown: {error.faults[0].problem}",)
+    off_m = pictures_off_m(tables.writer.work, other.problem.work)
+    if off_m > SAME_M:
+        return own, 0.0, ("order kept: pictures would not be where they were",)
+    if own is not None and own.plan.end_s <= other.plan.end_s:
+        return own, 0.0, ()
+    return other, off_m, ()
 
 
 def in_order(ready: Prepared, tables: OrderTables, tour: Sequence[int]) -> Prepared:
@@ -120,24 +135,31 @@ def in_order(ready: Prepared, tables: OrderTables, tour: Sequence[int]) -> Prepa
     return replace(ready, document=replace(ready.document, mission=written.mission))
 
 
-def told(tables: OrderTables) -> tuple[str, ...]:
+def told(tables: OrderTables | None) -> tuple[str, ...]:
     """Return why the order is not freer, in a few lines."""
-    kept = tables.division.kept
+    kept = () if tables is None else tables.division.kept
     more = (f"order kept: {len(kept) - MOST_TOLD} more reasons of these kinds",) if len(kept) > MOST_TOLD else ()
     return (*kept[:MOST_TOLD], *more)
 
 
-def same_pictures(before: Sequence[Picture], after: Sequence[Picture]) -> bool:
-    """Whether as many pictures are taken, each within `SAME_M` of one that was, whatever their order."""
-    if len(before) != len(after):
-        return False
-    if not before:
-        return True
+def pictures_off_m(before: Work, after: Work) -> float:
+    """Return how far the farthest picture is from where it was, whatever their order; infinite where one is lost, or taken twice."""
+    if len(before.pictures) != len(after.pictures):
+        return math.inf
+    if not before.pictures:
+        return 0.0
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
     from scipy.spatial import KDTree
 
-    places = [np.array([(one.lat, one.lon) for one in pictures]) for pictures in (before, after)]
-    lat0, lon0 = places[0].mean(axis=0)
-    planes = [np.column_stack(geodesy.local_offsets_m(one[:, 0], one[:, 1], lat0, lon0)) for one in places]
-    return all(
-        float(np.max(KDTree(one).query(other)[0])) <= SAME_M for one, other in (planes, planes[::-1])
-    )
+    spots = [np.array([work.at(one.step, one.share) for one in work.pictures]) for work in (before, after)]
+    lat0, lon0 = spots[0][:, :2].mean(axis=0)
+    planes = [np.column_stack((*geodesy.local_offsets_m(one[:, 0], one[:, 1], lat0, lon0), one[:, 2])) for one in spots]
+    near = KDTree(planes[0]).query_ball_tree(KDTree(planes[1]), SAME_M)
+    columns = np.array([other for others in near for other in others], dtype=np.int64)
+    begins = np.cumsum([0, *(len(others) for others in near)])
+    table: Any = csr_array((np.ones(len(columns)), columns, begins), shape=(len(near), len(near)))
+    partner = maximum_bipartite_matching(table, perm_type="column")
+    if (partner < 0).any():
+        return math.inf
+    return float(np.max(np.linalg.norm(planes[0] - planes[1][partner], axis=1)))

@@ -8,6 +8,7 @@ import math
 import os
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,8 @@ SUMMARY = "recharge.json"
 """Names a folder of ours: no other one is ever replaced."""
 
 
+REORDERED = "reordered.plan"
+"""The whole mission in the order that it is flown, where that is another one: items are told by their numbers in it."""
 WHOLE = "all-batteries.plan"
 """All flights in one mission, where an autopilot stays in it after a landing that disarms."""
 
@@ -90,6 +93,8 @@ def write_folder(
     """
     refuse_folder(folder, force=force)
     texts = {SUMMARY: json_text(summary, indent=1) + "\n", **mission_texts(found)}
+    if found.order is not None and found.order.moved:
+        texts[REORDERED] = plan_writer.dumps(replace(found.told[0].document, mission=found.problem.work.mission))
     for name in found.flights:
         if name in found.whole:
             texts |= {f"{name}/{WHOLE}": plan_writer.dumps(found.whole[name])}

@@ -27,7 +27,8 @@ class PictureAudit:
 def audited(found: Recharged) -> PictureAudit:
     """Read every flight as it is written, one after the other, and compare where pictures are taken."""
     before = found.problem.work.pictures
-    worst = PictureAudit(len(before), len(before), 0.0)
+    moved_m = 0.0 if found.order is None else found.order.pictures_off_m
+    worst = PictureAudit(len(before), len(before), moved_m)
     for name, flights in found.flights.items():
         after: list[tuple[float, float]] = []
         for flight in flights:
@@ -37,5 +38,7 @@ def audited(found: Recharged) -> PictureAudit:
         if len(after) != len(before):
             return PictureAudit(len(before), len(after), float("inf"))
         apart = [geodesy.distance_m(one.lat, one.lon, *other) for one, other in zip(before, after, strict=True)]
-        worst = max((worst, PictureAudit(len(before), len(after), max(apart, default=0.0))), key=lambda one: one.off_m)
+        worst = max(
+            (worst, PictureAudit(len(before), len(after), moved_m + max(apart, default=0.0))), key=lambda one: one.off_m
+        )
     return worst

@@ -52,8 +52,8 @@ class Prepared:
     """What is said of the autopilots that do not fly it."""
 
     @property
-    def by(self) -> Family:
-        """Who reads it."""
+    def by(self) -> Family | None:
+        """Who reads it; None where neither the file nor who cuts it says."""
         return self.families[0] if self.only else family_of(self.document.mission.firmware)
 
     def work(self, options: RechargeOptions) -> Work:

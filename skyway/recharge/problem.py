@@ -68,6 +68,8 @@ class RechargeOptions:
     seed: int = 0
     windows: Mapping[str, tuple[Window, ...]] = field(default_factory=dict)
     """By the id of a pad, when it can be used, seconds after the first take-off; always where nothing is said."""
+    reorder: bool = False
+    """Independent parts may be flown in another order."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -11,6 +11,7 @@ from skyway.recharge.picture_audit import PictureAudit, audited
 if TYPE_CHECKING:
     from skyway.missions.recharge.work import WorkPoint
     from skyway.recharge.cutting import Recharged
+    from skyway.recharge.ordering import OrderTold
     from skyway.recharge.rehearsal import Rehearsal
 
 SCHEMA = "skyway.recharge/1"
@@ -89,6 +90,8 @@ class RechargeSummary:
     runs: int
     flights: tuple[FlightTold, ...]
     notes: tuple[str, ...]
+    order: OrderTold | None = None
+    """Of ``--reorder``; then items are those of `reordered.plan`, where any part was moved."""
 
 
 def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
@@ -145,6 +148,7 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         rehearsal.runs,
         tuple(flights),
         found.notes,
+        found.order,
     )
 
 

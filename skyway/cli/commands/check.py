@@ -220,6 +220,7 @@ def recharge(
       skyway recharge survey.plan --pads pads.csv -o flights
       skyway recharge survey.plan --pads pads.csv --wind 6@250 --drone m200-v2 --autopilot px4 -o flights
       skyway recharge survey.plan --vans vans.csv -o flights
+      skyway recharge survey.plan --pads pads.csv --reorder -o flights
       skyway recharge patrol.waypoints --pads newyork --depart 2013-07-10T14:00-04:00 --laps 5 -o flights
     """
     from skyway.cli.views.recharge import print_recharge
@@ -257,6 +258,7 @@ def recharge(
         swap_s=swap,
         single=single,
         seed=seed,
+        reorder=crew.reorder,
     )
     document = with_home(read(mission), asked)
     region = region_of(asked)

@@ -8,6 +8,7 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import duration, percent, probability, with_unit
 
 if TYPE_CHECKING:
+    from skyway.recharge.ordering import OrderTold
     from skyway.recharge.picture_audit import PictureAudit
     from skyway.recharge.summary import FlightTold, RechargeSummary
 
@@ -56,6 +57,8 @@ def print_recharge(summary: RechargeSummary) -> None:
     )
     if summary.pictures.before or summary.pictures.after:
         say(_pictures(summary.pictures))
+    if summary.order is not None:
+        say(_order(summary.order))
     for line in summary.decided_on_the_way:
         say(f"skyway fly decides {line}")
     for note in summary.notes:
@@ -69,6 +72,21 @@ def _pictures(audit: PictureAudit) -> str:
     return (
         f"{audit.before} pictures, none lost, none twice, at most {with_unit(audit.off_m, 'm', 2)} from where they were"
     )
+
+
+def _order(told: OrderTold) -> str:
+    """Say what another order of the parts brings, and how much any could."""
+    if not told.moved:
+        first = f"{told.units} parts in the order of the mission"
+        instead = ": none was found that ends earlier"
+    else:
+        first = f"{told.moved} of {told.units} parts moved or turned round (items are those of reordered.plan)"
+        instead = (
+            ""
+            if told.before_s is None
+            else f": ends {duration(told.end_s)} after the first take-off by the plan, not {duration(told.before_s)}"
+        )
+    return f"{first}{instead}; no order ends before {duration(told.bound_s)}"
 
 
 def _left(flight: FlightTold) -> str:
