@@ -1,0 +1,123 @@
+"""Orders of independent units: against every order there is, and the bound against all of them."""
+
+import itertools
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skyway.models.flight.kernels import Slots
+from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
+from skyway.planner.fixed_route.order_bound import bound_of_orders
+from skyway.planner.fixed_route.order_search import best_order
+from skyway.planner.fixed_route.orders import FreeOrder, Stretch
+from skyway.planner.fixed_route.way_kernels import Hops
+
+SLOT_S = 90.0
+
+
+def free_order(seed, *, units=3, slots=1, pads=2, two_groups=False):
+    """Units as places and lines on a plane, some of which may be flown from their end, in winds that change by slot."""
+    rng = np.random.default_rng(seed)
+    per_s = float(rng.uniform(0.0015, 0.004))
+    wind = rng.uniform(0.8, 1.3, slots)
+    home = rng.uniform(-20.0, 20.0, 2)
+    stands = rng.uniform(-60.0, 60.0, (pads, 2))
+    lines = rng.uniform(-60.0, 60.0, (units, 2, 2))
+
+    def times(one, other):
+        """By slot, at 1 m/s and slower or faster in the winds."""
+        away = np.linalg.norm(np.asarray(one)[:, None] - np.asarray(other)[None, :], axis=-1) + 2.0
+        return away[None] * wind[:, None, None]
+
+    def stretch(spots):
+        spots = np.asarray(spots)
+        work_s = np.stack([times(spots[:-1], spots[1:])[:, one, one] for one in range(len(spots) - 1)], axis=1)
+        to_s, from_s = times(spots, stands) + 1.0, np.swapaxes(times(stands, spots), 1, 2) + 2.0
+        leave = np.ones(len(spots), dtype=bool)
+        return Stretch(work_s, work_s * per_s, to_s, to_s * per_s, from_s, from_s * per_s, leave)
+
+    def points(begin, end):
+        return [begin, (begin + end) / 2.0, end]
+
+    turns = []
+    for begin, end in lines:
+        turns += [stretch(points(begin, end)), stretch(points(end, begin)) if rng.random() < 0.6 else None]
+    ends = [spot for begin, end in lines for spot in (end, begin)] + [home]
+    begins = [spot for begin, end in lines for spot in (begin, end)] + [home]
+    way_s = times(ends, begins)
+    there_is = np.array([one is not None for one in turns] + [True])
+    way_s[:, ~there_is, :] = math.inf
+    way_s[:, :, ~there_is] = math.inf
+    way_soc = np.where(np.isfinite(way_s), way_s, 0.0) * per_s
+    between = times(stands, stands)
+    none = np.zeros((slots, 0))
+    hops = Hops(
+        none, none, np.zeros((slots, 1, pads)), np.zeros((slots, 1, pads)), np.zeros((slots, 1, pads)),
+        np.zeros((slots, 1, pads)), between, between * per_s, np.arange(1),
+    )  # fmt: skip
+    curves = []
+    for _ in range(pads):
+        knee, fast = rng.uniform(0.5, 0.9), rng.uniform(30.0, 90.0)
+        curves.append((np.array([0.0, fast, fast * rng.uniform(1.5, 3.0)]), np.array([0.0, knee, 1.0])))
+    waits = tuple(np.array([[0.0, float(wait)]]) for wait in rng.choice([0.0, 0.0, 5.0], pads))
+    mean = float(rng.uniform(0.9, 1.1))
+    route = FixedRoute(
+        hops,
+        Slots(0.0, SLOT_S, slots),
+        np.ones(1, dtype=bool),
+        tuple(curves),
+        waits,
+        0.0,
+        float(rng.uniform(0.5, 1.0)),
+        0.1,
+        mean,
+        mean * float(rng.uniform(1.0, 1.3)),
+    )
+    inside = stretch([home, home])
+    groups = tuple(one // 2 for one in range(units)) if two_groups else (0,) * units
+    return FreeOrder(route, inside, inside, tuple(turns), groups, way_s, way_soc, (1,) * pads)
+
+
+def every_order(work):
+    """All tours: permutations that keep the groups, each unit either way round where it may be."""
+    for order in itertools.permutations(range(work.units)):
+        groups = [work.groups[unit] for unit in order]
+        if groups != sorted(groups):
+            continue
+        ways = [[2 * u] if work.turns[2 * u + 1] is None else [2 * u, 2 * u + 1] for u in order]
+        yield from itertools.product(*ways)
+
+
+def end_of(work, tour):
+    plan = charging_stops(work.route(tour))
+    return math.inf if plan is None else plan.end_s
+
+
+CASES = [{"units": 2}, {"units": 2, "slots": 3}, {"units": 3, "two_groups": True}, {"units": 3}]
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from(CASES))
+def test_the_bound_is_no_later_than_the_best_of_all_orders(seed, case):
+    work = free_order(seed, **case)
+    best = min(end_of(work, tour) for tour in every_order(work))
+    assert bound_of_orders(work) <= best + 1e-6
+
+
+@settings(max_examples=3, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from(CASES))
+def test_the_search_tells_an_order_that_keeps_its_promise_and_no_order_ends_before_the_best(seed, case):
+    work = free_order(seed, **case)
+    begin = [2 * unit for unit in range(work.units)]
+    found = best_order(work, [begin], iterations=40, seed=1)
+    ends = {tour: end_of(work, tour) for tour in every_order(work)}
+    if math.isinf(found.end_s):
+        assert all(math.isinf(end_of(work.coarse, tour)) for tour in [tuple(begin)])
+        return
+    assert found.tours[0] in ends
+    assert found.end_s >= min(ends.values()) - 1e-6
+    assert ends[found.tours[0]] <= found.end_s + 1e-6
+    assert found.end_s <= end_of(work.coarse, begin) + 1e-6
+    assert best_order(work, [begin], iterations=40, seed=1) == found
