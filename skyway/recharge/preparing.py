@@ -65,7 +65,8 @@ class Prepared:
         home = self.document.mission.home
         home_m = None if home is None else home.altitude_m
         ground = pad_grounds_m(self.pads, home_m, options.transit.over, level=options.level_ground)
-        return pad_ways(work, self.document, self.pads, ground, options.transit, self.families)
+        document = replace(self.document, mission=work.mission)  # the work may be in another order
+        return pad_ways(work, document, self.pads, ground, options.transit, self.families)
 
 
 def prepared(
