@@ -301,6 +301,8 @@ class _Divider:
         live = [one for one in steps[1:] if not self.idle[one]]
         if not live or live != list(range(live[0], live[-1] + 1)):
             return False
+        if not any(picture.item is None and first <= picture.step <= last for picture in self.work.pictures):
+            return False  # a line shorter than its spacing
         begin, end = live[0] - 1, live[-1]
         for number in steps:
             orders = [one for one in self.after[number] if number != last or state_key(one) == PICTURES]

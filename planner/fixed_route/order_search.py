@@ -85,7 +85,7 @@ class _Search:
                 now, now_s = start, bound
         ways: list[Callable[[Tours, int], list[int]]] = [self._any, self._near, self._dear, self._run]
         weights = np.ones(len(ways))
-        scale = now_s if math.isfinite(now_s) else float(self.turn[np.isfinite(self.turn)].sum())
+        scale = max(now_s if math.isfinite(now_s) else float(self.turn[np.isfinite(self.turn)].sum()), 1.0)
         for number in range(iterations if self.work.units > 1 or len(self.begin) > 1 or self._may_turn() else 0):
             warmth = scale * _WARM * (_COLD / _WARM) ** (number / max(iterations - 1, 1))
             chosen = int(self.rng.choice(len(ways), p=weights / weights.sum()))

@@ -27,7 +27,7 @@ def seen_on(missions, grounds_m, origin, *, ardupilot):
     for mission, ground in zip(missions, grounds_m, strict=True):
         vehicle.ground_m, vehicle.held, vehicle.every_m, vehicle.every_s = ground, {}, 0.0, 0.0
         fly(mission, vehicle, speed=8.0, ardupilot=ardupilot)
-    return vehicle.seen
+    return getattr(vehicle, "seen", [])
 
 
 def assert_reordered(mission, found):
