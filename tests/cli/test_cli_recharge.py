@@ -171,3 +171,33 @@ def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
     assert reversed_times.code == 2
     assert "vans.csv:2: until: is not later than from" in reversed_times.err
     assert "give --pads, or --vans" in skyway("recharge", str(patrol / "patrol.plan"), "-o", str(patrol / "no")).err
+
+
+def test_another_order_is_told_with_its_bound_written_and_found_again(skyway, tmp_path):
+    from skyway.recharge.made_of import opened
+
+    items = [place(47.398, 8.545, Command.NAV_TAKEOFF)]
+    for number in (0, 3, 1, 2):
+        items += [
+            place(47.4, 8.546 + 0.0006 * number),
+            MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, 30.0, 0.0, 1.0),
+            place(47.41, 8.546 + 0.0006 * number),
+            MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION),
+        ]
+    items.append(MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION))
+    home = Home(Point.of_degrees(47.398, 8.545), 488.0)
+    write(MissionDocument(Mission(tuple(items), home, 15.0, 8.0, 12, 2)), tmp_path / "lines.plan")
+    (tmp_path / "pads.csv").write_text(PADS)
+    typed = ["recharge", tmp_path / "lines.plan", "--pads", tmp_path / "pads.csv", "--drone", "m200-v2", "--soc", "60"]
+    out = tmp_path / "out"
+    answer = skyway(*map(str, typed), "--reorder", "-o", str(out))
+    assert answer.code == 0
+    assert "of 4 parts moved or turned round" in answer.out
+    assert "no order ends before" in answer.out
+    assert "none lost, none twice" in answer.out
+    told = json.loads((out / "recharge.json").read_text())["order"]
+    assert 0.0 < told["bound_s"] <= told["end_s"] < told["before_s"]
+    again = opened(out)
+    assert again.found.order.end_s == told["end_s"]
+    written = [item.command for item in read(out / "reordered.plan").mission.items]
+    assert written == [item.command for item in again.found.problem.work.mission.items]
