@@ -104,7 +104,7 @@ def _solved(
     table: Any = csr_array(rows)
     exact: Any = csr_array(equal)
     found = linprog(objective, table, most, exact, wanted, method="highs")
-    return (float(found.fun), np.asarray(found.x)) if found.status == 0 else None
+    return (float(found.fun or 0.0), np.asarray(found.x)) if found.status == 0 else None
 
 
 class _Ways:

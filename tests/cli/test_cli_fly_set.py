@@ -12,8 +12,8 @@ from skyway.cli.main import main
 from skyway.missions.autopilots.registry import family_named
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix
+from skyway.recharge.flying.work_job import WorkAsked, work_of_set
 from skyway.recharge.made_of import SET, opened
-from skyway.recharge.work_job import WorkAsked, work_of_set
 
 FIELD = {name: (ROOT / "docs" / "how-to" / "recharge.md").read_text() for name in ("page",)}["page"]
 NOON = from_posix(1_777_896_000.0)

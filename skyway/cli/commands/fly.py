@@ -196,8 +196,8 @@ def _work(
     resume: Path | None,
 ) -> tuple[OpenedSet, Callable[[datetime, Vehicle], DeliveryJob]]:
     """Open the folder of a cut mission; returns it, and what makes it a job."""
+    from skyway.recharge.flying.work_job import WorkAsked, work_of_set
     from skyway.recharge.made_of import opened, refuse_other_journal
-    from skyway.recharge.work_job import WorkAsked, work_of_set
 
     if wind is not None:
         typed_values.parse_wind(wind)

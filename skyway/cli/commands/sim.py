@@ -170,7 +170,7 @@ def _region(folder: Path | None) -> tuple[Scenario, list[str] | None]:
 
     if folder is None or not (folder / SET).is_file():
         return load_scenario(folder), None
-    from skyway.recharge.places import places_of, region_with
+    from skyway.recharge.flying.places import places_of, region_with
 
     cut = opened(folder)
     places = places_of(cut.found)

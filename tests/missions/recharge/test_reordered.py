@@ -99,10 +99,10 @@ def test_what_acts_on_the_world_keeps_its_place_and_that_is_said():
     assert any("order kept: item" in note and "DO_GRIPPER" in note for note in found.notes)
     flown = list(found.problem.work.mission.items)
     gripper = next(number for number, item in enumerate(flown) if item.command == Command.DO_GRIPPER)
-    own = {item.x for item in first if item.command == Command.NAV_WAYPOINT}
-    others = {item.x for item in then if item.command == Command.NAV_WAYPOINT}
-    assert not others & {item.x for item in flown[:gripper]}
-    assert not own & {item.x for item in flown[gripper:]}
+    own = {item.y for item in first if item.command == Command.NAV_WAYPOINT}
+    others = {item.y for item in then if item.command == Command.NAV_WAYPOINT}
+    assert not others & {item.y for item in flown[:gripper]}
+    assert not own & {item.y for item in flown[gripper:]}
     assert_reordered(mission, found)
 
 

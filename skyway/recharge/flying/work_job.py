@@ -12,9 +12,9 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix
 from skyway.models.composition.composition import State
 from skyway.planner.problem.request import NO_RETURN, Request
-from skyway.recharge.flown import SetPlanner
+from skyway.recharge.flying.flown import SetPlanner
+from skyway.recharge.flying.places import places_of, region_with
 from skyway.recharge.output import identity_of
-from skyway.recharge.places import places_of, region_with
 from skyway.typed_values import wind_forecast
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.recharge.spans import Span
     from skyway.recharge.cutting import Flight, Recharged
-    from skyway.recharge.places import WorkPlaces
+    from skyway.recharge.flying.places import WorkPlaces
     from skyway.recharge.rehearsal import Rehearsal
 
 PLANNER = "recharge"

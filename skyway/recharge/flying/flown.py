@@ -22,9 +22,9 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration, percent, probability
 from skyway.models.drones.energy_belief import SOC_SD
 from skyway.models.flight.energy import FlightPower
-from skyway.recharge import rest
-from skyway.recharge.as_composition import composition_of
 from skyway.recharge.cutting import MAX_ROUNDS, MORE_SURE, ROUNDED, Recharged, cuts_of, flights_of
+from skyway.recharge.flying import rest
+from skyway.recharge.flying.as_composition import composition_of
 from skyway.recharge.output import parameters_of
 from skyway.recharge.reasons import no_plan
 from skyway.recharge.rehearsal import rehearsed
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.spans import Done
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.recharge.cutting import Flight
-    from skyway.recharge.places import WorkPlaces
+    from skyway.recharge.flying.places import WorkPlaces
+    from skyway.recharge.flying.rest import RestPlan
     from skyway.recharge.problem import RechargeOptions, RechargeProblem
-    from skyway.recharge.rest import RestPlan
 
 RUNS = 1000
 MANOEUVRES_S = 25.0
