@@ -57,9 +57,9 @@ def lines_of(order, every=25.0, length=700.0):
     for number in order:
         items += [
             at(number * 60.0, 0),
-            do(Command.DO_SET_CAM_TRIGG_DIST, every, 0, 1),
+            do(Command.DO_SET_CAM_TRIGG_DIST, every, 0.0, 1.0),
             at(number * 60.0, length),
-            do(Command.DO_SET_CAM_TRIGG_DIST, 0),
+            do(Command.DO_SET_CAM_TRIGG_DIST, 0.0),
         ]
     return items
 
