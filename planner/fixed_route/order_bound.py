@@ -2,14 +2,19 @@
 
 A linear relaxation. Each unit is come to from one other and gone on from to one other, on ways that cost their time and their charge,
 the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
-on with it where it was left, costs at least what the nearest place to a pad does. With V such visits and D drones there are V + D ways from charge
-to charge. Charging for one of energy E takes at least phi(E) = tau(r + E) - tau(r), tau the time from empty on the fastest curve and r the
-reserve; phi is convex, so that all ways together take at least a E - b (V + D) for each tangent of phi. HiGHS, of SciPy, solves it.
+on with it where it was left, costs at least what the nearest place to a pad does.
+
+Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be begun with r + s E at
+least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way is begun with, less
+tau of what the first one ends with, and for each way between tau(d) - tau(d - m E), which is least for d = r + s E: phi(E). So it is at least
+a (E - E0) - b V for each tangent of the lower hull of phi, and, E0 being what first ways take, tau(r) - tau(start) and a chord more. HiGHS, of SciPy,
+solves it.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +29,8 @@ if TYPE_CHECKING:
 MANY = 150
 """Beyond so many units ways are not told apart by where they come from."""
 ROUNDS = 12
+EXTRA = 4
+"""Columns that are no ways."""
 TOLERANCE_S = 1e-3
 """The bound is so much less than what the solver says, for it works in floating point."""
 
@@ -34,21 +41,23 @@ def bound_of_orders(work: FreeOrder) -> float:
     route = least.pads
     tour = _Ways(least, np.array(work.groups))
     base_s, base_soc = tour.base
-    # columns: ways; visits of pads, ways from pad to pad, charging
+    # columns: ways; visits of pads, ways from pad to pad, charging, what the first way of each drone takes
     wait_s = min(float(wait[:, 1].min()) for wait in route.waits)
-    extra_s = [work.visit_s + wait_s, _least_hop(route.hops.between_s[0]) + wait_s, 1.0]
+    extra_s = [work.visit_s + wait_s, _least_hop(route.hops.between_s[0]) + wait_s, 1.0, 0.0]
     objective = np.concatenate((tour.time_s, extra_s))
-    energy = np.concatenate((tour.soc, [work.visit_soc, _least_hop(route.hops.between_soc[0]), 0.0]))
-    visits = np.concatenate((np.zeros(len(tour.soc)), [1.0, 1.0, 0.0]))
-    # what all ways need comes from the start or from pads
+    energy = np.concatenate((tour.soc, [work.visit_soc, _least_hop(route.hops.between_soc[0]), 0.0, 0.0]))
+    visits, charging, first = np.zeros((3, len(energy)))
+    visits[-4:-2], charging[-2], first[-1] = 1.0, 1.0, 1.0
+    begin = (route.soc_start - route.reserve_soc) / route.sure_ratio
     usable = (1.0 - route.reserve_soc) / route.sure_ratio
-    rows = [energy - usable * visits]
-    most = [drones * (route.soc_start - route.reserve_soc) / route.sure_ratio - base_soc]
-    for slope, level, begin_s in _tangents(least):
-        row = slope * energy - level * visits
-        row[-1] -= 1.0
-        rows.append(row)
-        most.append(drones * (level + begin_s) - slope * base_soc)
+    rows = [first, energy - first - usable * visits]
+    most = [drones * begin, -base_soc]
+    price, spare_soc = work.price_s, (route.soc_start - route.reserve_soc) / route.mean_ratio
+    rows.append(price * energy - charging)
+    most.append(price * (drones * spare_soc - base_soc))
+    for slope, level, chord, credit_s in _tangents(least):
+        rows.append(slope * (energy - first) + chord * first - level * visits - charging)
+        most.append(drones * credit_s - slope * base_soc)
     answer = math.inf
     for _ in range(ROUNDS):
         solved = _solved(objective, np.array(rows), np.array(most), *tour.degrees(drones))
@@ -63,24 +72,33 @@ def bound_of_orders(work: FreeOrder) -> float:
     return route.start_s + max((base_s + answer - TOLERANCE_S) / drones, 0.0)
 
 
-def _tangents(work: FreeOrder) -> list[tuple[float, float, float]]:
-    """Return of each tangent of phi its slope a, its level b, and what is charged at the start already, in seconds of the fastest curve."""
+def _tangents(work: FreeOrder) -> list[tuple[float, float, float, float]]:
+    """Return of each tangent of phi its slope a and level b; the slope of first ways; and what the charge at the start is worth, s."""
     route = work.pads
     tau_soc, tau_s = fastest(route.curves)
-    reserve, mean = route.reserve_soc, route.mean_ratio
+    reserve, mean, sure = route.reserve_soc, route.mean_ratio, route.sure_ratio
 
-    def tau(soc: float) -> float:
-        return float(np.interp(soc, tau_soc, tau_s))
+    def tau(soc: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        return np.asarray(np.interp(soc, tau_soc, tau_s))
 
-    begin_s = tau(route.soc_start) - tau(reserve)
-    found = []
-    for s0, s1, t0, t1 in zip(tau_soc[:-1], tau_soc[1:], tau_s[:-1], tau_s[1:], strict=True):
-        if s1 <= reserve:
-            continue
-        slope = float((t1 - t0) / (s1 - s0)) * mean
-        energy = max(float(s0) - reserve, 0.0) / mean
-        found.append((slope, slope * energy - (tau(reserve + mean * energy) - tau(reserve)), begin_s))
-    return found
+    # phi is linear between where either end of the way meets a point of the curve
+    bends = [(tau_soc - reserve) / sure, *([(tau_soc - reserve) / (sure - mean)] if sure > mean else [])]
+    last = (1.0 - reserve) / sure
+    at = np.unique(np.clip(np.concatenate([*bends, [0.0, last]]), 0.0, last))
+    phi = tau(reserve + sure * at) - tau(reserve + (sure - mean) * at)
+    hull: list[int] = []
+    for number in range(len(at)):  # the lower hull of its points
+        while len(hull) > 1 and (phi[hull[-1]] - phi[hull[-2]]) * (at[number] - at[hull[-2]]) >= (
+            phi[number] - phi[hull[-2]]
+        ) * (at[hull[-1]] - at[hull[-2]]):
+            hull.pop()
+        hull.append(number)
+    begin = (route.soc_start - reserve) / sure
+    saved = float(tau(route.soc_start) - tau(route.soc_start - mean * begin))
+    chord = saved / begin if begin > 0.0 else 0.0
+    credit_s = float(tau(route.soc_start) - tau(reserve))
+    slopes = [(float((phi[b] - phi[a]) / (at[b] - at[a])), a) for a, b in pairwise(hull)]
+    return [(slope, slope * float(at[a]) - float(phi[a]), chord, credit_s) for slope, a in slopes]
 
 
 def _least_hop(hops: NDArray[np.float64]) -> float:
@@ -160,7 +178,7 @@ class _Ways:
 
     def degrees(self, drones: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the equations: each unit is come to once and left once, head and tail once by each drone."""
-        columns = len(self.heads) + 3
+        columns = len(self.heads) + EXTRA
         sides = (self.heads, self.tails) if self.apart else (self.heads,)
         rows = np.zeros((len(sides) * (self.units + 1), columns))
         for number, side in enumerate(sides):
@@ -188,7 +206,7 @@ class _Ways:
                     continue
                 into = ~inside[self.tails] & inside[self.heads]
                 if float(flow[into].sum()) < 1.0 - 1e-3:
-                    found.append(np.concatenate((into.astype(np.float64), np.zeros(3))))
+                    found.append(np.concatenate((into.astype(np.float64), np.zeros(EXTRA))))
             if found:
                 break
         return found

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import combinations_with_replacement, pairwise, permutations, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from skyway.planner.fixed_route.charging_stops import charging_stops, least_end
 from skyway.planner.fixed_route.sharing import shared
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,8 +29,11 @@ if TYPE_CHECKING:
 Tours = list[list[int]]
 """Turns of each drone."""
 ITERATIONS = 1500
-_MOST_OUT = 30
-_WARM, _COLD = 0.01, 1e-4
+FEW_ORDERS = 400
+"""So few orders are all looked at."""
+_FEW_OUT, _MOST_OUT = 6, 30
+"""Turns that are taken out at once: all of a short tour, or there may be no way from one order to another that can be flown."""
+_WARM, _COLD = 0.2, 1e-3
 """Share of the end by which a worse order is taken at first, and at last."""
 _REACTION = 0.1
 _TIE_S = 1e-6
@@ -49,13 +53,19 @@ class BestOrder:
 
 
 def best_order(
-    work: FreeOrder, begin: Tours, *, keeps_order: bool = False, iterations: int = ITERATIONS, seed: int = 0
+    work: FreeOrder,
+    begin: Tours,
+    *,
+    keeps_order: bool = False,
+    iterations: int = ITERATIONS,
+    few: int = FEW_ORDERS,
+    seed: int = 0,
 ) -> BestOrder:
     """Look for the order that ends first, from an order on; `keeps_order`: units are shared among drones, each in the order of `begin`.
 
-    The same seed gives the same answer.
+    Where there are no more than `few` orders, all are looked at. The same seed gives the same answer.
     """
-    return _Search(work, begin, seed, keeps_order=keeps_order).run(iterations)
+    return _Search(work, begin, seed, keeps_order=keeps_order).run(iterations, few)
 
 
 class _Search:
@@ -74,7 +84,7 @@ class _Search:
         self.best: Tours = begin
         self.best_s = math.inf
 
-    def run(self, iterations: int) -> BestOrder:
+    def run(self, iterations: int, few: int) -> BestOrder:
         """Walk from order to order, ever more strictly."""
         now, now_s = self.begin, self._bounded(self.begin)
         self._plan(now, now_s)
@@ -83,13 +93,17 @@ class _Search:
             self._plan(start, bound)
             if bound < now_s:
                 now, now_s = start, bound
+        if self._count() <= few:
+            for order in sorted(self._all(), key=self._bounded):
+                self._plan(order, self._bounded(order))
+            return self._answer()
         ways: list[Callable[[Tours, int], list[int]]] = [self._any, self._near, self._dear, self._run]
         weights = np.ones(len(ways))
         scale = max(now_s if math.isfinite(now_s) else float(self.turn[np.isfinite(self.turn)].sum()), 1.0)
         for number in range(iterations if self.work.units > 1 or len(self.begin) > 1 or self._may_turn() else 0):
             warmth = scale * _WARM * (_COLD / _WARM) ** (number / max(iterations - 1, 1))
             chosen = int(self.rng.choice(len(ways), p=weights / weights.sum()))
-            most = max(1, min(_MOST_OUT, math.ceil(0.4 * self.work.units)))
+            most = min(_MOST_OUT, self.work.units, max(_FEW_OUT, math.ceil(0.4 * self.work.units)))
             out = ways[chosen](now, int(self.rng.integers(1, most + 1)))
             trial = self._put_in([[one for one in tour if one not in out] for tour in now], out)
             if trial == now:
@@ -103,7 +117,37 @@ class _Search:
             if bound < now_s or (math.isfinite(bound) and self.rng.random() < math.exp((now_s - bound) / warmth)):
                 now, now_s = trial, bound
             weights[chosen] = max(0.1, (1.0 - _REACTION) * weights[chosen] + _REACTION * score)
+        return self._answer()
+
+    def _answer(self) -> BestOrder:
         return BestOrder(tuple(map(tuple, self.best)), self.best_s, self.looked_at, self.planned)
+
+    def _count(self) -> int:
+        """At most so many orders there are, all drones told apart."""
+        units, drones = self.work.units, len(self.begin)
+        orders = 1 if self.keeps_order else math.factorial(min(units, 20))
+        either = 1 if self.keeps_order else 2 ** sum(one is not None for one in self.work.turns[1::2])
+        shared = drones**units if self.keeps_order else math.comb(units + drones - 1, drones - 1)
+        return orders * either * shared
+
+    def _all(self) -> Iterator[Tours]:
+        """Yield every order that the groups allow."""
+        units, drones = self.work.units, len(self.begin)
+        if self.keeps_order:
+            order = [turn for tour in self.begin for turn in tour]
+            for by in product(range(drones), repeat=units):
+                yield [[turn for turn, one in zip(order, by, strict=True) if one == drone] for drone in range(drones)]
+            return
+        for units_in_turn in permutations(range(units)):
+            for turns in product(*(self._ways_round(2 * unit) for unit in units_in_turn)):
+                for cuts in combinations_with_replacement(range(units + 1), drones - 1):
+                    tours = [list(turns[a:b]) for a, b in pairwise((0, *cuts, units))]
+                    if all(self._in_groups(tour) for tour in tours):
+                        yield tours
+
+    def _in_groups(self, tour: Sequence[int]) -> bool:
+        groups = [self.work.groups[turn // 2] for turn in tour]
+        return groups == sorted(groups)
 
     def _may_turn(self) -> bool:
         return any(one is not None for one in self.work.turns[1::2]) and not self.keeps_order
@@ -182,7 +226,7 @@ class _Search:
         """Put turns in one after the other, each where it costs least; what they cost is blurred, and long tours are shunned."""
         found = [list(tour) for tour in tours]
         order = [out[one] for one in self.rng.permutation(len(out)).tolist()] if mixed else list(out)
-        blur = float(self.rng.choice([0.0, 0.0, 0.1, 0.3])) if mixed else 0.0
+        blur = float(self.rng.choice([0.0, 0.0, 0.1, 0.3, 1.0])) if mixed else 0.0
         weight = float(self.rng.choice([0.0, 0.3, 1.0])) if mixed else 1.0
         loads = [self._load(tour) for tour in found]
         for turn in order:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _LITTLE = 0.2
 """Share of a battery."""
+_FEW = 250
+"""So few positions are all looked at."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -110,6 +112,8 @@ class FreeOrder:
 
         Fewer positions; plans for it are plans for all of it.
         """
+        if sum(len(one.can_leave) for one in self.turns[::2] if one is not None) <= _FEW:
+            return self
         usable = _LITTLE * (1.0 - self.pads.reserve_soc) / self.pads.sure_ratio
         turns = tuple(
             one if one is None or one.work_soc.max(axis=0).sum() > usable else one.ends_only for one in self.turns
