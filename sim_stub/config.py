@@ -50,6 +50,8 @@ class VehicleConfig:
     """Names and values set before the start."""
     logs: tuple[int, ...] = ()
     """Bytes of the logs of earlier flights on its card, an hour apart."""
+    log_room_bytes: int = 0
+    """Room on its card for logs of its own flights; 0 writes none."""
 
     def __post_init__(self) -> None:
         faults = range_faults("system", self.system, 1, 255, "1 to 255")

@@ -74,6 +74,8 @@ class FleetOptions:
     parameters: tuple[tuple[str, float], ...] = ()
     logs: tuple[int, ...] = ()
     """Bytes of the logs of earlier flights on every card."""
+    log_room_bytes: int = 0
+    """Room for logs of their own flights on all cards together; 0 writes none."""
 
     def __post_init__(self) -> None:
         faults = range_faults("--vehicles", self.vehicles, 1, MAX_VEHICLES, f"1 to {MAX_VEHICLES}")
@@ -113,6 +115,7 @@ def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None 
                 remote_id=options.remote_id,
                 parameters=options.parameters,
                 logs=options.logs,
+                log_room_bytes=options.log_room_bytes // options.vehicles,
             )
         )
     Pads(world, options.load, seed=options.seed)

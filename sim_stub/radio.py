@@ -159,6 +159,8 @@ class Radio:
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT to every ground station, in numbered chunks where it is longer than one."""
+        if self.vehicle.flight_log is not None:
+            self.vehicle.flight_log.text(severity, text)
         self._texts = self._texts % 65535 + 1
         chunks = [text[i : i + 50] for i in range(0, len(text), 50)]
         if len(chunks) > 1 and len(chunks[-1]) == 50:

@@ -23,6 +23,7 @@ from skyway.sim_stub.protocols.remote_id import RemoteIdModule
 from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
 from skyway.sim_stub.storage.card import Card, filler
+from skyway.sim_stub.storage.flight_log import FlightLog
 from skyway.sim_stub.storage.ftp import FtpServer
 from skyway.sim_stub.storage.log_requests import LogServer
 
@@ -91,6 +92,9 @@ class Vehicle:
             self.autopilot.count_charge(config.soc)
         self.autopilot.home = self.autopilot.here
         self.card = self._card_of(config)
+        self.flight_log: FlightLog | None = None
+        if config.log_room_bytes:
+            self.flight_log = FlightLog(self, self.autopilot.LOG_FORMAT(), config.log_room_bytes)
         self._make_services()
 
     def _card_of(self, config: VehicleConfig) -> Card:
@@ -184,6 +188,8 @@ class Vehicle:
         elif now - self.tended_s >= _HOUSEKEEPING_S - 1e-9:
             self.tend()
             self.autopilot.failsafes.check(self.autopilot)
+            if self.flight_log is not None:
+                self.flight_log.step()
         if self._was_booting:
             if now < self.power_on_s + self.autopilot.BOOT_S:
                 return
@@ -211,6 +217,8 @@ class Vehicle:
         self._draw(watts, self.step_s)
         self.stepped_s = self.tended_s = now
         self.autopilot.after_step()
+        if self.flight_log is not None:
+            self.flight_log.step()
 
     def _look_around(self, now: float) -> None:
         """Look up wind and ground where the vehicle is now, and how fine a step is asked for."""
@@ -276,6 +284,8 @@ class Vehicle:
         self.autopilot.restarted()
         self.counted_mah = 0.0
         self.ground_heard.clear()
+        if self.flight_log is not None:
+            self.flight_log.restarted()
         for part in self._timed:
             part.forget()
         self.radio.restart()

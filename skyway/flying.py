@@ -199,14 +199,17 @@ class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
     proof: str = ""
     proof_reason: str = ""
     """What became of the package (``delivered``, ``not delivered``, ``unsure``, or nothing yet), and what shows it."""
+    logs: tuple[str, ...] = ()
+    """Files of the logs that were fetched from the vehicle."""
 
 
-def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSummary:
+def summary(outcome: Outcome, journal: Path, report: Path | None, logs: Sequence[Path] = ()) -> FlightSummary:
     """Return the summary of a flight."""
     written = None if report is None else str(report)
     return FlightSummary(
         delivered=outcome.delivered, done=outcome.done, state=outcome.state, reason=outcome.reason, station=outcome.station,
         flights=outcome.flights, journal=str(journal), report=written, proof=outcome.proof, proof_reason=outcome.proof_reason,
+        logs=tuple(map(str, logs)),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -10,7 +11,6 @@ from skyway.models.base.files import file_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from skyway.link.files.fetching import Fetched
 
@@ -68,3 +68,13 @@ def known_logs(folder: Path) -> list[FetchedLog]:
         except msgspec.DecodeError:
             continue
     return found
+
+
+def logs_of(flight: Path, system: int | None = None) -> list[Path]:
+    """Return the full logs of the flight of a recording or a journal, the earliest first, as far as they are beside it: of one vehicle, or of all."""
+    return [
+        path
+        for known in known_logs(flight.parent)
+        if flight.name in known.recordings and system in (None, known.system) and Path(known.log).name == known.log
+        if (path := flight.with_name(known.log)).is_file()
+    ]

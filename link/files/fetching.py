@@ -71,18 +71,22 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    An `InputError` says that the file cannot be written or is there with other content, a `LinkError` that the vehicle, or the
-    link, failed: then what has come is kept, and the same call goes on from there.
+    A file that is there already is gone on with where the log has grown since. An `InputError` says that it cannot be written or
+    has other content, a `LinkError` that the vehicle, or the link, failed: then what has come is kept, and the same call goes on
+    from there.
     """
     if store.vehicle.armed:
         raise CommandRefusedError("give its logs", "it is armed: logs are fetched on the ground, disarmed")
     path = folder / local_name(log, store.vehicle.system)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if path.exists() and not force:
-            return _already(store, log, path)
         part = path.with_name(path.name + ".part")
-        fetched = _Fetching(store, log, part, progress).run()
+        there = path.exists() and not force
+        if there and path.stat().st_size >= log.size_bytes:
+            return _already(store, log, path)
+        if there and not part.exists():
+            shutil.copyfile(path, part)
+        fetched = _Fetching(store, log, part, progress, path if there else None).run()
         _finish(part, path)
     except OSError as error:
         raise file_error("written", path, error) from error
@@ -95,14 +99,16 @@ def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
     """Compare a file that is there already."""
     size, ours = path.stat().st_size, file_crc32(path)
     theirs = store.crc32(log, log.size_bytes)
-    if size != log.size_bytes or theirs not in (None, ours):
-        differs = f"{size} bytes, and {log.size_bytes} on the vehicle" if size != log.size_bytes else "another checksum"
-        raise InputError(
-            f"exists already and differs from the vehicle's log ({differs})",
-            str(path),
-            remedy="move it, or give --force",
-        )
+    if size != log.size_bytes:
+        raise _other(path, f"{size} bytes, and {log.size_bytes} on the vehicle")
+    if theirs not in (None, ours):
+        raise _other(path, "another checksum")
     return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was here already",))
+
+
+def _other(path: Path, differs: str) -> InputError:
+    problem = f"exists already and differs from the vehicle's log ({differs})"
+    return InputError(problem, str(path), remedy="move it, or give --force")
 
 
 def _finish(part: Path, path: Path) -> None:
@@ -112,12 +118,14 @@ def _finish(part: Path, path: Path) -> None:
     part.replace(path)
 
 
-def file_crc32(path: Path) -> int:
-    """Checksum of a file as autopilots count it."""
+def file_crc32(path: Path, size_bytes: int | None = None) -> int:
+    """Checksum of a file, or of so many bytes at its beginning, as autopilots count it."""
     found = 0
     with path.open("rb") as stream:
-        while chunk := stream.read(_CHUNK_BYTES):
+        left = path.stat().st_size if size_bytes is None else size_bytes
+        while left > 0 and (chunk := stream.read(min(_CHUNK_BYTES, left))):
             found = crc32(chunk, found)
+            left -= len(chunk)
     return found
 
 
@@ -125,9 +133,15 @@ class _Fetching:
     """One log under way."""
 
     def __init__(
-        self, store: LogStore, log: LogAboard, part: Path, progress: Callable[[int, int], None] | None
+        self,
+        store: LogStore,
+        log: LogAboard,
+        part: Path,
+        progress: Callable[[int, int], None] | None,
+        earlier: Path | None,
     ) -> None:
         self._store, self._log, self._part, self._progress = store, log, part, progress
+        self._earlier = earlier
         self._clock = store.vehicle.connection.clock
         self._size = log.size_bytes
         self._came = 0
@@ -139,6 +153,7 @@ class _Fetching:
         self._enough_room()
         begin = self._resumable()
         self._anew = begin == 0
+        self._refuse_other(begin)
         transferring_s = 0.0
         for _ in range(GROWS):
             began_s = self._clock.now_s()
@@ -157,6 +172,15 @@ class _Fetching:
                 begin = self._differs(ours, theirs)
         raise LinkError(f"{self._log.name} grows faster than it can be fetched: disarm the vehicle, then try again")
 
+    def _refuse_other(self, whole_bytes: int) -> None:
+        """Refuse to replace a file that is not the beginning of this log: of another vehicle, or another card."""
+        if self._earlier is None:
+            return
+        size = self._earlier.stat().st_size
+        if whole_bytes < size or file_crc32(self._part, size) != file_crc32(self._earlier):
+            self._part.unlink()
+            raise _other(self._earlier, "it is not its beginning")
+
     def _differs(self, ours: int, theirs: int | None) -> int:
         """What to do about another checksum: once more from the beginning, then no more."""
         if self._anew and "from the beginning" in " ".join(self._notes):
@@ -166,6 +190,9 @@ class _Fetching:
                 "nothing was kept. Is its card damaged?"
             )
         self._anew = True
+        if self._earlier is not None:
+            self._part.unlink()
+            raise _other(self._earlier, "it is not its beginning")
         self._notes.append("its checksum differed; it was fetched again from the beginning")
         self._part.unlink()
         return 0

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.modes import Action, Mode
     from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.storage.flight_log import LogFormat
     from skyway.sim_stub.storage.ftp import Habits
 
 
@@ -90,6 +91,8 @@ class Family(ABC):
     """How the names of its logs end, in small letters."""
     LOG_HEAD: ClassVar[bytes]
     """First bytes of its logs."""
+    LOG_FORMAT: ClassVar[type[LogFormat]]
+    """What writes the log of a flight."""
     CARD_FOLDERS: ClassVar[tuple[str, ...]]
     """Folders that its card always has."""
     FIRST_LOG: ClassVar[int]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 """MAV_PARAM_TYPE of the kinds in use."""
@@ -61,6 +61,9 @@ class ParameterStore:
 
     def __contains__(self, name: str) -> bool:
         return name in self._by_name or name in self._spelled
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self._order)
 
     def find(self, name: str) -> Parameter | None:
         """Return the parameter of that name, or None."""

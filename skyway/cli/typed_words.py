@@ -19,7 +19,10 @@ RENAMED = {
 """New name of each option by command and former name, which keeps working, hidden, for one release."""
 UNNAMED = {"weather": "show"}
 """Command of a group that is meant where none is named: ``weather FILE`` is ``weather show FILE``."""
-BARE: Mapping[str, Mapping[str, str]] = {"sim": {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}}
+BARE: Mapping[str, Mapping[str, str]] = {
+    "sim": {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"},
+    "replay": {"--aboard": "0"},
+}
 """What an option of a command means where it stands bare, ``--jitter`` for ``--jitter 0.01``: typer has no such options."""
 
 

@@ -17,6 +17,7 @@ from sim_serving import free_port
 
 from skyway.missions.examples import NEW_YORK
 from skyway.models.scenario.file import read_scenario
+from skyway.sim_stub.faults import parse_fault
 from skyway.sim_stub.fleet import FleetOptions, build_world, serve
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.urls import parse_address
@@ -125,12 +126,12 @@ def test_demo_plans_without_flying_and_refuses_what_is_no_day(skyway):
 class Served:
     """A simulated vehicle with pads on sockets, twenty times faster than life."""
 
-    def __init__(self, autopilot):
+    def __init__(self, autopilot, faults=()):
         scenario = read_scenario(NEW_YORK)
         place = scenario.network.stations[scenario.network.index["bellevue"]]
         options = FleetOptions(
             stations=scenario.network.stations, places=(place,), autopilot=autopilot, drone=scenario.drone("m200"),
-            payload_kg=0.8, warm=True, wind=ConstantWind(2.0, 1.0),
+            payload_kg=0.8, warm=True, wind=ConstantWind(2.0, 1.0), log_room_bytes=20_000_000, faults=tuple(map(parse_fault, faults)),
             epoch_s=datetime.fromisoformat("2013-07-10T14:00-04:00").timestamp(),
         )  # fmt: skip
         self.world = build_world(options)
@@ -169,6 +170,41 @@ def test_a_delivery_at_wall_time_over_sockets(autopilot, driver, run, planned, t
         assert there.world.vehicles[1].body.payload_kg == 0.0
     assert "delivered at city-hall" in answer.out
     assert list((tmp_path / "recordings").glob("*.tlog"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_the_logs_of_a_delivery_come_home_and_are_replayed_from_its_recording(autopilot, planned, tmp_path):
+    with Served(autopilot) as there:
+        answer = planned(
+            "fly", "plan.json", "--connect", f"tcp:127.0.0.1:{there.port}", "--pads", there.pads, "--yes", "--fetch-log",
+            "--record", "recordings",
+        )  # fmt: skip
+        assert answer.code == 0, answer
+        card = there.world.vehicles[1].card
+    flown = [bytes(file.content) for file in card.files.values()]
+    fetched = [tmp_path / line.split()[2].rstrip(",") for line in answer.out.splitlines() if "log fetched:" in line]
+    assert sorted(path.read_bytes() for path in fetched) == sorted(flown)
+    (recording,), (journal,) = ((tmp_path / "recordings").glob(form) for form in ("*.tlog", "*city-hall*.jsonl"))
+    told = planned("replay", recording)
+    assert fetched[0].name in told.err
+    for named in (recording, journal):
+        full = planned("replay", named, "--aboard", "1")
+        assert full.code == 0, full
+        assert fetched[0].name in full.out.splitlines()[0]
+        assert "leg 1" in full.out
+
+
+@pytest.mark.slow
+def test_logs_that_do_not_come_leave_a_delivery_delivered(planned, tmp_path):
+    with Served("px4", faults=["log-gone@T+60s"]) as there:
+        answer = planned(
+            "fly", "plan.json", "--connect", f"tcp:127.0.0.1:{there.port}", "--pads", there.pads, "--yes", "--fetch-log",
+            "--journal", "j.jsonl", "--record", "recordings", "--json",
+        )  # fmt: skip
+    assert answer.code == 0, answer
+    assert answer.out.count("log not fetched") + answer.err.count("log not fetched") == 1
+    assert json.loads(answer.out.splitlines()[-1])["logs"] == []
 
 
 def typed(command, answers, cwd, longest_s=240.0):

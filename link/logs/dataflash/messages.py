@@ -160,8 +160,9 @@ def _numbers(fields: Fields, key: str, default: float = np.nan) -> NDArray[np.fl
 
 
 def _first(fields: Fields) -> NDArray[np.bool_]:
-    """Messages of the sensor, or the core, that is looked at: the first."""
-    return np.asarray((_numbers(fields, "I", 0.0) == 0.0) & (_numbers(fields, "C", 0.0) == 0.0))
+    """Messages of the sensor, the core or the battery that is looked at: the first."""
+    numbers = [_numbers(fields, key, 0.0) for key in ("I", "C", "Inst", "Instance")]
+    return np.asarray(np.all(np.stack(numbers) == 0.0, axis=0))
 
 
 def _attitude(fields: Fields) -> Columns:

@@ -401,6 +401,13 @@ class RemoteIdNote(Entry, frozen=True, kw_only=True, tag="remote-id"):
     self_id: str | None
 
 
+class LogsSeen(Entry, frozen=True, kw_only=True, tag="logs"):
+    """The logs aboard before the delivery, and by which protocol they were listed; what is added to them is fetched at its end."""
+
+    by: str | None
+    sizes_bytes: Mapping[str, Any]
+
+
 class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
     """Another ground station, to which the link is forwarded, did something, or was refused it."""
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, ClassVar
 
 from skyway.sim_stub.autopilot.ardupilot import parameters as ardupilot_parameters
+from skyway.sim_stub.autopilot.ardupilot.dataflash import DataFlash
 from skyway.sim_stub.autopilot.ardupilot.failsafes import ArduPilotFailsafes
 from skyway.sim_stub.autopilot.ardupilot.mission_server import ArduPilotMissionServer
 from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.storage.flight_log import LogFormat
     from skyway.sim_stub.vehicle import Vehicle
 
 _MODES = {
@@ -76,6 +78,7 @@ class ArduPilot(ArduPilotFailsafes):
     POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
     FENCE_BREACHED: ClassVar[str] = "Fence Breached"
     LOG_ENDINGS: ClassVar[tuple[str, ...]] = (".bin",)
+    LOG_FORMAT: ClassVar[type[LogFormat]] = DataFlash
     LOG_HEAD: ClassVar[bytes] = b"\xa3\x95\x80\x80\x59FMT\0"
     CARD_FOLDERS: ClassVar[tuple[str, ...]] = ("/APM/LOGS", "/@SYS", "/@PARAM", "/@MISSION", "/@ROMFS")
     FIRST_LOG: ClassVar[int] = 1

@@ -14,6 +14,7 @@ from skyway.sim_stub.autopilot.px4 import missions as px4_missions
 from skyway.sim_stub.autopilot.px4 import parameters as px4_parameters
 from skyway.sim_stub.autopilot.px4.failsafes import Px4Failsafes
 from skyway.sim_stub.autopilot.px4.mission_server import Px4MissionServer
+from skyway.sim_stub.autopilot.px4.ulog import ULog
 from skyway.sim_stub.plant.physics import offset_m
 from skyway.sim_stub.storage.ftp import Habits, Nak
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.storage.flight_log import LogFormat
     from skyway.sim_stub.vehicle import Vehicle
 
 _AUTO = 4 << 16
@@ -103,6 +105,7 @@ class Px4(Px4Failsafes):
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
     LOG_ENDINGS: ClassVar[tuple[str, ...]] = (".ulg", ".px4log")
+    LOG_FORMAT: ClassVar[type[LogFormat]] = ULog
     LOG_HEAD: ClassVar[bytes] = b"ULog\x01\x12\x35\x01"
     CARD_FOLDERS: ClassVar[tuple[str, ...]] = ("/fs/microsd/log", "/fs/microsd/params", "/etc")
     FIRST_LOG: ClassVar[int] = 0

@@ -88,6 +88,13 @@ def fly(
     no_restore: Annotated[
         bool, typer.Option("--no-restore", help="Leave changed parameters as they are at the end.")
     ] = False,
+    fetch_log: Annotated[
+        bool,
+        typer.Option(
+            "--fetch-log",
+            help="Fetch the logs of the flight from the vehicle when it has ended, into the folder of --record.",
+        ),
+    ] = False,
     orders: Annotated[
         Path | None,
         typer.Option(
@@ -150,7 +157,19 @@ def fly(
             )
         region = cut.region
         how["remote_id"] = seen.remote_id(NOBODY if region is None else region.remote_id)
-        _supervised(link, work_at, service, orders, journal, resume, report, region, yes=yes, as_json=as_json)
+        _supervised(
+            link,
+            work_at,
+            service,
+            orders,
+            journal,
+            resume,
+            report,
+            region,
+            yes=yes,
+            fetch_log=fetch_log,
+            as_json=as_json,
+        )
         return
     composition = load(plan)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
@@ -183,7 +202,9 @@ def fly(
             **how,
         )
 
-    _supervised(link, job, service, orders, journal, resume, report, region, yes=yes, as_json=as_json)
+    _supervised(
+        link, job, service, orders, journal, resume, report, region, yes=yes, fetch_log=fetch_log, as_json=as_json
+    )
 
 
 def _work(
@@ -231,6 +252,7 @@ def _supervised(
     region: Scenario | None,
     *,
     yes: bool,
+    fetch_log: bool,
     as_json: bool,
 ) -> None:
     """Fly, show it, and exit by how it ended."""
@@ -245,10 +267,11 @@ def _supervised(
     view.typed = lambda: console.typed
     operator = console if orders is None else RequestFile(requests_at(orders), view.say)
     with console.reading_keys(), view.shown(), live_file(orders) as live:
-        outcome, path = _flown(
-            link, job, service, operator, view, live, resume or journal, report, resumes=resume is not None
-        )
-    _end(outcome, path, report, as_json=as_json)
+        outcome, path, logs = _flown(
+            link, job, service, operator, view, live, resume or journal, report,
+            resumes=resume is not None, fetch_log=fetch_log,
+        )  # fmt: skip
+    _end(outcome, path, report, logs, as_json=as_json)
 
 
 def _observed(region: Scenario, given: list[str] | None, now: datetime, wind: str | None) -> LiveWinds:
@@ -275,9 +298,11 @@ def _flown(
     report: Path | None,
     *,
     resumes: bool,
-) -> tuple[Outcome, Path]:
-    """Connect and fly; returns how it ended, and where its journal is."""
+    fetch_log: bool,
+) -> tuple[Outcome, Path, list[Path]]:
+    """Connect and fly; returns how it ended, where its journal is, and the logs that were fetched."""
     from skyway.cli.console import counting_interrupts
+    from skyway.flights.bringing_logs import LogsHome
     from skyway.flying import journal_name
     from skyway.link.supervisor import Journal, Supervisor
     from skyway.models.base.units import from_posix
@@ -315,10 +340,11 @@ def _flown(
         try:
             with counting_interrupts(operator), _served(pads, job, operator, clock) as service:
                 supervisor = Supervisor(job, vehicle, clock, service, operator, book, resume=resumes, on_tick=tick)
+                logs = LogsHome(supervisor.context, link.record, operator.tell, resumed=resumes) if fetch_log else None
                 outcome = supervisor.run()
                 if live is not None:
                     live.outcome(outcome)
-                return outcome, path
+            return outcome, path, [] if logs is None else logs.fetch()  # Ctrl-C ends the transfer alone
         finally:
             book.close()
             if report is not None and book.count:  # also of a flight that broke off
@@ -416,12 +442,12 @@ def _served(pads: TcpPads | None, job: DeliveryJob, operator: Operator, clock: C
     yield ManualPads(operator.ask, known, clock.posix_s)
 
 
-def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:
+def _end(outcome: Outcome, journal: Path, report: Path | None, logs: list[Path], *, as_json: bool) -> None:
     """Say how it ended, and exit by it."""
     from skyway import flying
 
     if as_json:
-        typer.echo(json_text(flying.summary(outcome, journal, report)))
+        typer.echo(json_text(flying.summary(outcome, journal, report, logs)))
     else:
         typer.echo(outcome.reason if outcome.delivered or outcome.done else f"{outcome.state}: {outcome.reason}")
         if outcome.proof:

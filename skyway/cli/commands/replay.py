@@ -59,6 +59,12 @@ def replay(
         Path | None, typer.Option(help="Predict the flight's energy with this drone: fleet file or drone id.")
     ] = None,
     payload: Annotated[float, typer.Option(help="Mass of the package carried, kg, for --drone.")] = 0.0,
+    aboard: Annotated[
+        int | None,
+        typer.Option(
+            help="Replay the full log of the flight, fetched from the vehicle, instead of its recording: number N of several."
+        ),
+    ] = None,
     columns: Columns = None,
     plot: options.Plot = None,
     csv: Annotated[Path | None, typer.Option(help="Write a table with one row per second: FILE.csv.")] = None,
@@ -80,6 +86,7 @@ def replay(
       skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
       skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
       skyway replay flight.tlog --drone drones.toml --payload 0.8
+      skyway replay flight.tlog --aboard
       skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
     """
     factor = _speed(speed, connect)
@@ -87,6 +94,7 @@ def replay(
     options.check_picture(plot)
     options.refuse_overwriting(plot, csv, force=force)
     _check_control(control, connect)
+    log, system = _chosen(log, system, aboard, quiet=as_json)
     predicted_by = None if drone is None else log_options.drone_of(drone)
     opened = open_any(log, columns)
     first, last = _part(opened, begin, end)
@@ -130,6 +138,34 @@ def replay(
     _tell(found, report, log)
     if prediction is not None:
         _tell_prediction(prediction)
+
+
+def _chosen(log: Path, system: int | None, aboard: int | None, *, quiet: bool) -> tuple[Path, int | None]:
+    """Return the log to be replayed, and the vehicle in it: the one that is named, or the one that was fetched from the vehicle."""
+    from skyway.link.files.catalog import logs_of
+
+    full = logs_of(log, system)
+    names = ", ".join(f"{number} {path.name}" for number, path in enumerate(full, start=1))
+    if aboard is None:
+        if full and not quiet:
+            typer.echo(
+                f"skyway: the full log of this flight was fetched from the vehicle; --aboard replays it: {names}",
+                err=True,
+            )
+        return log, system
+    if not full:
+        remedy = "fly with --fetch-log, or name the log that skyway logs fetch wrote"
+        raise InputError("no log was fetched of this flight", str(log), field="--aboard", remedy=remedy)
+    if aboard == 0 and len(full) > 1:
+        raise InputError(
+            "there are several logs of this flight", str(log), field="--aboard", remedy=f"--aboard N: {names}"
+        )
+    if not 0 <= aboard <= len(full):
+        raise InputError("no such log of this flight", str(log), field="--aboard", value=aboard, remedy=names)
+    chosen = full[max(aboard - 1, 0)]
+    if not quiet:
+        typer.echo(f"skyway: {chosen}, the full log of this flight", err=True)
+    return chosen, None
 
 
 def _go_through(

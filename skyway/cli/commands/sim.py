@@ -40,6 +40,8 @@ FAULT_HELP = (
 )
 
 _MOST_LOG_BYTES = 200e6
+LOG_ROOM_BYTES = 200_000_000
+"""For logs of the flights of all vehicles: an hour of one takes some 3 MB."""
 
 
 def sim(
@@ -90,7 +92,10 @@ def sim(
     ] = 0.0,
     logs: Annotated[
         list[str] | None,
-        typer.Option("--log", help="A log of an earlier flight on the card, of this size: 300kB, 2MB; repeatable."),
+        typer.Option(
+            "--log",
+            help="A log of an earlier flight on the card, of this size: 300kB, 2MB; repeatable. Each flight adds its own.",
+        ),
     ] = None,
     fault: Annotated[list[str] | None, typer.Option(help=FAULT_HELP)] = None,
     operator_control: Annotated[
@@ -146,6 +151,7 @@ def sim(
         remote_id=remote_id,
         parameters=tuple(_parameter(text) for text in parameter or ()),
         logs=tuple(_bytes(text) for text in logs or ()),
+        log_room_bytes=LOG_ROOM_BYTES,
     )
     if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
         raise InputError("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles")

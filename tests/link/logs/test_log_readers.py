@@ -8,6 +8,7 @@ import struct
 import numpy as np
 import pytest
 from drone_truth import fly
+from log_factory import dataflash, multirotor
 from tlog_factory import START_US, Recorder
 
 from skyway.link.logs import csv_log
@@ -183,6 +184,18 @@ def test_unknown_battery_values_are_not_known():
     told = SPOKEN["SYS_STATUS"](sensors | {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1})
     assert all(math.isnan(float(told[name])) for name in ("voltage_v", "current_a", "soc"))
     assert told["airspeed_ok"] == 0.0
+
+
+@pytest.mark.parametrize("column", ["Inst", "Instance", "I"])
+def test_the_first_of_several_batteries_is_read(tmp_path, column):
+    log = dataflash(multirotor(fly(seed=1, duration_s=20.0)))
+    for second in range(20):
+        for battery, volts in enumerate((22.0, 5.0)):
+            log.add("BAT", "QBff", f"TimeUS,{column},Volt,Curr", 2_000_000 + second * 1_000_000, battery, volts, 10.0)
+    path = tmp_path / "two.bin"
+    path.write_bytes(log.data)
+    told = np.concatenate([track["voltage_v"] for track in open_log(path).tracks()])
+    assert set(told[np.isfinite(told)]) == {22.0}
 
 
 def test_an_old_autopilots_vertical_speed_is_turned_and_said_so(tmp_path):

@@ -1,0 +1,107 @@
+"""The logs of one delivery: what was aboard before it, and what it has added, fetched when the vehicle stands disarmed again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.files.aboard import LogStore
+from skyway.link.files.catalog import remember
+from skyway.link.files.fetching import fetch
+from skyway.models.base.errors import CommandRefusedError, InputError, LinkError, one_line
+from skyway.models.base.formatting import bytes_text, duration, percent, spent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from skyway.link.files.aboard import LogAboard, Way
+    from skyway.link.files.fetching import Fetched
+    from skyway.link.vehicle.vehicle import Vehicle
+
+TOLD_S = 20.0
+"""How far a transfer is, is told so far apart."""
+_QUIET_HZ = 0.5
+"""Telemetry while logs come."""
+_LONG_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class LogsBefore:
+    """The logs that were aboard before a delivery: their sizes by name, and by which protocol they were listed."""
+
+    way: Way
+    sizes: Mapping[str, int]
+
+
+def logs_before(vehicle: Vehicle) -> LogsBefore:
+    """List the logs of a disarmed vehicle; a `LinkError` says why they are not known."""
+    if vehicle.armed:
+        raise CommandRefusedError("list its logs", "it is armed")
+    store = LogStore(vehicle)
+    try:
+        sizes = {log.name: log.size_bytes for log in store.logs()}
+        return LogsBefore(store.way, sizes)
+    finally:
+        store.end()
+
+
+def fetch_added(
+    vehicle: Vehicle, before: LogsBefore | None, folder: Path, flight: Sequence[Path], tell: Callable[[str], None]
+) -> list[Fetched]:
+    """Fetch what a delivery has added to the logs aboard: new ones, and those that have grown; without `before` the latest.
+
+    Nothing that goes wrong is raised: `tell` takes a line about each log, and about what is missing. The list beside the logs says
+    of which recordings and which journal (`flight`) they are.
+    """
+    if vehicle.armed:
+        tell("log not fetched: the vehicle is armed; skyway logs fetch, once it is not")
+        return []
+    found: list[Fetched] = []
+    try:
+        vehicle.request_telemetry(dict.fromkeys(vehicle.rates.wanted_hz, _QUIET_HZ))
+        store = LogStore(vehicle, "auto" if before is None else before.way)
+        added = _added(store.logs(), before)
+        store.end()
+        if not added:
+            tell("log not fetched: the vehicle has written none since before the flight; is logging off?")
+        for log in added:
+            try:
+                one = fetch(store, log, folder, progress=_Progress(log, tell, vehicle.connection.clock.now_s))
+                remember(one, vehicle.system, flight)
+            except InputError as error:  # of this file: the others may do
+                tell(f"log not fetched: {one_line(str(error))}")
+                continue
+            found.append(one)
+            took = duration(one.took_s) if one.took_s >= _LONG_S else spent(one.took_s)
+            tell(f"log fetched: {one.path}, {bytes_text(one.size_bytes)} in {took}; verified by {one.verified_by}")
+    except LinkError as error:
+        tell(f"log not fetched: {one_line(str(error))}; skyway logs fetch tries again")
+    except KeyboardInterrupt:
+        tell("log not fetched: interrupted; skyway logs fetch goes on from there")
+    return found
+
+
+def _added(now: Sequence[LogAboard], before: LogsBefore | None) -> list[LogAboard]:
+    if before is None:
+        return list(now[-1:])
+    return [log for log in now if log.size_bytes > before.sizes.get(log.name, 0)]
+
+
+class _Progress:
+    """Says now and then how far a log is."""
+
+    def __init__(self, log: LogAboard, tell: Callable[[str], None], now_s: Callable[[], float]) -> None:
+        self._log, self._tell, self._now_s = log, tell, now_s
+        self._begun_s = self._told_s = now_s()
+        self._first = -1
+
+    def __call__(self, came_bytes: int, size_bytes: int) -> None:
+        now = self._now_s()
+        self._first = came_bytes if self._first < 0 else self._first
+        if now < self._told_s + TOLD_S:
+            return
+        self._told_s = now
+        rate = max(came_bytes - self._first, 1) / (now - self._begun_s)
+        left = duration((size_bytes - came_bytes) / rate)
+        self._tell(f"{self._log.name}: {percent(came_bytes / size_bytes)}, {bytes_text(rate)}/s, {left} left")
