@@ -70,6 +70,11 @@ class Field(ui.element, component="static/field.js"):
         self._props["options"] = [list(one) for one in options]
         self.update()
 
+    def measure(self, unit: str) -> None:
+        """Show another unit behind the label."""
+        self._props["unit"] = unit
+        self.update()
+
     def keep(self, value: Any) -> None:
         """Remember what a person has entered, without sending it back."""
         self._props["value"] = value

@@ -151,7 +151,15 @@ def charge(plan: dict[str, Any]) -> str:
                 corners = (left, leaves[low]), (right, lands[low]), (right, lands[high]), (left, leaves[high])
                 parts.append(f'<path class="fan {style}" d="M{"L".join(f"{x:.1f} {y(s):.1f}" for x, s in corners)}Z"/>')
         begin, end = leg["typical"]
-        parts.append(f'<path class="typical" d="M{left:.1f} {y(begin):.1f}L{right:.1f} {y(end):.1f}"/>')
+        if leg["back"]:
+            words = f"way back, {words}"
+            if not legs[number - 1]["back"]:
+                x = left - 0.08 * wide
+                parts.append(f'<path class="mark median" d="M{x:.1f} {top:g}V{bottom:g}"/>')
+                parts.append(f'<text class="mark-name" x="{x + 4:.1f}" y="{top + 8:g}">way back</text>')
+        parts.append(
+            f'<path class="{"planned" if leg["back"] else "typical"}" d="M{left:.1f} {y(begin):.1f}L{right:.1f} {y(end):.1f}"/>'
+        )
         shown = f"to {leg['to']}" if wide > 90.0 else str(number + 1)
         parts.append(
             f'<text class="tick" x="{(left + right) / 2:.1f}" y="{bottom + 14:g}" text-anchor="middle">{safe(_short(shown, wide))}</text>'

@@ -62,7 +62,7 @@ class OnMap(ui.element):
         )  # fmt: skip
 
 
-class Player(OnMap, component="static/player.js"):
+class Player(OnMap, component="static/player.js", esm={"skyway-flight": "static/flight"}):
     """Plays logs: ``static/player.js``."""
 
     def in_zone(self, timezone: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
 CHOICES: dict[str, tuple[str, dict[str, str]]] = {
     "speed": ("Speeds", {"mps": "m/s", "kn": "kn", "kmh": "km/h"}),
     "height": ("Heights", {"m": "m", "ft": "ft"}),
-    "time": ("Times", {"local": "local time", "utc": "UTC"}),
-    "theme": ("Colours", {"auto": "as the system", "light": "light", "dark": "dark"}),
+    "time": ("Times", {"local": "local", "utc": "UTC"}),
+    "theme": ("Colours", {"auto": "auto", "light": "light", "dark": "dark"}),
 }
 """Name of each preference: what it is, and its choices; the first is the usual one."""
 _SPEEDS = {"mps": 1.0, "kn": 1.0 / 0.514444, "kmh": 3.6}
 _FEET_PER_M = 1.0 / 0.3048
+_SPEED_TOLD = re.compile(r"\b(\d+(?:\.\d+)?) m/s\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +62,15 @@ class Preferences:
             return "unknown"
         return f"{mps * _SPEEDS[self.speed]:.{digits}f} {CHOICES['speed'][1][self.speed]}"
 
-    def height_text(self, metres: float | None) -> str:
+    def height_text(self, metres: float | None, digits: int = 0) -> str:
         """Return a height with its unit."""
         if metres is None:
             return "unknown"
-        return f"{metres * (_FEET_PER_M if self.height == 'ft' else 1.0):.0f} {self.height}"
+        return f"{metres * self.height_factor:.{digits}f} {self.height}"
+
+    def in_words(self, told: str) -> str:
+        """Return a sentence with its speeds in the unit that is preferred; ``static/flight/words.js`` does the same."""
+        return told if self.speed == "mps" else _SPEED_TOLD.sub(lambda found: self.speed_text(float(found[1])), told)
 
     def clock(self, instant: datetime, timezone: str) -> str:
         """Return date and time, with the name of their zone."""

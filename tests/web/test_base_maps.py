@@ -217,6 +217,19 @@ def vector_tile(name, kind, commands, extent=4096):
     return _field(3, layer)
 
 
+def named_tile(layer_name, places, extent=4096):
+    """One layer with points: name, class and place of each."""
+    keys = _field(3, b"name") + _field(3, b"class")
+    values, features = b"", b""
+    for number, (name, kind, x, y) in enumerate(places):
+        values += _field(4, _field(1, name.encode())) + _field(4, _field(1, kind.encode()))
+        tags = _varint(0) + _varint(2 * number) + _varint(1) + _varint(2 * number + 1)
+        shape = b"".join(_varint(one) for one in (9, (x << 1) ^ (x >> 31), (y << 1) ^ (y >> 31)))
+        features += _field(2, _field(2, tags) + _varint(3 << 3) + _varint(1) + _field(4, shape))
+    head = _varint(15 << 3) + b"\x02" + _field(1, layer_name.encode())
+    return _field(3, head + features + keys + values + _varint(5 << 3) + _varint(extent))
+
+
 def picture(red, green, blue):
     """A picture of one colour."""
     rows = b"".join(b"\0" + bytes((red, green, blue)) * 16 for _ in range(16))
@@ -262,6 +275,34 @@ def test_vectors_of_a_file_are_drawn_in_the_colours_of_the_page(tmp_path):
                 assert water != land
                 assert colour_around(tab, 56.3, -80.0) == water
                 assert colour_around(tab, 56.3, -55.0) == land
+    finally:
+        ended(page)
+
+
+@pytest.mark.slow
+def test_names_of_places_are_told_the_greater_first_and_each_once(tmp_path):
+    places = [
+        ("Hamlet", "village", 100, 3000),
+        ("<img src=x onerror=alert(1)>", "city", 2048, 2048),
+        ("Beside", "city", 5000, 10),
+    ]
+    tile = named_tile("place", places) + named_tile("water_name", [("L" * 4000, "lake", 3000, 1000)])
+    base = pmtiles(tmp_path / "a.pmtiles", gzip.compress(tile))
+    page = served(tmp_path, "--map", str(base))
+    try:
+        with chromium() as browser, person(browser, page.address, "/", minds=False) as tab:
+            tab.wait_for_function("window.skywayMap?.state.base?.kind === 'vectors' && window.skywayMap.state.region")
+            tab.evaluate(SEE, [55.0, -67.5])
+            tab.wait_for_function("window.skywayMap.tiles.names.length > 0")
+            found = tab.evaluate("window.skywayMap.tiles.names.map((one) => [one.name, one.place])")
+            assert [name for name, _ in found] == [places[1][0], "L" * 48, "Hamlet"]
+            assert found[0][1] == pytest.approx([(PLACE[1] + 0.5) * 32.0, (PLACE[2] + 0.5) * 32.0])
+            tab.evaluate(
+                "window.skywayMap.view.zoomAt(640, 300, 2)"
+            )  # a finer tile is not there: the coarser one tells its names once
+            tab.evaluate("window.skywayMap.changed()")
+            tab.wait_for_timeout(300)
+            assert len(tab.evaluate("window.skywayMap.tiles.names")) <= 3
     finally:
         ended(page)
 

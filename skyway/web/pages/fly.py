@@ -14,6 +14,7 @@ from skyway.models.base.errors import SkywayError
 from skyway.web import shell
 from skyway.web.controls import Button, Field, Status, text
 from skyway.web.live import demonstration
+from skyway.web.map_key import key
 from skyway.web.map_layer import FlightPanel, MapLayer
 from skyway.web.pages.departure import DepartureForm
 
@@ -36,7 +37,7 @@ class FlyPage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site = site
         self.connection = ""
-        with ui.element("div").classes("work"):
+        with ui.element("div").classes("work flying"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="Departure and connections"'),
                 ui.element("div").classes("rows wide"),
@@ -50,6 +51,7 @@ class FlyPage:
                     "Map of all flights and vehicles. Arrow keys move it, plus and minus zoom, 0 shows everything.",
                     on_choose=self._chosen, on_vehicle=self._vehicle,
                 )  # fmt: skip
+                key("vehicle", "flown", "ahead", "reach", "station", "zone", "wind")
             with ui.element("section").classes("panel answer").props('aria-label="Flights"'):
                 self.panel = FlightPanel(wanted, client.request.query_params.get("flight", "")[:300])
                 self.panel.on("resume", self._resume)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skyway.report.svg import safe
+
+if TYPE_CHECKING:
+    from skyway.web.preferences import Preferences
 
 
 def differences(found: list[dict[str, Any]]) -> str:
@@ -39,7 +42,7 @@ def bounds(found: dict[str, Any]) -> list[float] | None:
     return [min(lon), min(lat), max(lon), max(lat)]
 
 
-def findings(found: list[dict[str, Any]]) -> str:
+def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
     """Findings of the check; a button of each shows where it is."""
     if not found:
         return "<p class='good'>Nothing was found.</p>"
@@ -49,7 +52,7 @@ def findings(found: list[dict[str, Any]]) -> str:
         style = {"error": "warn", "warning": "warn"}.get(one["severity"], "faint")
         mend = " (certain: it can be mended)" if one["certain"] else ""
         rows.append(
-            f"<tr><td class='{style}'>{safe(one['severity'])}</td><td>{where}</td><td>{safe(one['message'])}</td><td>{safe(one['remedy'])}{mend}</td></tr>"
+            f"<tr><td class='{style}'>{safe(one['severity'])}</td><td>{where}</td><td>{safe(wanted.in_words(one['message']))}</td><td>{safe(wanted.in_words(one['remedy']))}{mend}</td></tr>"
         )
     head = "<tr><th>kind</th><th>where</th><th>finding</th><th>what would be right</th></tr>"
     return (
@@ -70,10 +73,13 @@ def flights(flights: list[dict[str, str]]) -> str:
     )
 
 
-def items(found: dict[str, Any]) -> str:
+def items(found: dict[str, Any], wanted: Preferences) -> str:
     """The items as a table."""
-    rows = "".join(f"<tr>{''.join(f'<td>{safe(cell)}</td>' for cell in row)}</tr>" for row in found["items"])
-    head = "<tr><th>item</th><th>command</th><th>frame</th><th>parameters 1 to 4</th><th>place</th><th>height</th></tr>"
+    rows = ""
+    for row in found["items"]:
+        height = "" if row["height_m"] is None else wanted.height_text(row["height_m"], 1)
+        rows += f"<tr>{''.join(f'<td>{safe(cell)}</td>' for cell in row['cells'])}<td class='n'>{height}</td></tr>"
+    head = "<tr><th>item</th><th>command</th><th>frame</th><th>parameters 1 to 4</th><th>place</th><th class='n'>height</th></tr>"
     more = (
         f"<p class='faint'>{found['count'] - len(found['items'])} more</p>"
         if found["count"] > len(found["items"])

@@ -14,6 +14,7 @@ from skyway.report.svg import safe
 from skyway.web import drawn, shell
 from skyway.web.controls import Button, CommandShown, Drop, Field, Status
 from skyway.web.folder import MISSIONS
+from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import mission_answer
 from skyway.web.pages.mission_transfer import Transfer
@@ -57,6 +58,7 @@ class MissionsPage:
                 self._form()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer("Map of the mission. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+                key("work", "finding", "fence")
                 self.under = ui.element("div").classes("under-map")
             with ui.element("section").classes("panel answer").props('aria-label="Findings"'):
                 self._answer()
@@ -72,21 +74,20 @@ class MissionsPage:
             lambda why: self.status.tell(why, wrong=True),
         )
         self.choice = Field("Missions in the work folder", self.choose, kind="select")
-        with ui.element("div").classes("pair"):
-            Field(
-                "Autopilot",
-                self._set("autopilot"),
-                kind="select",
-                options=[("", "as the file says"), *((one, one) for one in NAMES)],
-            )
-            self.drone = Field("Drone", self._set("drone"), kind="select", options=[("", "assume M200 V2")])
+        Field(
+            "Autopilot",
+            self._set("autopilot"),
+            kind="select",
+            options=[("", "as the file says"), *((one, one) for one in NAMES)],
+        )
+        self.drone = Field("Drone", self._set("drone"), kind="select", options=[("", "assume M200 V2")])
         with ui.element("div").classes("pair"):
             Field("Wind", self._set("wind"), unit="m/s@° from", hint="8@270; empty: still air")
             Field("Package", self._set("payload"), value="0", unit="kg", inputmode="decimal")
         with ui.element("div").classes("pair"):
             Field("Charge", self._set("soc"), value="100", unit="%", inputmode="decimal")
             Field("Reserve", self._set("reserve"), value="20", unit="%", inputmode="decimal")
-        Field("with zones, pads and fleet of the scenario", self._set("region"), kind="check", value=False)
+        Field("With zones, pads and fleet of the scenario", self._set("region"), kind="check", value=False)
         self.transfer = Transfer(self.site, self.client, lambda: self.file, self._differ)
 
     def _answer(self) -> None:
@@ -177,9 +178,9 @@ class MissionsPage:
         self.verdict.set_content(
             f"<p class='big'>{safe(Path(self.file).name)}: <span class='{style}'>{words or 'ok'}</span></p>"
         )
-        self.findings.set_content(mission_answer.findings(found["findings"]))
+        self.findings.set_content(mission_answer.findings(found["findings"], self.wanted))
         self.flights.set_content(mission_answer.flights(found["flights"]))
-        self.items.set_content(mission_answer.items(found))
+        self.items.set_content(mission_answer.items(found, self.wanted))
         self.fix.enable(any(one["certain"] for one in found["findings"]))
         given = [
             ("--drone", self.asked["drone"]),

@@ -15,6 +15,7 @@ from skyway.models.base.errors import SkywayError
 from skyway.models.base.formatting import direction_text
 from skyway.web import shell
 from skyway.web.controls import Button, CommandShown, Field, Status, say, text
+from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
 from skyway.web.pages.plan_files import PlanFiles
@@ -78,6 +79,7 @@ class PlanPage:
                     on_choose=self.picked,
                     on_drag=self.dragged,
                 )  # fmt: skip
+                key("station", "stop", "route", "other", "zone", "wind")
                 with ui.element("div").classes("under-map"):
                     self.hour = Field(
                         "Wind and queues at",
@@ -206,10 +208,10 @@ class PlanPage:
                 self.status.tell("Choose a start and a target: click on the map, or type a station.")
                 return
             self.status.tell("Planning …")
-            asked = msgspec.to_builtins(self.question)
+            asked = msgspec.to_builtins(self.question), "UTC" if self.wanted.time == "utc" else None
             try:
                 self.answer, self.more, self.chosen = (
-                    await self.site.workers.ask("planned.plan", self.site.scenario, asked),
+                    await self.site.workers.ask("planned.plan", self.site.scenario, *asked),
                     None,
                     0,
                 )
@@ -221,7 +223,7 @@ class PlanPage:
             self._draw()
             self.status.tell("Reasons and other routes follow …")
             try:
-                self.more = await self.site.workers.ask("planned.explained", self.site.scenario, asked)
+                self.more = await self.site.workers.ask("planned.explained", self.site.scenario, *asked)
             except SkywayError as error:
                 self.status.tell(str(error), wrong=True)
                 return
@@ -291,8 +293,8 @@ class PlanPage:
         self.figures.set_content(plan_answer.figures(plan))
         self.pictures.set_content(plan_answer.pictures(plans, self.chosen, zone, self.wanted))
         self.beside.set_content(plan_answer.beside(plans, self.chosen, answer["without"]))
-        self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more))
-        self.notes.set_content(plan_answer.notes(plan, answer))
+        self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more, self.wanted))
+        self.notes.set_content(plan_answer.notes(plan, answer, self.wanted))
         self.command.show(self.question.command(self.site.scenario, plan["planner"]))
 
     def _show_kept(self) -> None:

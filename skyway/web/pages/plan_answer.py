@@ -45,11 +45,12 @@ def figures(plan: dict[str, Any]) -> str:
 def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo, wanted: Preferences) -> str:
     """The bars of all plans; arrival, charge, and heights over terrain of the one that is chosen."""
     plan = plans[chosen]
+    back = " (way back: dashed)" if any(leg["back"] for leg in plan["charge"]["legs"]) else ""
     names = [label(one, number) for number, one in enumerate(plans)]
     return (
         f"<h2>Schedule, as it is most typically flown</h2>{LEGEND}{drawn.bars(plans, names, zone)}"
         f"{_titled('Arrival in the simulated deliveries', drawn.arrivals(plan, zone))}"
-        f"<h2>Charge over the legs: 9 of 10 deliveries, half of them, and the typical schedule</h2>{drawn.charge(plan)}"
+        f"<h2>Charge over the legs: 9 of 10 deliveries, half of them, and the typical schedule{back}</h2>{drawn.charge(plan)}"
         f"{_titled('Heights above sea level, and the least clearance', drawn.heights(plan['heights'], wanted))}"
     )
 
@@ -89,18 +90,18 @@ def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[
     return f"<h2>Beside each other</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
 
 
-def explained(found: dict[str, Any]) -> str:
+def explained(found: dict[str, Any], wanted: Preferences) -> str:
     """Why the stops are made, what the promise rests on, and what would gain most."""
     parts = []
     if found["reasons"]:
         lines = [
-            f"<p><b>{safe(one['station'])}</b>: {safe(one['why'])}; {safe(one['charge'])}.</p>"
+            f"<p><b>{safe(one['station'])}</b>: {safe(wanted.in_words(one['why']))}; {safe(wanted.in_words(one['charge']))}.</p>"
             for one in found["reasons"]
         ]
         parts.append(f"<h2>Why these stops</h2><div class='reasons'>{''.join(lines)}</div>")
     if found["rests_on"]:
         rows = [
-            f"<tr><td>{safe(one['what'])}</td><td>{safe(one['size'])}</td><td>{safe(one['source'])}</td><td class='n'>{safe(one['gain'])}</td>"
+            f"<tr><td>{safe(one['what'])}</td><td>{safe(wanted.in_words(one['size']))}</td><td>{safe(one['source'])}</td><td class='n'>{safe(one['gain'])}</td>"
             f"<td>{safe(one['remedy'])}</td></tr>"
             for one in found["rests_on"]
         ]
@@ -113,11 +114,11 @@ def explained(found: dict[str, Any]) -> str:
             f"<p class='faint'>With a perfect forecast no plan takes less than {safe(found['bound'])} on average.</p>"
         )
     if found["not_counted"]:
-        parts.append(f"<p class='faint'>Not counted: {safe('; '.join(found['not_counted']))}.</p>")
+        parts.append(f"<p class='faint'>Not counted: {safe(wanted.in_words('; '.join(found['not_counted'])))}.</p>")
     return "".join(parts)
 
 
-def notes(plan: dict[str, Any], answer: dict[str, Any]) -> str:
+def notes(plan: dict[str, Any], answer: dict[str, Any], wanted: Preferences) -> str:
     """Notes, departures tried, drones not chosen."""
     parts = []
     if answer["departures"]:
@@ -128,9 +129,8 @@ def notes(plan: dict[str, Any], answer: dict[str, Any]) -> str:
         ]
         head = "<tr><th>departure</th><th class='n'>on average</th><th class='n'>on time</th><th></th></tr>"
         parts.append(f"<h2>Departures tried</h2><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>")
-    said = [safe(one) for one in plan["notes"]] + [
-        f"not {safe(drone)}: {safe(why)}" for drone, why in answer["rejected"].items()
-    ]
+    told = [*plan["notes"], *(f"not {drone}: {why}" for drone, why in answer["rejected"].items())]
+    said = [safe(wanted.in_words(one)) for one in told]
     if said:
         parts.append(f"<h2>Notes</h2><ul class='notes'>{''.join(f'<li>{one}</li>' for one in said)}</ul>")
     return "".join(parts)

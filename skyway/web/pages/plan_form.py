@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
@@ -51,7 +52,7 @@ class PlanForm:
             with ui.element("div").classes("pair"):
                 self.payload = Field("Package", self._takes("payload"), value=q.payload, unit="kg", inputmode="decimal")
                 self.drone = Field(
-                    "Drone", self._takes("drone"), kind="select", value=q.drone, options=[("", "best of the fleet")]
+                    "Drone", self._takes("drone"), kind="select", value=q.drone, options=[("", "the best")]
                 )
             self.depart = Field("Departure", self._takes_time("depart"), kind="datetime-local", hint="Empty: now")
             with ui.element("div").classes("pair"):
@@ -111,12 +112,12 @@ class PlanForm:
     def offer(self, region: dict[str, Any], zone: tzinfo) -> None:
         """Offer what the region has."""
         self._zone = zone
+        for field in (self.depart, self.deadline, self.not_before):
+            field.measure("UTC" if zone is UTC else f"{str(zone).rpartition('/')[2].replace('_', ' ')} time")
         stations = [(one["id"], one["name"]) for one in region["stations"] if not one["bend"]]
         self.start.offer(stations)
         self.to.offer(stations)
-        self.drone.offer(
-            [("", "best of the fleet"), *((one["id"], f"{one['id']}: {one['name']}") for one in region["drones"])]
-        )
+        self.drone.offer([("", "the best"), *((one["id"], f"{one['id']}: {one['name']}") for one in region["drones"])])
         names = [(name, name) for name in region["planners"]]
         told = [(name, f"{name} (perfect information)") for name in region["clairvoyant"]]
         self.planner.offer([*names, *told])

@@ -11,6 +11,7 @@ from skyway.models.base.errors import SkywayError
 from skyway.web import shell
 from skyway.web.controls import CommandShown, Drop, Field, Status
 from skyway.web.folder import LOGS
+from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer, Player
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class ReplayPage:
                 self.status = Status()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer("Map of the flight. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+                key("vehicle", "flown", "station", "zone", "wind")
             with ui.element("section").classes("panel answer").props('aria-label="Player"'):
                 self.player = Player(wanted)
                 self.player.on("failed", lambda event: self.status.tell(str(event.args), wrong=True))

@@ -190,7 +190,7 @@ export default {
       const wrong = (one) => one.silent || one.problem || ["lost-link", "holding", "crashed", "landed-elsewhere"].includes(one.state);
       return h("div", { class: "tabs", role: "tablist", "aria-label": "Flights" }, [
         tab("", "All", false),
-        ...flights.map((one) => tab(one.name, `${one.origin || "…"} > ${one.destination || one.name}, ${one.question && !one.ended ? "asks" : one.state}`, wrong(one))),
+        ...flights.map((one) => tab(one.name, `${one.origin ? `${one.origin} > ${one.destination}` : one.name}, ${one.question && !one.ended ? "asks" : one.state}`, wrong(one))),
       ]);
     },
     all() {

@@ -1,6 +1,7 @@
 // The player of the replay page: one or two logs, a time, and everything at that time. It runs in the browser alone.
 import { h } from "vue";
 import { lines, marks } from "skyway-map/traces.js";
+import { inWords, zoneName } from "skyway-flight/words.js";
 
 const SPEEDS = [-60, -10, -1, 1, 5, 10, 30, 60, 120];
 const COLOURS = ["vehicle", "start"];
@@ -148,7 +149,7 @@ export default {
       const zone = this.utc ? "UTC" : this.zone;
       const day = new Date(1000 * (log.begin_s + seconds));
       const words = day.toLocaleString("sv-SE", { timeZone: zone, hour12: false });
-      return `${relative} (${words} ${this.utc ? "UTC" : "local"})`;
+      return `${relative} (${words} ${zoneName(log.begin_s + seconds, this)})`;
     },
     now(log, i) {
       const k = this.row(log);
@@ -178,7 +179,7 @@ export default {
       return this.events.map((one) =>
         h("li", { class: Math.abs(one.time_s - this.at) < 1 ? "now" : "" }, [
           h("button", { type: "button", class: "plain", onClick: () => this.jump(one.time_s) }, this.clock(one.time_s).split(" ")[0]),
-          ` ${one.text}`,
+          ` ${inWords(one.text, this)}`,
         ]),
       );
     },

@@ -98,13 +98,14 @@ def _flights(report: CheckReport) -> list[dict[str, str]]:
     return found
 
 
-def _items(document: MissionDocument) -> list[list[str]]:
-    rows = []
+def _items(document: MissionDocument) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
     for position, item in enumerate(document.mission.items[:MOST_ITEMS]):
-        values = ", ".join("" if math.isnan(value) else f"{value:g}" for value in item.params)
+        values = ", ".join("-" if math.isnan(value) else f"{value:g}" for value in item.params)
         place = f"{item.point.lat:.7f}, {item.point.lon:.7f}" if item.point else ""
-        height = f"{item.z:g} m" if item.is_located and not math.isnan(item.z) else ""
-        rows.append([str(position), item.name, frame_name(item.frame), values, place, height])
+        height_m = item.z if item.is_located and not math.isnan(item.z) else None
+        cells = [str(position), item.name, frame_name(item.frame), values, place]
+        rows.append({"cells": cells, "height_m": height_m})
     return rows
 
 

@@ -41,18 +41,18 @@ if TYPE_CHECKING:
     from skyway.planner.departure import Departure
     from skyway.planner.result import PlanResult
 
-TIME_LIMIT_S = 20.0
-"""Of planners that look for the best; the page waits for them."""
+TIME_LIMIT_S = 60.0
+"""Of planners that look for the best, as of the command: a shorter one would give another plan on a busy machine."""
 BINS = 48
 """Of the distribution of the arrival."""
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Quantiles of the charge."""
 
 
-def plan(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
+def plan(scenario: str | None, asked: dict[str, Any], timezone: str | None = None) -> dict[str, Any]:
     """Return the plan of a question as a document, and those of other planners; a `SkywayError` says why there is none.
 
-    A planner beside it that has none says why in ``without``.
+    A planner beside it that has none says why in ``without``. Times are told in a zone, or in the region's own.
     """
     question = msgspec.convert(asked, Question)
     world = loaded(scenario)
@@ -66,7 +66,7 @@ def plan(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
             results.append(_solved(world, question, how, name)[0])
         except SkywayError as error:
             without.append({"planner": name, "why": str(error)})
-    zone = ZoneInfo(wide.timezone)
+    zone = ZoneInfo(timezone or wide.timezone)
     return {
         "timezone": wide.timezone,
         "plans": [_plan(one, zone) for one in results],
@@ -77,12 +77,12 @@ def plan(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def explained(scenario: str | None, asked: dict[str, Any]) -> dict[str, Any]:
+def explained(scenario: str | None, asked: dict[str, Any], timezone: str | None = None) -> dict[str, Any]:
     """Return what is told beside a plan and takes longer: other routes of the planner, reasons, and what the promise rests on."""
     question = msgspec.convert(asked, Question)
     first, tried, wide = _solved(loaded(scenario), question, conditions(question, scenario), question.planner)
     report = plan_report(first, tried, question.alternatives, explain=question.planner == ROBUST)
-    zone = ZoneInfo(wide.timezone)
+    zone = ZoneInfo(timezone or wide.timezone)
     return {
         "alternatives": [_plan(one, zone) for one in (report.alternatives or ())[1:]],
         "reasons": [{"station": one.station, "why": why_here(one), "charge": why_so_much(one)} for one in report.reasons or ()],
@@ -225,15 +225,20 @@ def _arrivals(result: PlanResult) -> dict[str, Any] | None:
 
 
 def _charge(result: PlanResult) -> dict[str, Any]:
-    """Charge at the take-off and the landing of each leg: in the typical schedule, and quantiles of the simulated deliveries."""
-    legs = result.composition.services
+    """Charge at the take-off and the landing of each leg, the way back too: in the typical schedule, and quantiles of the simulated deliveries.
+
+    They end with the delivery: of the way back there is the schedule alone.
+    """
+    legs = result.composition.there_and_back.services
     fan = charge_by_leg(result, LEVELS)
+    simulated = 0 if fan is None else len(fan)
     return {
         "levels": list(LEVELS),
         "legs": [
             {
                 "from": leg.origin, "to": leg.destination, "typical": [leg.soc_depart, leg.soc_arrive],
-                "fan": None if fan is None else np.round(fan[number], 4).tolist(),
+                "fan": np.round(fan[number], 4).tolist() if fan is not None and number < simulated else None,
+                "back": number >= len(result.composition.services),
             }
             for number, leg in enumerate(legs)
         ],

@@ -2,7 +2,7 @@
 import { h } from "vue";
 import { chargeChart } from "skyway-flight/charge.js";
 import { asked, commandLine, orderButtons } from "skyway-flight/orders.js";
-import { clock, duration, figure, known, percent, probability, wind } from "skyway-flight/words.js";
+import { clock, duration, figure, inWords, known, percent, probability, wind, zoneName } from "skyway-flight/words.js";
 
 const BAD = new Set(["lost-link", "holding", "crashed", "landed-elsewhere", "left-to-itself"]);
 const GRAVE = new Set(["emergency", "alert", "critical", "error"]);
@@ -26,13 +26,13 @@ export function flightView(view) {
   const { live } = view.flight;
   return h("div", { class: "flight" }, [
     alarmBox(view),
-    h("p", { class: "big" }, [h("span", { class: "state" }, live.paused ? "paused" : live.state), ` ${live.origin} > ${live.destination}`]),
-    h("p", { class: "faint" }, live.doing),
+    h("p", { class: "big" }, [h("span", { class: "state" }, live.paused ? "paused" : live.state), live.origin ? ` ${live.origin} > ${live.destination}` : ` ${view.flight.name}`]),
+    h("p", { class: "faint" }, inWords(live.doing, view)),
     commandLine(view),
     orderButtons(view),
     asked(view),
     live.ended ? ending(view) : null,
-    departure(live),
+    departure(view),
     figures(view),
     chargeChart(view),
     ahead(view),
@@ -46,7 +46,7 @@ function alarmBox(view) {
   const found = alarms(view.flight);
   const resume = !view.flight.runs && !(view.flight.live.ended && !view.flight.live.problem);
   return h("div", { class: found.length ? "alarms" : "", role: "alert" }, [
-    ...found.map((words) => h("p", { key: words }, ["! ", words])),
+    ...found.map((words) => h("p", { key: words }, ["! ", inWords(words, view)])),
     resume && found.length ? h("button", { type: "button", class: "main", onClick: () => view.$emit("resume", view.flight.name) }, "Continue this flight") : null,
   ]);
 }
@@ -59,7 +59,8 @@ function ending(view) {
   ]);
 }
 
-function departure(live) {
+function departure(view) {
+  const { live } = view.flight;
   if (!["connecting", "preflight", "uploading", "ready", "stopped-safe"].includes(live.state) || !live.checks.length) return null;
   const marks = { ok: ["✓", "in order"], no: ["✗", "NOT in order"], unknown: ["?", "not known"] };
   const rows = live.checks.map((one) => {
@@ -67,7 +68,7 @@ function departure(live) {
     return h("tr", { key: one.name, class: one.verdict === "ok" ? "" : "warn" }, [
       h("td", [h("span", { "aria-hidden": "true" }, sign), h("span", { class: "only-heard" }, words)]),
       h("td", one.name),
-      h("td", one.said),
+      h("td", inWords(one.said, view)),
     ]);
   });
   const head = h("tr", ["", "check", "found"].map((name, i) => (i ? h("th", name) : h("td"))));
@@ -77,14 +78,14 @@ function departure(live) {
     const names = h("tr", [h("th", "parameter"), h("th", { class: "n" }, "now"), h("th", { class: "n" }, "then"), h("th", "why")]);
     parts.push(h("h2", "Parameters that the take-off sets, and the end restores"), h("div", { class: "scroll" }, h("table", { class: "parameters" }, [h("thead", names), h("tbody", set)])));
   }
-  if (live.brief.length) parts.push(h("h2", "What is decided"), h("ul", { class: "notes" }, live.brief.map((line) => h("li", { key: line }, line.trim()))));
+  if (live.brief.length) parts.push(h("h2", "What is decided"), h("ul", { class: "notes" }, live.brief.map((line) => h("li", { key: line }, inWords(line.trim(), view)))));
   return h("section", { "aria-label": "Before the take-off" }, parts);
 }
 
 function figures(view) {
   const { live } = view.flight;
   const { vehicle, expected, leg } = live;
-  const radio = vehicle.radios?.length ? vehicle.radios.join("; ") : known(vehicle.loss) ? `${Math.round(100 * (1 - vehicle.loss))} % received` : "unknown";
+  const radio = vehicle.radios?.length ? vehicle.radios.join("; ").replace(/^radio: /, "") : known(vehicle.loss) ? `${Math.round(100 * (1 - vehicle.loss))} % received` : "unknown";
   const cells = [
     ["charge", percent(vehicle.soc), live.charge_to && !known(expected.left_s) ? `to be charged to ${percent(live.charge_to)}` : ""],
     ["at the landing", percent(expected.soc_land), known(expected.soc_land) ? `planned ${percent(expected.planned_soc_land)}` : ""],
@@ -121,7 +122,7 @@ function ahead(view) {
   });
   if (!rows.length) return null;
   const body = rows.map(([words, at, soc], i) => h("tr", { key: `${i} ${words}` }, [h("td", words), h("td", { class: "n" }, duration(Math.max(0, at - now))), h("td", { class: "n" }, clock(at, view)), h("td", { class: "n" }, percent(soc))]));
-  const head = h("tr", [h("th", "what is to come"), h("th", { class: "n" }, "in"), h("th", { class: "n" }, view.utc ? "UTC" : "local time"), h("th", { class: "n" }, "charge")]);
+  const head = h("tr", [h("th", "what is to come"), h("th", { class: "n" }, "in"), h("th", { class: "n" }, zoneName(now, view)), h("th", { class: "n" }, "charge")]);
   return h("div", { class: "scroll" }, h("table", { class: "ahead" }, [h("thead", head), h("tbody", body)]));
 }
 
@@ -134,7 +135,7 @@ function list(title, rows, view) {
   const items = rows.map((row) => {
     const grave = GRAVE.has(row.severity) || row.done === "refused" || row.done === "failed";
     const head = row.event === "decision" ? `${row.action}: ` : row.severity ? `${row.severity}: ` : "";
-    return h("li", { key: row.n, class: grave ? "warn" : "" }, [h("time", clock(row.t, view)), ` ${head}${row.text}`]);
+    return h("li", { key: row.n, class: grave ? "warn" : "" }, [h("time", clock(row.t, view)), ` ${head}${inWords(row.text, view)}`]);
   });
   return h("details", { open: title === "Decisions" }, [h("summary", title), h("ol", { class: "events", tabindex: 0, "aria-label": title }, items)]);
 }

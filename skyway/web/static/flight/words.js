@@ -32,6 +32,19 @@ export function clock(posix, view) {
   return new Date(1000 * posix).toLocaleTimeString("sv-SE", { timeZone: zone, hour12: false });
 }
 
+// A sentence of the supervisor or of a log, with its speeds in the unit that is preferred; `Preferences.in_words` does the same.
+export function inWords(told, view) {
+  if (!told || view.speedUnit === "m/s") return told;
+  return told.replace(/\b(\d+(?:\.\d+)?) m\/s\b/g, (_, x) => `${(x * view.speedFactor).toFixed(1)} ${view.speedUnit}`);
+}
+
+// Short name of the zone of time that is shown, at a time: EDT, UTC, GMT+2.
+export function zoneName(posix, view) {
+  const zone = view.utc ? "UTC" : view.zone || "UTC";
+  const parts = new Intl.DateTimeFormat("en-US", { timeZone: zone, timeZoneName: "short" }).formatToParts(new Date(1000 * posix));
+  return parts.find((one) => one.type === "timeZoneName").value;
+}
+
 export function wind(one, view) {
   if (!one || !known(one.north_mps) || !known(one.east_mps)) return UNKNOWN;
   const speed = Math.hypot(one.north_mps, one.east_mps);

@@ -34,6 +34,7 @@ export function draw(context, view, state, colours, map) {
   marks(c, view, state.marks || [], colours);
   reach(c, view, state, colours, taken);
   vehicles(c, view, state.vehicles, colours, taken);
+  if (state.base?.kind === "vectors" && state.layers.base !== false) places(c, view, map.tiles.names, colours, taken);
   ends(c, view, state, colours);
   if (map.dragged?.x !== undefined) ghost(c, view, state, map.dragged, colours);
   scaleBar(c, view, colours);
@@ -233,6 +234,7 @@ function stations(c, view, state, colours, map, taken) {
   const plan = state.plans[state.chosen];
   const onRoute = new Set(plan?.route || []);
   const stops = new Set(plan?.stops || []);
+  const reached = new Set((state.reach || []).map((one) => one.station));
   const later = [];
   state.region.stations.forEach((one, number) => {
     if (one.bend) return;
@@ -253,7 +255,7 @@ function stations(c, view, state, colours, map, taken) {
     if (state.avoid.includes(one.id)) cross(c, x, y, radius + 3, colours.warn);
     if (state.stopAt.includes(one.id)) square(c, x, y, radius + 4, colours.route);
     if (number === map.selected) square(c, x, y, radius + 7, colours.ink);
-    later.push([onRoute.has(one.id) ? 0 : 1, number, x, y, radius]);
+    later.push([onRoute.has(one.id) ? 0 : 1, number, x, y, reached.has(one.id) ? 14 : radius]);
   });
   c.font = "12px system-ui, sans-serif";
   later.sort((a, b) => a[0] - b[0]);
@@ -271,6 +273,26 @@ function label(c, view, words, x, y, colours, taken, bold) {
   c.strokeText(words, x, y);
   c.fillStyle = bold ? colours.ink : colours.faint;
   c.fillText(words, x, y);
+}
+
+// Names of the base map, where those of the network leave room.
+function places(c, view, names, colours, taken) {
+  c.textAlign = "center";
+  for (const { name, place, rank, water } of [...names].sort((a, b) => a.rank - b.rank)) {
+    const [x, y] = view.place(place);
+    if (x < 0 || y < 0 || x > view.width || y > view.height) continue;
+    c.font = `${water ? "italic " : ""}${rank < 3 ? 600 : 400} ${rank < 3 ? 13 : 11.5}px system-ui, sans-serif`;
+    const half = c.measureText(name).width / 2 + 6;
+    const box = [x - half, y - 12, x + half, y + 8];
+    if (taken.length > 400 || taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) continue;
+    taken.push(box);
+    c.strokeStyle = colours.halo;
+    c.lineWidth = 3;
+    c.strokeText(name, x, y + 4);
+    c.fillStyle = water ? colours.wind : colours.faint;
+    c.fillText(name, x, y + 4);
+  }
+  c.textAlign = "start";
 }
 
 function cross(c, x, y, r, colour) {
@@ -369,7 +391,7 @@ function reach(c, view, state, colours, taken) {
     c.stroke();
     c.setLineDash([]);
     c.font = "600 12px system-ui, sans-serif";
-    label(c, view, `${minutes} min, ${Math.round(100 * soc)} %`, x + 15, y + 18, colours, taken, true);
+    label(c, view, `${minutes} min, ${Math.round(100 * soc)} %`, x + 18, y + 20, colours, taken, true);
   }
 }
 

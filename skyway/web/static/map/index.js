@@ -64,7 +64,10 @@ export class SkywayMap {
   set(parts) {
     Object.assign(this.state, parts);
     if (parts.region || parts.fitted) this.fit();
-    if (parts.centre) this.view.centre(...parts.centre);
+    if (parts.centre) {
+      this.view.centre(...parts.centre);
+      this.fitted = false;
+    }
     this.changed();
   }
 
@@ -76,6 +79,7 @@ export class SkywayMap {
   fit() {
     const box = this.state.bounds || this.state.region?.bounds;
     if (box) this.view.fit(box);
+    this.fitted = true; // until somebody moves it
     this.changed();
   }
 
@@ -97,7 +101,7 @@ export class SkywayMap {
     this.canvas.width = Math.round(clientWidth * ratio);
     this.canvas.height = Math.round(clientHeight * ratio);
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    if (first) this.fit();
+    if (first || this.fitted) this.fit();
     this.changed();
   }
 
@@ -146,6 +150,7 @@ export class SkywayMap {
     else this.view.pan(this.x(e) - known.x, this.y(e) - known.y);
     known.x = this.x(e);
     known.y = this.y(e);
+    if (!this.dragged) this.fitted = false;
     this.changed();
   }
 
@@ -255,12 +260,14 @@ export class SkywayMap {
 
   zoom(x, y, by) {
     this.view.zoomAt(x, y, by);
+    this.fitted = false;
     this.menu.close();
     this.changed();
   }
 
   key(e) {
     const { width, height } = this.view;
+    if (/^Arrow|^[-+=]$/.test(e.key)) this.fitted = false;
     const steps = { ArrowLeft: [80, 0], ArrowRight: [-80, 0], ArrowUp: [0, 80], ArrowDown: [0, -80] };
     if (steps[e.key]) this.view.pan(...steps[e.key]);
     else if (e.key === "+" || e.key === "=") this.view.zoomAt(width / 2, height / 2, 0.5);

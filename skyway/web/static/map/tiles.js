@@ -12,6 +12,7 @@ export class Tiles {
   constructor(changed) {
     this.changed = changed;
     this.known = new Map();
+    this.names = []; // of what was drawn
   }
 
   // Tiles of vectors are drawn again in other colours.
@@ -56,7 +57,9 @@ export class Tiles {
     const zoom = Math.max(base.low, Math.min(base.high, Math.round(view.zoom - Math.log2(SIZE[base.kind] / 256))));
     const count = 2 ** zoom;
     const size = (256 * view.scale) / count;
+    this.names = [];
     if (size < 64) return;
+    const told = new Set();
     const [left, top] = view.place([0, 0]);
     const [first, last] = [Math.max(0, Math.floor(-left / size)), Math.min(count - 1, Math.floor((view.width - left) / size))];
     const [upper, lower] = [Math.max(0, Math.floor(-top / size)), Math.min(count - 1, Math.floor((view.height - top) / size))];
@@ -64,7 +67,14 @@ export class Tiles {
       for (let row = upper; row <= lower; row++) {
         this.request(base, colours, zoom, column, row);
         const found = this.found(base, zoom, column, row);
-        if (found) c.drawImage(...found, left + column * size, top + row * size, size + 0.5, size + 0.5);
+        if (!found) continue;
+        c.drawImage(...found, left + column * size, top + row * size, size + 0.5, size + 0.5);
+        const [image, , , part] = found;
+        if (!image.names || told.has(image)) continue;
+        told.add(image);
+        const up = Math.round(Math.log2(image.width / part)); // it is a coarser tile
+        const wide = 256 / 2 ** (zoom - up);
+        for (const one of image.names) this.names.push({ ...one, place: [((column >> up) + one.at[0]) * wide, ((row >> up) + one.at[1]) * wide] });
       }
     }
   }

@@ -1,5 +1,5 @@
 // Draws Mapbox Vector Tiles (version 2) in the colours of the page: land, water, buildings, streets and borders of the schemas that are common
-// (OpenMapTiles, Protomaps, Shortbread). Names are not drawn: the network has its own.
+// (OpenMapTiles, Protomaps, Shortbread). Names of places and waters are handed on: the map puts them where those of the network leave room.
 export const PIXELS = 640; // of a tile that is drawn
 
 const LAYERS = [
@@ -15,6 +15,10 @@ const WIDTHS = [
   [/primary|secondary|major|tertiary/, 2.5],
   [/path|track|foot|steps|cycle|pedestrian|ferry|rail|transit/, 0.8],
 ];
+const NAMED = /^(places?|place_labels|water_name|water_labels)$/;
+const KINDS = [/country/, /state|region|province/, /city/, /town|ocean|sea|bay|lake/, /borough|suburb|village|quarter|locality/]; // the first are shown first
+const MOST_NAMES = 250; // of a tile
+const LONGEST = 48; // letters of a name
 const [POINT, AREA] = [1, 3];
 const text = new TextDecoder();
 
@@ -81,20 +85,26 @@ function layers(bytes) {
 
 // What a feature is, and the way of its lines as a path.
 function feature(reader, layer) {
-  let [kind, words, shape] = [0, "", null];
+  let [kind, words, name, shape] = [0, "", "", null];
   reader.fields((field, value) => {
     if (field === 3) kind = value;
     else if (field === 4) shape = value;
     else if (field === 2) {
       const tags = value.numbers();
       for (let i = 0; i + 1 < tags.length; i += 2) {
-        if (!["class", "kind", "highway"].includes(layer.keys[tags[i]])) continue;
+        const key = layer.keys[tags[i]];
+        if (!["class", "kind", "highway", "kind_detail", "pmap:kind", "name"].includes(key)) continue;
         const at = layer.values[tags[i + 1]];
-        if (at) new Reader(at.bytes, at.at, at.end).fields((part, told) => part === 1 && (words += told.words()));
+        if (!at) continue;
+        new Reader(at.bytes, at.at, at.end).fields((part, told) => {
+          if (part !== 1) return;
+          if (key === "name") name = told.words();
+          else words += ` ${told.words()}`;
+        });
       }
     }
   });
-  return { kind, words, path: shape && kind !== POINT ? path(shape, PIXELS / layer.extent) : null };
+  return { kind, words, name, shape, path: shape && kind !== POINT ? path(shape, PIXELS / layer.extent) : null };
 }
 
 const signed = (n) => (n % 2 ? -(n + 1) / 2 : n / 2);
@@ -117,7 +127,29 @@ function path(shape, scale) {
   return found;
 }
 
-// A tile as a picture, in the colours of the map.
+// Where a point is, as shares of its tile; null where it belongs to the tile beside it.
+function point(shape, extent) {
+  shape.number();
+  const [x, y] = [signed(shape.number()) / extent, signed(shape.number()) / extent];
+  return x >= 0 && x < 1 && y >= 0 && y < 1 ? [x, y] : null;
+}
+
+// Names of the places and waters of a tile: the greater first.
+function names(read) {
+  const found = [];
+  for (const layer of read.filter((one) => NAMED.test(one.name))) {
+    for (const reader of layer.features) {
+      if (found.length >= MOST_NAMES) return found;
+      const one = feature(reader, layer);
+      const at = one.kind === POINT && one.shape && one.name ? point(one.shape, layer.extent) : null;
+      const rank = KINDS.findIndex((kinds) => kinds.test(one.words));
+      if (at) found.push({ name: one.name.slice(0, LONGEST), water: /water/.test(layer.name), rank: rank < 0 ? KINDS.length : rank, at });
+    }
+  }
+  return found.sort((a, b) => a.rank - b.rank);
+}
+
+// A tile as a picture, in the colours of the map, with the names in it.
 export function drawn(bytes, colours) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = PIXELS;
@@ -131,6 +163,7 @@ export function drawn(bytes, colours) {
       for (const one of layer.features) paint(c, what, feature(one, layer), colours);
     }
   }
+  canvas.names = names(read);
   return canvas;
 }
 

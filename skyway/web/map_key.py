@@ -1,0 +1,54 @@
+"""The key of a map: what its signs mean."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from skyway.web.controls import text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SIGNS = {
+    "station": (
+        '<circle cx="11" cy="8" r="6" class="k-paper k-station"/><path class="k-fill" d="M11 8V2.5A5.5 5.5 0 1 1 5.5 8Z"/>',
+        "station; the filled share is the chance of a free pad in the hour shown",
+    ),
+    "stop": (
+        '<circle cx="11" cy="8" r="7" class="k-paper k-station"/><circle cx="11" cy="8" r="5.5" class="k-fill"/>',
+        "stop of the plan: drag it to another station",
+    ),
+    "route": ('<path class="k-route" d="M1 8H21"/>', "way of the plan"),
+    "other": ('<path class="k-other" d="M1 8H21"/>', "another plan"),
+    "flown": ('<path class="k-flown" d="M1 8H21"/>', "flown"),
+    "ahead": ('<path class="k-ahead" d="M1 8H21"/>', "planned"),
+    "work": ('<path class="k-route" d="M1 8H21"/>', "way of the mission"),
+    "finding": ('<circle cx="11" cy="8" r="6.5" class="k-warn"/><path class="k-on" d="M11 4v5m0 2v1.5"/>', "finding"),
+    "fence": ('<path class="k-fence" d="M2 3H20V13H2Z"/>', "fence"),
+    "reach": (
+        '<circle cx="11" cy="8" r="6.5" class="k-reach"/>',
+        "could land there: minutes, and charge at the landing; dashed where that is below the reserve",
+    ),
+    "vehicle": ('<path class="k-vehicle" d="M11 1L16 14L11 11L6 14Z"/>', "drone"),
+    "zone": (
+        '<path class="k-zone" d="M2 2H20V14H2Z"/><path class="k-hatch" d="M4 14L16 2M10 14L20 4M2 10L10 2"/>',
+        "zone that is closed; dashed: open in its hours or heights",
+    ),
+    "wind": ('<path class="k-wind" d="M3 13L18 3m-5 0h5v5"/>', "wind: where it blows to, longer for more"),
+}
+"""Sign, drawn in a box of 22 by 16, and its words."""
+
+
+def key(*signs: str) -> ui.element:
+    """Lay out the key of some `SIGNS`, closed at first."""
+    found: Sequence[tuple[str, str]] = [SIGNS[name] for name in signs]
+    items = "".join(
+        f'<li><svg viewBox="0 0 22 16" aria-hidden="true">{sign}</svg><span>{words}</span></li>'
+        for sign, words in found
+    )
+    with ui.element("details").classes("map-key") as made:
+        text("summary", "Key")
+        ui.html(f"<ul>{items}</ul>")
+    return made
