@@ -92,8 +92,10 @@ def refuse_closed(scenario: Scenario, destination: str) -> None:
 
 def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
     """Files of zones that are named, else those that a plan was made with; an `InputError` says that these are not there."""
+    from skyway.models.airspace.pressure import split_pressure
+
     files = named or [Path(one) for one in composition.zones]
-    missing = [str(one) for one in files if not named and not one.is_file()]
+    missing = [str(one) for one in files if not named and not split_pressure(one)[0].is_file()]
     if missing:
         remedy = "give the zones of the plan with --zones"
         raise InputError("was not found: the plan was made with its zones", ", ".join(missing), remedy=remedy)

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from skyway.models.airspace.pressure import NOT_TOLD, Pressure
 from skyway.models.base.formatting import height_text
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ UNLIMITED = 99_999.0
 """Feet or metres from which on a published ceiling means that there is none."""
 GEOID_M = (-107.0, 86.0)
 """Least and greatest height of the geoid (EGM2008) above the ellipsoid."""
-PRESSURE_M = 600.0
-"""Pressure height and height above the sea differ by so much at most: 955 to 1085 hPa, rounded up."""
 _DATUMS: dict[str, Datum] = {
     "AGL": "AGL", "GND": "AGL", "SFC": "AGL", "ASFC": "AGL", "HEI": "AGL", "AAL": "AGL",
     "AMSL": "AMSL", "MSL": "AMSL", "ASL": "AMSL", "ALT": "AMSL", "QNH": "AMSL",
@@ -41,6 +40,8 @@ class Limit:
     value_m: float
     """Infinite where there is none."""
     datum: Datum = "AMSL"
+    pressure: Pressure = NOT_TOLD
+    """Of the day: where flight levels lie."""
 
     def __str__(self) -> str:
         if math.isinf(self.value_m):
@@ -48,22 +49,24 @@ class Limit:
         if self.datum == "AGL" and self.value_m <= 0.0:
             return "ground"
         if self.datum == "FL":
-            return f"FL{round(self.value_m / M_PER_FT / 100.0)}"
+            low, high = (height_text(one) for one in self._band_m())
+            return f"FL{round(self.value_m / M_PER_FT / 100.0)} ({low} to {high} AMSL)"
         return f"{height_text(self.value_m)} {self.datum}"
 
     def lowest(self) -> tuple[float, bool]:
         """Least height that it may stand for, metres, and whether it counts from the ground; else from the sea."""
-        return self.value_m - self._doubt_m()[1], self.datum == "AGL"
+        return self._band_m()[0], self.datum == "AGL"
 
     def highest(self) -> tuple[float, bool]:
         """Greatest height that it may stand for, likewise."""
-        return self.value_m - self._doubt_m()[0], self.datum == "AGL"
+        return self._band_m()[1], self.datum == "AGL"
 
-    def _doubt_m(self) -> tuple[float, float]:
-        """Least and greatest of what it lies too high by, over the sea."""
-        if self.datum == "WGS84":
-            return GEOID_M
-        return (-PRESSURE_M, PRESSURE_M) if self.datum == "FL" else (0.0, 0.0)
+    def _band_m(self) -> tuple[float, float]:
+        """Least and greatest height that it may stand for, over the sea or the ground."""
+        if self.datum == "FL" and math.isfinite(self.value_m):
+            return self.pressure.band_m(self.value_m)
+        low, high = GEOID_M if self.datum == "WGS84" else (0.0, 0.0)
+        return self.value_m - high, self.value_m - low
 
 
 GROUND = Limit(-math.inf, "AGL")

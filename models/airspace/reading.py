@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.airspace import ed
@@ -11,6 +11,7 @@ from skyway.models.airspace.geojson import zone_of_feature
 from skyway.models.airspace.kml import read_kml, unpacked
 from skyway.models.airspace.notes import CLOSES_NOTHING, Notes
 from skyway.models.airspace.openair import Reader, is_openair
+from skyway.models.airspace.pressure import NOT_TOLD, split_pressure
 from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.files import read_bytes
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from skyway.models.airspace.pressure import Pressure
     from skyway.models.airspace.zone import Zone
 
 MAX_BYTES = 64 * 1024 * 1024
@@ -54,7 +56,11 @@ class AirspaceFile:
 
 
 def inspect_airspace(path: Path) -> AirspaceFile:
-    """Read an airspace file of any form, with its faults; an `InputError` says that it is none."""
+    """Read an airspace file of any form, with its faults; an `InputError` says that it is none.
+
+    The pressure of the day may follow its name (`split_pressure`): flight levels lie by it.
+    """
+    path, pressure = split_pressure(path)
     file = str(path)
     data = read_bytes(path, max_bytes=MAX_BYTES)
     if data.startswith(b"PK\x03\x04"):
@@ -81,7 +87,17 @@ def inspect_airspace(path: Path) -> AirspaceFile:
             notes.wrong("", "has no zones", None, "give a file with zones, or none")
         else:  # a list that is empty says so itself
             notes.closed("", "has no zones", None, CLOSES_NOTHING)
+    if pressure is not NOT_TOLD:
+        zones = [_on_a_day(zone, pressure) for zone in zones]
     return AirspaceFile(file, form, tuple(zones), tuple(notes.taken), tuple(notes.faults))
+
+
+def _on_a_day(zone: Zone, pressure: Pressure) -> Zone:
+    volumes = tuple(
+        replace(one, floor=replace(one.floor, pressure=pressure), ceiling=replace(one.ceiling, pressure=pressure))
+        for one in zone.volumes
+    )
+    return replace(zone, volumes=volumes)
 
 
 def read_airspace(paths: Sequence[Path]) -> tuple[tuple[Zone, ...], tuple[Fault, ...]]:

@@ -15,6 +15,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 import numpy as np
 
 from skyway.models.airspace.airspace import USUAL_DETOUR, USUAL_HEIGHT_MARGIN_M, USUAL_MARGIN_M, Airspace
+from skyway.models.airspace.pressure import named_in, split_pressure
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.fields import Table, read_toml
@@ -164,7 +165,7 @@ class _Reader:
     def _airspace(self, own: Path | None, table: Table, rules: FlightRules) -> Airspace | None:
         """Read the zones: of one file that is named under [network], and any number under [airspace]."""
         names = enumerate(table.texts("files", ()))
-        paths = [path for number, name in names if (path := self._named(table, f"files[{number}]", name)) is not None]
+        paths = [path for number, name in names if (path := self._zones(table, f"files[{number}]", name)) is not None]
         usual = (USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR) if "airspace" in self.top else (0.0, 0.0, 1.0)
         margin_m = table.number("margin_m", usual[0], low=0, high=100_000)
         height_margin_m = table.number("height_margin_m", usual[1], low=0, high=10_000)
@@ -378,6 +379,17 @@ class _Reader:
             return None
         text = table.text(key)
         return self._named(table, key, text) if text else None
+
+    def _zones(self, table: Table, key: str, text: str) -> Path | None:
+        """Path of an airspace file, with the pressure that is said behind its name."""
+        told = Path(named_in(text, self.folder))
+        try:
+            path, _ = split_pressure(told)
+        except InputError as error:
+            self.faults += error.faults
+            return None
+        found = self._named(table, key, text if path == told else str(path.relative_to(self.folder)))
+        return None if found is None else told
 
     def _named(self, table: Table, key: str, text: str) -> Path | None:
         path = self.folder / text

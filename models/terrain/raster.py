@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 WGS84 = "EPSG:4326"
-LOWEST_M, HIGHEST_M = -12_000.0, 9_500.0
-"""No ground is lower or higher, the sea floor included: such values are voids that nobody declared."""
+LOWEST_M, HIGHEST_M = -500.0, 9_500.0
+"""No ground is lower (the shore of the Dead Sea: -430 m) or higher: such values are voids that nobody declared, -9999 above all, or the floor of the sea, which is flown over at no clearance."""
 
 
 class Pixels(Protocol):

@@ -177,8 +177,9 @@ def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]
     one.needs_wind()
     for height_m in one.wind_heights_m:
         speed = np.hypot(*(one.fields[FieldKey(part, height_m)] for part in (NORTH, EAST)))
-        if float(np.nanmax(speed, initial=0.0)) > MOST_MPS:
-            problem = f"has a wind of {speed_text(float(np.nanmax(speed)))} at {height_m:g} m: there is none so strong"
+        strongest = float(np.nanmax(speed, initial=0.0))
+        if strongest > MOST_MPS:
+            problem = f"has a wind of {strongest:.6g} m/s at {height_m:g} m: there is none so strong"
             raise InputError(problem, one.name, remedy="look at its unit, and at what stands for a missing value")
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 NORTH, EAST, SPEED, FROM, GUST = "north", "east", "speed", "from", "gust"
+SEA_PRESSURE = "sea_pressure"
+"""Reduced to mean sea level."""
 UNITS = {
     NORTH: "m/s",
     EAST: "m/s",
@@ -30,8 +32,15 @@ UNITS = {
     "rain": "mm/h",
     "visibility": "m",
     "pressure": "Pa",
+    SEA_PRESSURE: "Pa",
 }
 """Quantities that are read, with the unit in which they are kept."""
+RANGES = {
+    SPEED: (0.0, math.inf), GUST: (-0.5, math.inf), FROM: (-180.0, 361.0), "temperature": (150.0, 350.0), "dewpoint": (100.0, 350.0),
+    "humidity": (-5.0, 200.0), "rain": (-1.0, 1000.0), "visibility": (-1.0, 1e7), "pressure": (25_000.0, 110_000.0),
+    SEA_PRESSURE: (85_000.0, 110_000.0),
+}  # fmt: skip
+"""What each can be, with room for rounding; beyond it a unit is wrong, or a number stands for a gap. Strong winds are looked at where they are planned with."""
 SURFACE_M = 0.0
 """Height of what has none, such as rain."""
 USUAL_HEIGHT_M = 10.0
@@ -230,8 +239,27 @@ class Weather:
         raise InputError(problem, self.name, remedy=remedy)
 
 
-def with_components(fields: dict[FieldKey, NDArray[np.float64]]) -> dict[FieldKey, NDArray[np.float64]]:
-    """Add north and east, TOWARDS, where there are speed and FROM direction only; these then go."""
+SPOKEN = {SPEED: "wind speed", FROM: "wind direction", SEA_PRESSURE: "pressure at sea level"}
+
+
+def _check_ranges(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> None:
+    """Raise an `InputError` where a value cannot be."""
+    for key, values in fields.items():
+        low, high = RANGES.get(key.quantity, (-math.inf, math.inf))
+        known = values[np.isfinite(values)]
+        for worst in (known.min(), known.max()) if known.size else ():
+            if not low <= worst <= high:
+                name = SPOKEN.get(key.quantity, key.quantity)
+                problem = f"has a {name} of {float(worst):.6g} {UNITS[key.quantity]}: there is none such"
+                raise InputError(problem, file, remedy="look at its unit, and at what stands for a missing value")
+
+
+def with_components(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> dict[FieldKey, NDArray[np.float64]]:
+    """Add north and east, TOWARDS, where there are speed and FROM direction only; these then go.
+
+    An `InputError` names a value that cannot be.
+    """
+    _check_ranges(fields, file)
     found = dict(fields)
     for key, speed in fields.items():
         if key.quantity != SPEED:
@@ -268,7 +296,7 @@ def joined(parts: Sequence[Weather]) -> list[Weather]:
                 break
         else:
             found.append(one)
-    return [replace(one, fields=with_components(one.fields)) for one in found]
+    return [replace(one, fields=with_components(one.fields, one.name)) for one in found]
 
 
 def _both(first: Weather, second: Weather) -> Weather:

@@ -28,7 +28,9 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.")]
 Zones = Annotated[
     list[Path] | None,
-    typer.Option(help="Airspace beside that of the scenario: ED-269, ED-318, GeoJSON, OpenAir, KML; repeatable."),
+    typer.Option(
+        help="Airspace beside that of the scenario: ED-269, ED-318, GeoJSON, OpenAir, KML; repeatable. The pressure of the day may follow: FILE@Q1013, FILE@Q1013,15C, FILE@metar=METARS."
+    ),
 ]
 Authorized = Annotated[
     list[str] | None, typer.Option(help="Id of a zone for which an authorization was given; repeatable.")

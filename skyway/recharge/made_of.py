@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.missions.autopilots import NAMES
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.files.mission_file import read
+from skyway.models.airspace.pressure import split_pressure
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes, read_text
@@ -79,7 +80,7 @@ def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str])
         "fleet": None if asked.fleet is None else kept(asked.fleet),
         "vans": None if asked.vans is None else kept(asked.vans),
     }
-    others = [*made_of.zones, *(asked.forecast or ())]
+    others = [*(split_pressure(one)[0] for one in made_of.zones), *(asked.forecast or ())]
     others += [Path(one.partition("@")[0]) for one in (*(asked.terrain or ()), *(asked.obstacles or ()))]
     inputs = {str(path.resolve()): _digest(path) for path in others if path.is_file()}
     digests = {name: _sha(text.encode()) for name, text in texts.items()}

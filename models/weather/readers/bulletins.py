@@ -169,7 +169,7 @@ def _card(head: re.Match[str], body: str, file: str, stations: Mapping[str, tupl
         row = np.full(len(times), math.nan)
         row[: len(cells)] = cells[: len(times)]
         values[key] = _in_si(name, row).reshape(1, -1, 1)
-    fields = with_components({key: one for key, one in values.items() if not np.isnan(one).all()})
+    fields = with_components({key: one for key, one in values.items() if not np.isnan(one).all()}, file)
     lat, lon = stations.get(station, (math.nan, math.nan))
     places = Places(np.array([lat]), np.array([lon]), f"station {station}", names=(station,))
     others = tuple(name for name in rows if name not in NBM_FIELDS and name != "UTC")

@@ -25,6 +25,14 @@ STEP_S = {
 }  # fmt: skip
 CALENDARS = ("standard", "gregorian", "proleptic_gregorian", "")
 
+UNWRITTEN: dict[str, tuple[float, ...]] = {
+    "f4": (float(np.float32(9.969209968386869e36)),),
+    "f8": (9.969209968386869e36,),
+    "i2": (-32767.0,),
+    "i4": (-2147483647.0,),
+}
+"""What the netCDF library leaves where nothing was written, by the type of a variable that names no value for it (netcdf.h, NC_FILL_*)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Variable:
@@ -57,9 +65,9 @@ class Variable:
         if raw.dtype.kind not in "iuf":
             return np.full(raw.shape, np.nan)
         values = raw.astype(np.float64)
-        for name in ("_FillValue", "missing_value"):
-            for fill in self.numbers(name):
-                values[values == fill] = np.nan
+        fills = [fill for name in ("_FillValue", "missing_value") for fill in self.numbers(name)]
+        for fill in fills or UNWRITTEN.get(raw.dtype.str[1:], ()):
+            values[values == fill] = np.nan
         low, high = self.numbers("valid_min"), self.numbers("valid_max")
         if self.numbers("valid_range").size == 2:
             low, high = self.numbers("valid_range")[:1], self.numbers("valid_range")[1:]

@@ -200,7 +200,7 @@ def _weather(parts: Sequence[tuple[Answer, _Block]], file: str) -> Weather:
     notes = []
     if empty:
         notes.append(f"members without a value are left out: {', '.join(name or 'control' for name in empty)}")
-    fields = with_components(fields)
+    fields = with_components(fields, file)
     lat, lon = np.array([one.latitude for one, _ in parts]), np.array([one.longitude for one, _ in parts])
     model = parts[0][1].model or "Open-Meteo best match"
     labels = tuple(name or "0" for name in kept) if len(kept) > 1 else ("",)

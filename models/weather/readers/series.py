@@ -101,7 +101,7 @@ def _series(records: Sequence[Record], form: str, issued_s: float, *, analysed: 
     others = tuple(dict.fromkeys([*(one.name for one in records if one.quantity is None), *left_out]))
     notes = tuple(dict.fromkeys([*(one.note for one in records if one.note), *told]))
     return Weather(
-        tuple(dict.fromkeys(one.file for one in records)), form, records[0].model, issued_s, places, members, times, with_components(fields),
+        tuple(dict.fromkeys(one.file for one in records)), form, records[0].model, issued_s, places, members, times, with_components(fields, file),
         observed=analysed, others=others, notes=notes,
     )  # fmt: skip
 

@@ -29,6 +29,9 @@ GROUP = re.compile(r"(?:^| )(FM\d{6}|(?:PROB\d{2} +)?(?:TEMPO|BECMG) +\d{4}/\d{4
 VISIBILITY = re.compile(r"(?:^| )(?:(P|M)?(?:(\d+) )?(\d+)(?:/(\d+))?SM|(\d{4})(?:NDV)?|(CAVOK))(?= |$)")
 STATUTE_MILE_M = 1609.344
 MAX_HOURS = 48.0
+NAMED = ("TAF ", "TAF AMD ", "TAF COR ")
+NOTHING = ("NIL", "CNL")
+"""A report that was left out; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +45,9 @@ class _Wind:
 
 
 def is_taf(text: str) -> bool:
-    """Whether a text holds a TAF."""
-    return any(match[5] for match in HEAD.finditer(_flat(text)))
+    """Whether a text holds a TAF, one that says nothing (NIL) included."""
+    flat = _flat(text)
+    return any(match[5] or flat[: match.start()].endswith(NAMED) for match in HEAD.finditer(flat))
 
 
 def _flat(text: str) -> str:
@@ -57,13 +61,19 @@ def read_taf(text: str, file: str, near_s: float, stations: Mapping[str, tuple[f
     """
     flat = _flat(text)
     heads = list(HEAD.finditer(flat))
-    found = []
+    found: list[Weather] = []
+    empty = []
     for one, after in zip(heads, [*heads[1:], None], strict=True):
-        if one[5]:
-            body = flat[one.end() : None if after is None else after.start()].partition("=")[0].rstrip()
+        body = flat[one.end() : None if after is None else after.start()].partition("=")[0].strip()
+        if not one[5] or body.startswith(NOTHING):
+            empty.append(one[0].strip())
+            found = [other for other in found if other.places.names != (one[1],)]
+        else:
             found.append(_series(one, body, file, near_s, stations))
     if not found:
-        raise InputError("has no TAF with a period", file, remedy="such as TAF KJFK 090315Z 0903/1006 27007KT")
+        problem = "holds no TAF in force: NIL and CNL say that there is none" if empty else "has no TAF with a period"
+        remedy = "hand over the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
+        raise InputError(problem, file, value="; ".join(empty) or None, remedy=remedy)
     newest: dict[str, Weather] = {}
     for weather in found:  # an amendment replaces what was issued before
         name = weather.places.names[0]

@@ -1,6 +1,6 @@
 """METAR and SPECI reports of airports: station, time and wind, as they are published.
 
-Of a report everything before ``RMK`` is read up to the wind group, and nothing else: what follows it (visibility, weather, trends with
+Of a report everything before ``RMK`` is read up to the wind group, and besides, by `pressures_told`, temperature and QNH: what else follows (visibility, weather, trends with
 winds of their own) differs by country. Winds are means over 2 or 10 minutes at 10 m, in knots, m/s or km/h, degrees FROM true north.
 
 Source: WMO-No. 306, Manual on Codes, volume I.1, FM 15 (METAR) and FM 16 (SPECI), sections 15.2 to 15.5; Federal Meteorological
@@ -33,6 +33,9 @@ MAX_REPORT = 5_000
 """Characters of one report: a longer one is none."""
 PERIOD = re.compile(r"\d{4}/\d{4}")
 """The period of a TAF."""
+QNH = re.compile(r"(?: (M?\d{2})/(?:M?\d{2}|//)?)?(?: +(?:Q(\d{4})|A(\d{4})))(?=[ =]|$)")
+"""Temperature and pressure, the last groups of every report before trends and remarks (sections 15.11 and 15.12)."""
+HPA_PER_INHG = 33.863_886
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,3 +154,14 @@ def nearest_s(day: int, hour: int, minute: int, near_s: float) -> float | None:
                 (datetime(year, month + 1, day, tzinfo=UTC) + timedelta(hours=hour, minutes=minute)).timestamp()
             )
     return min(found, key=lambda one: abs(one - near_s))
+
+
+def pressures_told(text: str) -> list[tuple[float, float | None]]:
+    """QNH, hPa, and temperature, degrees Celsius, of the reports in a text that tell them; of the temperature None where it is missing."""
+    found = []
+    for report in re.split(START, " ".join(text.upper().split()))[5::5]:
+        told = QNH.search(report.split(" RMK", maxsplit=1)[0])
+        if told is not None:
+            hpa = float(told[2]) if told[2] else 0.01 * HPA_PER_INHG * float(told[3])
+            found.append((hpa, None if told[1] is None else float(told[1].replace("M", "-"))))
+    return found

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from skyway.models.airspace.activation import Activation, Period
 from skyway.models.airspace.airspace import Airspace
 from skyway.models.airspace.limits import GROUND, NO_CEILING, Limit
+from skyway.models.airspace.pressure import Pressure
 from skyway.models.airspace.ways import chosen, columns, flown_at, level_flights
 from skyway.models.airspace.zone import Volume, Zone
 from skyway.models.base.errors import InputError
@@ -41,7 +42,8 @@ def across(height_m, ground_m, lon=8.01):
         (GROUND, Limit(450.0, "AMSL"), [451.0], [410.0]),
         (Limit(100.0, "AGL"), NO_CEILING, [499.0], [500.0, 3000.0]),
         (Limit(600.0, "AMSL"), Limit(900.0, "AMSL"), [599.0, 901.0], [600.0, 750.0]),
-        (Limit(3000.0, "FL"), NO_CEILING, [2399.0], [2401.0]),  # 600 m for the pressure of the day
+        (Limit(3000.0, "FL"), NO_CEILING, [2140.0], [2150.0]),  # 955 hPa, and 40 degrees colder than usual
+        (Limit(3000.0, "FL", Pressure((1030.0, 1030.0), (15.0, 15.0), sure=True)), NO_CEILING, [3000.0], [3160.0]),
         (Limit(1000.0, "WGS84"), NO_CEILING, [913.0], [914.0]),  # where the geoid is highest
         (GROUND, Limit(500.0, "WGS84"), [608.0], [607.0]),  # and lowest
         (GROUND, NO_CEILING, [], [400.0, 20_000.0]),

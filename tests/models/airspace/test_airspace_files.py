@@ -219,7 +219,7 @@ def test_openair_has_circles_arcs_levels_and_activation(tmp_path):
     assert (found.form, found.notes, found.faults) == ("OpenAir", (), ())
     expected = [
         ("authorization", "ground to 671 m AMSL", (10.3888, 53.3886, 10.4501, 53.4253)),
-        ("authorization", "15 m AGL to FL65", (13.3662, 52.0785, 13.4732, 52.134)),
+        ("authorization", "15 m AGL to FL65 (1275 m to 2837 m AMSL)", (13.3662, 52.0785, 13.4732, 52.134)),
         ("information", "ground to unlimited", (140.8102, 39.4329, 141.4571, 39.6832)),
     ]
     for zone, (kind, heights, bounds) in zip(found.zones, expected, strict=True):
@@ -279,7 +279,7 @@ def test_kml_and_kmz_have_polygons_with_holes_and_limits_in_their_data(tmp_path)
     ("document", "kind", "heights"),
     [
         (geojson(name="park"), "prohibited", "ground to unlimited"),
-        (geojson(name="park", kind="authorization", floor="60 m AGL", ceiling="FL65"), "authorization", "60 m AGL to FL65"),
+        (geojson(name="park", kind="authorization", floor="60 m AGL", ceiling="FL65"), "authorization", "60 m AGL to FL65 (1275 m to 2837 m AMSL)"),
         (geojson(upperCeiling={"value": 400, "unit": "FT", "referenceDatum": "GND"}, type="TMZ"), "conditional", "ground to 122 m AGL"),
         (geojson(CEILING=0, UNIT="LGA ATCT", APT1_ICAO="KLGA"), "authorization", "ground to unlimited"),
         (geojson(CEILING=200, UNIT="LGA ATCT", APT1_ICAO="KLGA"), "authorization", "61 m AGL to unlimited"),

@@ -231,9 +231,9 @@ def test_voids_are_never_heights(tmp_path):
     assert np.isnan(terrain.top_m(*places, 60.0)[1])  # a void within the radius
     assert terrain.top_m(*places, 60.0)[2] > 0.0
     undeclared = values.copy()
-    undeclared[20, 20] = -32767
+    undeclared[20, 20], undeclared[30, 20] = -32767, -9999
     other = written(tmp_path / "other.tif", undeclared)  # no nodata: no ground is so low
-    assert terrain_contents(str(other)).voids == 1
+    assert terrain_contents(str(other)).voids == 2
     coarse = written(
         tmp_path / "coarse.tif", np.full((30, 30), 77, dtype="int16"), step=1 / 1200, north=-34.999, west=148.999
     )

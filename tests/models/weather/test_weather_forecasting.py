@@ -228,7 +228,7 @@ def test_a_forecast_that_does_not_fit_is_one_clear_line(tmp_path, case):
     ("speed", "said"),
     [
         (None, "has no value at its points here, only gaps .*; ask for"),
-        (500.0, "has a wind of 500.0 m/s at 10 m.*; look at its unit"),
+        (500.0, "has a wind of 500 m/s at 10 m.*; look at its unit"),
     ],
 )
 def test_empty_and_impossible_winds_are_one_clear_line(tmp_path, speed, said):
