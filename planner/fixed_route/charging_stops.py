@@ -100,12 +100,12 @@ class _Label:
     before: _Label | None
 
 
-def charging_stops(route: FixedRoute) -> ChargingPlan | None:
-    """Return the stops with which a route ends first, or None where no stops let it end.
+def charging_stops(route: FixedRoute, *, below_s: float = math.inf) -> ChargingPlan | None:
+    """Return the stops with which a route ends first, or None where no stops let it end, or none before `below_s`.
 
     Times and charges are those of hops that take `mean_ratio` times what they say. Of two answers that end together, one is returned.
     """
-    return _Search(route).solve()
+    return _Search(route, below_s).solve()
 
 
 def least_end(route: FixedRoute) -> float:
@@ -119,7 +119,7 @@ def least_end(route: FixedRoute) -> float:
 class _Search:
     """Best-first search over labels."""
 
-    def __init__(self, route: FixedRoute) -> None:
+    def __init__(self, route: FixedRoute, below_s: float = math.inf) -> None:
         self.route = route
         hops = route.hops
         self.least = hops._replace(
@@ -142,7 +142,7 @@ class _Search:
         self.reached: dict[tuple[int, int], list[tuple[list[float], list[float]]]] = {}
         self.queue: list[tuple[float, int, int, _Label, Iterator[list[float]], int, int]] = []
         self.labels = 0
-        self.best_s = math.inf
+        self.best_s = below_s
         self.best: tuple[_Label, float] | None = None
 
     def solve(self) -> ChargingPlan | None:

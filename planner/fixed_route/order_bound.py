@@ -142,6 +142,8 @@ class _Ways:
         )
         """Time and charge of all units, and of head and tail of each drone."""
         time_s, soc = (self._less(table) for table in (work.way_s[0], work.way_soc[0]))
+        # a drone that stays at home has no head and no tail
+        time_s[units, units], soc[units, units] = (-sum(one[kind] for one in ends) for kind in (0, 1))
         allowed = np.array([[self._may(a, b, groups, work.drones) for b in range(units + 1)] for a in range(units + 1)])
         allowed &= np.isfinite(time_s)
         self.apart = units <= MANY

@@ -37,6 +37,9 @@ _WARM, _COLD = 0.2, 1e-3
 """Share of the end by which a worse order is taken at first, and at last."""
 _REACTION = 0.1
 _TIE_S = 1e-6
+LOOSER = 3.0
+LEAST_GAIN = 1e-4
+"""Where not all orders are looked at, one that may be better by a smaller share is not planned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +86,7 @@ class _Search:
         self.looked_at = self.planned = 0
         self.best: Tours = begin
         self.best_s = math.inf
+        self.least_gain_s = _TIE_S
 
     def run(self, iterations: int, few: int) -> BestOrder:
         """Walk from order to order, ever more strictly."""
@@ -100,13 +104,20 @@ class _Search:
         ways: list[Callable[[Tours, int], list[int]]] = [self._any, self._near, self._dear, self._run]
         weights = np.ones(len(ways))
         scale = max(now_s if math.isfinite(now_s) else float(self.turn[np.isfinite(self.turn)].sum()), 1.0)
+        hot = min(_WARM, 3.0 * _WARM / max(self.work.units, 1))
+        self.least_gain_s = max(_TIE_S, LEAST_GAIN * scale)
+        now_cost = self._cost(now)
         for number in range(iterations if self.work.units > 1 or len(self.begin) > 1 or self._may_turn() else 0):
-            warmth = scale * _WARM * (_COLD / _WARM) ** (number / max(iterations - 1, 1))
+            warmth = scale * hot * (_COLD / _WARM) ** (number / max(iterations - 1, 1))
             chosen = int(self.rng.choice(len(ways), p=weights / weights.sum()))
             most = min(_MOST_OUT, self.work.units, max(_FEW_OUT, math.ceil(0.4 * self.work.units)))
             out = ways[chosen](now, int(self.rng.integers(1, most + 1)))
             trial = self._put_in([[one for one in tour if one not in out] for tour in now], out)
             if trial == now:
+                continue
+            cost = self._cost(trial)
+            if math.isfinite(cost) and self.rng.random() >= math.exp(min((now_cost - cost) / (LOOSER * warmth), 0.0)):
+                weights[chosen] = max(0.1, (1.0 - _REACTION) * weights[chosen])
                 continue
             bound = self._bounded(trial)
             score = 0.1
@@ -115,7 +126,7 @@ class _Search:
             elif bound < now_s:
                 score = 1.5
             if bound < now_s or (math.isfinite(bound) and self.rng.random() < math.exp((now_s - bound) / warmth)):
-                now, now_s = trial, bound
+                now, now_s, now_cost = trial, bound, cost
             weights[chosen] = max(0.1, (1.0 - _REACTION) * weights[chosen] + _REACTION * score)
         return self._answer()
 
@@ -159,19 +170,20 @@ class _Search:
         for tour in tours:
             key = tuple(tour)
             if key not in self.known:
-                self.known[key] = least_end(self.bounds.route(tour))
-            ends.append(self.known[key])
-        return max(ends) + 1e-3 * sum(ends) / len(ends)
+                self.known[key] = least_end(self.bounds.route(tour)) if tour else -math.inf  # that drone stays at home
+            if tour:
+                ends.append(self.known[key])
+        return max(ends) + 1e-3 * sum(ends) / len(tours)
 
     def _plan(self, tours: Tours, bound: float) -> bool:
         """Plan an order exactly where it may be the best; return whether it is."""
         last = max(self.known[tuple(tour)] for tour in tours)
-        if not math.isfinite(bound) or last >= self.best_s - _TIE_S:
+        if not math.isfinite(bound) or last >= self.best_s - self.least_gain_s:
             return False
         self.planned += 1
-        routes = [self.coarse.route(tour) for tour in tours]
+        routes = [self.coarse.route(tour) for tour in tours if tour]
         if len(routes) == 1:
-            plan = charging_stops(routes[0])
+            plan = charging_stops(routes[0], below_s=self.best_s)
             ends = math.inf if plan is None else plan.end_s
         else:
             plans = shared(routes, self.work.counts, below_s=self.best_s)
@@ -235,9 +247,8 @@ class _Search:
                 for way_round in self._ways_round(turn):
                     cost = self._costs(tour, way_round) + self.turn[way_round]
                     if len(found) > 1:
-                        cost = cost * (1.0 if weight < 1.0 else 0.2) + weight * np.maximum(
-                            loads[number] + cost - min(loads), 0.0
-                        )
+                        longer = np.maximum(loads[number] + cost - min(loads), 0.0)
+                        cost = (cost if weight < 1.0 else 0.2 * cost) + (weight * longer if weight else 0.0)
                     if blur:
                         cost = cost * self.rng.uniform(1.0 - blur, 1.0 + blur, len(cost))
                     place = int(np.argmin(cost))
@@ -248,10 +259,14 @@ class _Search:
             loads[number] = self._load(found[number])
         return found
 
+    def _cost(self, tours: Tours) -> float:
+        """Return what is made of ways alone, in a moment: a worse order is mostly turned down by that already (delayed acceptance)."""
+        loads = [self._load(tour) for tour in tours if tour]
+        return max(loads) + 1e-3 * sum(loads)
+
     def _load(self, tour: Sequence[int]) -> float:
-        ways = sum(
-            float(self.way[one, other]) for one, other in zip([self.edge, *tour], [*tour, self.edge], strict=True)
-        )
+        way = [self.edge, *tour, self.edge]
+        ways = float(self.way[way[:-1], way[1:]].sum())
         return ways + float(self.turn[list(tour)].sum()) if tour else ways
 
     def _ways_round(self, turn: int) -> list[int]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Window = tuple[float, float]
 """Seconds: nobody lands before the first, and nobody stays beyond the last."""
 ALWAYS: Window = (-math.inf, math.inf)
+NEVER: Window = (-math.inf, -math.inf)
 _NONE: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] = (
     np.empty((0, 3)),
     np.empty((0, 3)),

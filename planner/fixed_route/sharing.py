@@ -78,7 +78,7 @@ def shared(
     stays: list[Stay] = []
     lengths = [float(route.hops.work_s[0].sum()) for route in routes]
     for drone in sorted(range(len(routes)), key=lambda one: -lengths[one]):
-        made = _within(routes[drone], counts, stays)
+        made = _within(routes[drone], counts, stays, below_s)
         if made is None or made[0].end_s >= below_s:
             return None
         plans[drone] = made[0]
@@ -86,7 +86,9 @@ def shared(
     return [plans[drone] for drone in range(len(routes))]
 
 
-def _within(route: FixedRoute, counts: Sequence[int], stays: Sequence[Stay]) -> tuple[ChargingPlan, list[Stay]] | None:
+def _within(
+    route: FixedRoute, counts: Sequence[int], stays: Sequence[Stay], below_s: float
+) -> tuple[ChargingPlan, list[Stay]] | None:
     """Plan a route in the windows that stays leave; return the plan and its own stays."""
     own = route.windows or (ALWAYS,) * len(counts)
     left: Mapping[int, list[tuple[Window, int]]] = {
@@ -95,11 +97,11 @@ def _within(route: FixedRoute, counts: Sequence[int], stays: Sequence[Stay]) -> 
     }
     usable = [(pad, window) for pad, windows in left.items() for window, _ in windows]
     if all(window == ALWAYS for _, window in usable) and len(usable) == len(counts):
-        plan = charging_stops(replace(route, windows=()))
+        plan = charging_stops(replace(route, windows=()), below_s=below_s)
         pads = list(range(len(counts)))
     else:
         pads = [pad for pad, _ in usable]
-        plan = charging_stops(on_windows(route, usable))
+        plan = charging_stops(on_windows(route, usable), below_s=below_s)
     if plan is None:
         return None
     stops = tuple(replace(stop, pad=pads[stop.pad]) for stop in plan.stops)

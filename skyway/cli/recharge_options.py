@@ -24,3 +24,7 @@ class CrewOptions:
             help="Fly independent parts (survey lines, inspected places) in the order that ends first; a bound is told.",
         ),
     ] = False
+    drones: Annotated[
+        int,
+        typer.Option(help="How many drones share the mission and its pads, at once.", min=1, max=20),
+    ] = 1

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
     from skyway.models.network.van_stands import VanStand
     from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.fixed_route.pad_windows import Window
 
 GREATEST_SPEED_MPS = 20.0
 
@@ -64,6 +65,8 @@ class Asked:
     single: bool = False
     seed: int = 0
     reorder: bool = False
+    windows: dict[str, list[list[float]]] | None = None
+    """By the id of a pad, when it is this drone's: of missions that several drones share."""
 
 
 def region_of(asked: Asked) -> Scenario | None:
@@ -170,9 +173,16 @@ def options_of(
         asked.swap_s,
         asked.single,
         asked.seed,
-        {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands},
+        _windows(asked, stands),
         asked.reorder,
     )
+
+
+def _windows(asked: Asked, stands: Sequence[VanStand]) -> dict[str, tuple[Window, ...]]:
+    """Return when pads can be used: while their van is there, and as far as they are this drone's."""
+    windows: dict[str, tuple[Window, ...]] = {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands}
+    own = {pad: tuple((first, last) for first, last in each) for pad, each in (asked.windows or {}).items()}
+    return windows | own
 
 
 def _of_fleet(asked: Asked, fleet: Path) -> Drone:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from skyway.models.airspace.pressure import split_pressure
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes, read_text
-from skyway.models.base.json_text import json_text
+from skyway.models.base.json_text import json_text, plain
 from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
 from skyway.recharge.cutting import recharged
 from skyway.recharge.output import SUMMARY, identity_of, mission_texts
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "skyway.recharge-set/1"
 SET, COPIES = "set.json", "made-of"
+DRONE_MISSION = "mission.plan"
+"""The mission of one of several drones."""
 MAX_BYTES = 50_000_000
 CUT_AGAIN = "cut the mission again with skyway recharge"
 
@@ -46,6 +49,8 @@ class MadeOf:
     autopilot: str | None = None
     zones: tuple[Path, ...] = ()
     authorized: tuple[str, ...] = ()
+    written: str | None = None
+    """The mission, where it was made and is no file yet."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -66,16 +71,16 @@ def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str])
     asked = made_of.asked
     copied: dict[str, bytes] = {}
 
-    def kept(path: Path) -> str:
+    def kept(path: Path, written: str | None = None) -> str:
         name = f"{COPIES}/{path.name}"
-        content = read_bytes(path, max_bytes=MAX_BYTES)
+        content = read_bytes(path, max_bytes=MAX_BYTES) if written is None else written.encode()
         if copied.setdefault(name, content) != content:
             name = f"{COPIES}/{len(copied)}-{path.name}"
             copied[name] = content
         return name
 
     named = {
-        "mission": kept(made_of.mission),
+        "mission": kept(made_of.mission, made_of.written),
         "pads": kept(asked.pads) if region is None and asked.pads is not None else None,
         "fleet": None if asked.fleet is None else kept(asked.fleet),
         "vans": None if asked.vans is None else kept(asked.vans),
@@ -88,7 +93,7 @@ def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str])
     typed = asdict(asked) | {name: value for name, value in named.items() if value is not None}
     data: dict[str, Any] = {
         "schema": SCHEMA,
-        "asked": {name: _plain(value) for name, value in typed.items()},
+        "asked": plain({name: _plain(value) for name, value in typed.items()}),
         "autopilot": made_of.autopilot,
         "zones": [str(path.resolve()) for path in made_of.zones],
         "authorized": list(made_of.authorized),
@@ -176,6 +181,9 @@ def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
 def _listed(folder: Path) -> dict[str, Any]:
     """Return what a folder says of itself, unedited."""
     file = folder / SET
+    if not file.is_file() and (folder / "drone-1" / SET).is_file():
+        remedy = f"fly {folder / 'drone-1'} and the others, each with a skyway of its own, begun together"
+        raise InputError("is the work of several drones", str(folder), remedy=remedy)
     if not file.is_file():
         what = "is only half there, or was written by an older skyway" if (folder / SUMMARY).is_file() else "is none"
         remedy = CUT_AGAIN if (folder / SUMMARY).is_file() else "name a folder that skyway recharge -o wrote"
@@ -222,6 +230,11 @@ def _asked(folder: Path, data: Mapping[str, Any]) -> Asked:
             told[name] = folder / told[name]
         elif told.get(name) is not None:
             told[name] = Path(told[name])
+    if told.get("windows") is not None:
+        told["windows"] = {
+            pad: [[-math.inf if first is None else first, math.inf if last is None else last] for first, last in each]
+            for pad, each in told["windows"].items()
+        }
     if told.get("forecast") is not None:
         told["forecast"] = [Path(one) for one in told["forecast"]]
     known = Asked.__dataclass_fields__

@@ -121,7 +121,7 @@ def _better(
         other = cut(in_order(ready, tables, tour), options)
     except InputError as error:
         return own, 0.0, (f"order kept: the best that was found is not flown: {error.faults[0].problem}",)
-    off_m = pictures_off_m(tables.writer.work, other.problem.work)
+    off_m = pictures_off_m(tables.writer.work, [other.problem.work])
     if off_m > SAME_M:
         return own, 0.0, ("order kept: pictures would not be where they were",)
     if own is not None and own.plan.end_s <= other.plan.end_s:
@@ -142,9 +142,9 @@ def told(tables: OrderTables | None) -> tuple[str, ...]:
     return (*kept[:MOST_TOLD], *more)
 
 
-def pictures_off_m(before: Work, after: Work) -> float:
+def pictures_off_m(before: Work, after: Sequence[Work]) -> float:
     """Return how far the farthest picture is from where it was, whatever their order; infinite where one is lost, or taken twice."""
-    if len(before.pictures) != len(after.pictures):
+    if len(before.pictures) != sum(len(work.pictures) for work in after):
         return math.inf
     if not before.pictures:
         return 0.0
@@ -152,7 +152,10 @@ def pictures_off_m(before: Work, after: Work) -> float:
     from scipy.sparse.csgraph import maximum_bipartite_matching
     from scipy.spatial import KDTree
 
-    spots = [np.array([work.at(one.step, one.share) for one in work.pictures]) for work in (before, after)]
+    spots = [
+        np.array([work.at(one.step, one.share) for work in works for one in work.pictures])
+        for works in ([before], after)
+    ]
     lat0, lon0 = spots[0][:, :2].mean(axis=0)
     planes = [np.column_stack((*geodesy.local_offsets_m(one[:, 0], one[:, 1], lat0, lon0), one[:, 2])) for one in spots]
     near = KDTree(planes[0]).query_ball_tree(KDTree(planes[1]), SAME_M)

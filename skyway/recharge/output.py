@@ -87,11 +87,16 @@ def write_folder(
     force: bool = False,
     beside: Callable[[Mapping[str, str]], Mapping[str, str | bytes]] = lambda _: {},
 ) -> list[Path]:
-    """Write the folder whole or not at all; return its files.
+    """Write the folder of a set whole or not at all; return its files."""
+    return write_contents(contents_of(found, summary, beside), folder, force=force)
 
-    It is made beside its place and then moved there, so that nobody finds half of it. `beside` makes more files of those that there are.
-    """
-    refuse_folder(folder, force=force)
+
+def contents_of(
+    found: Recharged,
+    summary: RechargeSummary,
+    beside: Callable[[Mapping[str, str]], Mapping[str, str | bytes]] = lambda _: {},
+) -> dict[str, str | bytes]:
+    """Return the files of a set by their names in its folder, with those that `beside` makes of them."""
     texts = {SUMMARY: json_text(summary, indent=1) + "\n", **mission_texts(found)}
     if found.order is not None and found.order.moved:
         texts[REORDERED] = plan_writer.dumps(replace(found.told[0].document, mission=found.problem.work.mission))
@@ -100,7 +105,15 @@ def write_folder(
             texts |= {f"{name}/{WHOLE}": plan_writer.dumps(found.whole[name])}
         family = family_named(name)
         texts[f"{name}/vehicle.param"] = family.parameter_file(parameters_of(found, name), family.released)
-    contents = {**texts, **beside(texts)}
+    return {**texts, **beside(texts)}
+
+
+def write_contents(contents: Mapping[str, str | bytes], folder: Path, *, force: bool = False) -> list[Path]:
+    """Write a folder whole or not at all; return its files.
+
+    It is made beside its place and then moved there, so that nobody finds half of it.
+    """
+    refuse_folder(folder, force=force)
     try:
         made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     except OSError as error:
@@ -108,7 +121,7 @@ def write_folder(
     try:
         for file, content in contents.items():
             path = made / file
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
         made.chmod(0o777 & ~_umask())
         _moved(made, folder)

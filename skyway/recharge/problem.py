@@ -15,7 +15,7 @@ from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
-from skyway.planner.fixed_route.pad_windows import ALWAYS
+from skyway.planner.fixed_route.pad_windows import ALWAYS, NEVER
 from skyway.planner.fixed_route.sharing import on_windows
 from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
 
@@ -88,11 +88,12 @@ class RechargeProblem:
 
     @property
     def usable(self) -> tuple[tuple[int, Window], ...]:
-        """Pads and when each can be used: one for each window."""
+        """Pads and when each can be used: one for each window; the first one never, where none can."""
         windows = self.options.windows
-        return tuple(
+        found = tuple(
             (number, window) for number, pad in enumerate(self.ways.pads) for window in windows.get(pad.id, (ALWAYS,))
         )
+        return found or ((0, NEVER),)
 
     def route(self, sure_ratio: float) -> FixedRoute:
         """Return the route that is begun with charge for so many times what the model says of each flight.

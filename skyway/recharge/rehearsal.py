@@ -7,7 +7,7 @@ on a pad it is charged to what the plan says, however long that takes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +40,8 @@ class Rehearsal:
         Of each flight.
     runs : int
         How many.
+    ends_s, kept : ndarray
+        Of each run the end, and whether every landing kept the reserve.
     """
 
     end_s: float
@@ -49,15 +51,19 @@ class Rehearsal:
     p_reserve: float
     each_p_reserve: tuple[float, ...]
     runs: int
+    ends_s: NDArray[np.float64] = field(compare=False, repr=False)
+    kept: NDArray[np.bool_] = field(compare=False, repr=False)
 
 
-def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) -> Rehearsal:
-    """Rehearse a cut mission; the same seed gives the same runs."""
+def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, drone: int = 0) -> Rehearsal:
+    """Rehearse a cut mission; the same seed gives the same runs, and several drones the same winds."""
     options, plan = found.problem.options, found.plan
     conditions = options.conditions
     rng = np.random.default_rng(options.seed if seed is None else seed)
     weight = conditions.weather.probability
     wind = rng.choice(len(weight), runs, p=weight / weight.sum())
+    if drone:
+        rng = np.random.default_rng((options.seed if seed is None else seed, drone))
     ratios = conditions.drone.energy_belief.sampled(rng, runs, len(found.told))
     clock = np.full(runs, plan.depart_s)
     soc = np.full(runs, conditions.soc_start)
@@ -94,6 +100,8 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None) ->
         float(kept.all(axis=0).mean()),
         tuple(float(share) for share in kept.mean(axis=1)),
         runs,
+        clock,
+        np.asarray(kept.all(axis=0)),
     )
 
 

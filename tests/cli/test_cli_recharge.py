@@ -201,3 +201,47 @@ def test_another_order_is_told_with_its_bound_written_and_found_again(skyway, tm
     assert again.found.order.end_s == told["end_s"]
     written = [item.command for item in read(out / "reordered.plan").mission.items]
     assert written == [item.command for item in again.found.problem.work.mission.items]
+
+
+def test_two_drones_share_a_survey_and_each_flies_a_folder_of_its_own(skyway, tmp_path):
+    from skyway.recharge.made_of import opened
+
+    lines = []
+    for number in range(4):
+        west, east = (47.4 + number * 0.0006, 8.546), (47.4 + number * 0.0006, 8.556)
+        lines += [
+            place(*west),
+            MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, 30.0, 0.0, 1.0),
+            place(*east),
+            MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION),
+        ]
+    items = [place(47.398, 8.545, Command.NAV_TAKEOFF), *lines, MissionItem(Command.NAV_RETURN_TO_LAUNCH)]
+    home = Home(Point.of_degrees(47.398, 8.545), 488.0)
+    write(MissionDocument(Mission(tuple(items), home, 15.0, 8.0, 12, 2)), tmp_path / "lines.plan")
+    (tmp_path / "pads.csv").write_text(PADS)
+    typed = ["recharge", tmp_path / "lines.plan", "--pads", tmp_path / "pads.csv", "--drone", "m200-v2", "--soc", "45"]
+    out = tmp_path / "out"
+    answer = skyway(*map(str, typed), "--drones", "2", "-o", str(out))
+    assert answer.code == 0
+    assert "none lost, none twice" in answer.out
+    told = json.loads((out / "recharge.json").read_text())
+    assert told["schema"] == "skyway.recharge-drones/1"
+    assert sum(one["units"] for one in told["drones"]) == told["units"] == 4
+    assert 0.0 < told["bound_s"] <= told["end_s"]
+    assert told["alone_s"] is None or told["end_s"] < told["alone_s"]
+    again = [opened(out / one["folder"]) for one in told["drones"]]
+    assert max(one.found.plan.end_s for one in again) == told["end_s"]
+    refused = skyway("fly", str(out), "--connect", "tcp:127.0.0.1:1")
+    assert refused.code == 2
+    assert "is the work of several drones" in refused.err
+    one_drone = skyway(*map(str, typed), "--drones", "2", "-o", str(out))
+    assert one_drone.code == 2
+    assert "exists already" in one_drone.err
+
+
+def test_a_patrol_is_not_shared_and_that_is_said(skyway, patrol):
+    typed = ["recharge", patrol / "patrol.plan", "--pads", patrol / "pads.csv", "--drones", "2", "-o", patrol / "out"]
+    answer = skyway(*map(str, typed), "--drone", "m200-v2")
+    assert answer.code == 2
+    assert "cannot be shared among drones" in answer.err
+    assert not (patrol / "out").exists()

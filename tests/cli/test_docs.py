@@ -36,7 +36,7 @@ NOWHERE = {
     "a firmware that is not there yet",
 }
 """Why a block cannot be typed by a test."""
-NOT_RUN = 11
+NOT_RUN = 12
 REMEDY = "run: python tests/cli/docs_pages.py"
 
 

@@ -221,6 +221,7 @@ def recharge(
       skyway recharge survey.plan --pads pads.csv --wind 6@250 --drone m200-v2 --autopilot px4 -o flights
       skyway recharge survey.plan --vans vans.csv -o flights
       skyway recharge survey.plan --pads pads.csv --reorder -o flights
+      skyway recharge survey.plan --pads pads.csv --drones 3 --reorder -o flights
       skyway recharge patrol.waypoints --pads newyork --depart 2013-07-10T14:00-04:00 --laps 5 -o flights
     """
     from skyway.cli.views.recharge import print_recharge
@@ -266,11 +267,25 @@ def recharge(
     families = [family_named(name) for name in ((autopilot,) if autopilot else NAMES)]
     stands = stands_of(asked)
     chosen = options_of(asked, document, region, airspace, stands)
-    found = recharged(document, pads_of(asked, region, stands), families, chosen)
-    summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
     made_of = MadeOf(
         asked=asked, mission=mission, autopilot=autopilot, zones=tuple(zones or ()), authorized=tuple(authorized or ())
     )
+    if crew.drones > 1:
+        from skyway.cli.views.recharge_drones import print_drones
+        from skyway.recharge.several import shared_among
+        from skyway.recharge.shared_summary import drones_summary_of, write_shared
+
+        work = shared_among(document, pads_of(asked, region, stands), families, chosen, crew.drones)
+        told = drones_summary_of(work, mission.name)
+        files = write_shared(work, told, made_of, region, output, force=force)
+        if as_json:
+            typer.echo(json_text(told, indent=1))
+        else:
+            print_drones(told)
+        options.say_written(*files)
+        return
+    found = recharged(document, pads_of(asked, region, stands), families, chosen)
+    summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
     files = write_folder(
         found, summary, output, force=force, beside=lambda texts: texts_of(made_of, region, texts)
     )  # fmt: skip

@@ -64,7 +64,7 @@ def lines_of(order, every=25.0, length=700.0):
     return items
 
 
-@pytest.mark.parametrize("families", [FAMILIES, FAMILIES[:1], FAMILIES[1:]])
+@pytest.mark.parametrize("families", [FAMILIES, *(pytest.param([one], marks=pytest.mark.slow) for one in FAMILIES)])
 def test_lines_of_a_survey_are_flown_in_the_better_order_and_from_their_ends(families):
     mission = mission_of([*lines_of([0, 3, 1, 4, 2]), HOME])
     found = recharged(MissionDocument(mission), PADS, families, options(reorder=True))

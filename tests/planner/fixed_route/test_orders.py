@@ -2,8 +2,10 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +15,7 @@ from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.order_bound import bound_of_orders
 from skyway.planner.fixed_route.order_search import best_order
 from skyway.planner.fixed_route.orders import FreeOrder, Stretch
+from skyway.planner.fixed_route.sharing import APART_S, shared
 from skyway.planner.fixed_route.way_kernels import Hops
 
 SLOT_S = 90.0
@@ -126,3 +129,47 @@ def test_the_search_tells_an_order_that_keeps_its_promise_and_no_order_ends_befo
     assert ends[found.tours[0]] <= found.end_s + 1e-6
     assert found.end_s <= end_of(work.coarse, begin) + 1e-6
     assert best_order(work, [begin], iterations=40, seed=1, few=few) == found
+
+
+def shared_orders(work):
+    """What two drones fly: every order, cut in two at every place."""
+    for tour in every_order(work):
+        for cut in range(len(tour) + 1):
+            yield tour[:cut], tour[cut:]
+
+
+def assert_shared_as_well_as_can_be(seed, units, slots):
+    """Where each drone finds a pad free, the search is as good as all ways to share; and nothing beats the bound."""
+    work = replace(free_order(seed, units=units, slots=slots), counts=(2, 2), drones=2)
+    ends = {tour: end_of(work, tour) if tour else 0.0 for tours in shared_orders(work) for tour in tours}
+    best = min(max(ends[tour] for tour in tours) for tours in shared_orders(work))
+    found = best_order(work, [[2 * unit for unit in range(units)], []], iterations=40)
+    assert found.end_s == best or abs(found.end_s - best) <= 1e-6
+    assert bound_of_orders(work) <= best + 1e-6
+    crowded = best_order(replace(work, counts=(1, 1)), [[2 * unit for unit in range(units)], []], iterations=40)
+    assert crowded.end_s >= best - 1e-6
+
+
+@settings(max_examples=2, deadline=None)
+@given(st.integers(0, 10**6))
+def test_two_drones_share_the_work_as_well_as_it_can_be(seed):
+    assert_shared_as_well_as_can_be(seed, 2, 1)
+
+
+@pytest.mark.slow
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([1, 2]))
+def test_two_drones_share_more_work_as_well_as_it_can_be(seed, slots):
+    assert_shared_as_well_as_can_be(seed, 3, slots)
+
+
+@settings(max_examples=3, deadline=None)
+@given(st.integers(0, 10**6))
+def test_two_drones_are_never_on_one_pad(seed):
+    work = replace(free_order(seed, units=2, pads=1), counts=(1,), drones=2)
+    routes = [work.route([0]), work.route([2])]
+    plans = shared(routes, work.counts)
+    if plans is None:
+        return
+    stays = sorted((stop.arrive_s, stop.leave_s) for plan in plans for stop in plan.stops)
+    assert all(after[0] - before[1] >= APART_S - 1e-6 for before, after in itertools.pairwise(stays))

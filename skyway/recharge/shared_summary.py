@@ -1,0 +1,157 @@
+"""What is told of a mission that several drones share: ``skyway.recharge-drones/1``, and the folder it is written to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.json_text import json_text
+from skyway.models.base.statistics import weighted_quantile
+from skyway.recharge.made_of import DRONE_MISSION, texts_of
+from skyway.recharge.output import SUMMARY, contents_of, names_of, write_contents
+from skyway.recharge.rehearsal import rehearsed
+from skyway.recharge.summary import RechargeSummary, summary_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.recharge.made_of import MadeOf
+    from skyway.recharge.several import SharedWork
+
+SCHEMA = "skyway.recharge-drones/1"
+
+
+@dataclass(frozen=True, slots=True)
+class PadStay:
+    """A pad of a station, and who is on it from when until when, seconds after all have begun."""
+
+    pad: str
+    number: int
+    """Which of its pads, from 1."""
+    drone: int
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class DroneTold:
+    """What one drone does."""
+
+    number: int
+    folder: str
+    """What `skyway fly` flies."""
+    units: int
+    home: tuple[float, float] | None
+    """Where it begins, latitude and longitude."""
+    summary: RechargeSummary
+
+
+@dataclass(frozen=True, slots=True)
+class DronesSummary:
+    """A mission shared among drones: ``skyway.recharge-drones/1``.
+
+    Attributes
+    ----------
+    units : int
+        Independent parts of the mission.
+    end_s : float
+        When the last drone has ended, by the plan.
+    ends_s : tuple of float
+        Of the rehearsal in the same winds: mean, 5th and 95th percentile.
+    end_p50_s : float
+        All have ended by then in half of the rehearsals.
+    p_reserve : float
+        Probability that every landing of every drone keeps the reserve.
+    alone_s : float or None
+        When one drone would end, by the plan; None where none can fly it alone.
+    bound_s : float
+        However it is shared and ordered, the last drone ends no earlier.
+    """
+
+    schema: str
+    mission: str
+    drone: str
+    reserve_soc: float
+    units: int
+    end_s: float
+    ends_s: tuple[float, float, float]
+    end_p50_s: float
+    p_reserve: float
+    runs: int
+    alone_s: float | None
+    bound_s: float
+    looked_at: int
+    planned: int
+    pictures: int
+    pictures_off_m: float
+    drones: tuple[DroneTold, ...]
+    pads: tuple[PadStay, ...]
+    """In order of pad and time."""
+    notes: tuple[str, ...]
+
+
+def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
+    """Return what is told of shared work, each drone rehearsed in the same winds as the others."""
+    rehearsals = [rehearsed(share.found, drone=number) for number, share in enumerate(work.shares)]
+    ends_s = np.max([one.ends_s for one in rehearsals], axis=0)
+    kept = np.all([one.kept for one in rehearsals], axis=0)
+    one = np.ones(len(ends_s))
+    drones, stays = [], []
+    for number, (share, rehearsal) in enumerate(zip(work.shares, rehearsals, strict=True), start=1):
+        home = share.found.problem.work.mission.home
+        drones.append(
+            DroneTold(
+                number,
+                f"drone-{number}",
+                share.units,
+                None if home is None else (home.point.lat, home.point.lon),
+                summary_of(share.found, rehearsal, mission, names_of(share.found)),
+            )
+        )
+        pads = share.found.problem.ways.pads
+        stays += [PadStay(pads[one.pad].id, one.number + 1, number, one.from_s, one.until_s) for one in share.stays]
+    first = drones[0].summary
+    audits = [told.summary.pictures for told in drones]
+    return DronesSummary(
+        SCHEMA,
+        mission,
+        first.drone,
+        first.reserve_soc,
+        work.units,
+        work.end_s,
+        (float(ends_s.mean()), weighted_quantile(ends_s, one, 0.05), weighted_quantile(ends_s, one, 0.95)),
+        weighted_quantile(ends_s, one, 0.5),
+        float(kept.mean()),
+        len(ends_s),
+        work.alone_s,
+        work.bound_s,
+        work.looked_at,
+        work.planned,
+        sum(audit.after for audit in audits),
+        work.pictures_off_m + max(audit.off_m for audit in audits),
+        tuple(drones),
+        tuple(sorted(stays, key=lambda stay: (stay.pad, stay.number, stay.from_s))),
+        work.notes,
+    )
+
+
+def write_shared(
+    work: SharedWork, summary: DronesSummary, made_of: MadeOf, region: Scenario | None, folder: Path, *, force: bool
+) -> list[Path]:
+    """Write a folder with a folder for each drone, which is flown like any other set, whole or not at all."""
+    contents: dict[str, str | bytes] = {SUMMARY: json_text(summary, indent=1) + "\n"}
+    for told, share in zip(summary.drones, work.shares, strict=True):
+        asked = replace(
+            made_of.asked,
+            reorder=False,
+            laps=1,
+            windows={pad: [list(window) for window in windows] for pad, windows in share.windows.items()},
+        )
+        mine = replace(made_of, asked=asked, mission=made_of.mission.with_name(DRONE_MISSION), written=share.text)
+        texts = contents_of(share.found, told.summary, partial(texts_of, mine, region))
+        contents |= {f"{told.folder}/{name}": content for name, content in texts.items()}
+    return write_contents(contents, folder, force=force)
