@@ -52,6 +52,14 @@ KINDS = {
         (500.0, 0.0, 50_000.0),
         60.0,
     ),
+    "sensor-ill": Kind(
+        "a sensor is told not healthy: VALUE is gyro, accelerometer, compass (usual), barometer, motors", word="compass"
+    ),
+    "motor-ill": Kind("the controller of motor VALUE (1) reports a failure, where it reports at all", (1.0, 1.0, 4.0)),
+    "cell-low": Kind(
+        "one cell of the battery is VALUE V (0.3) below the others, which are told singly", (0.3, 0.0, 3.0)
+    ),
+    "vibration": Kind("accelerations of VALUE m/s² (80) while the motors turn", (80.0, 0.0, 300.0)),
     "remote-id-off": Kind("the Remote ID module says and broadcasts nothing"),
     "no-ftp": Kind("the vehicle does not know file transfers"),
     "log-stall": Kind("transfers of files and logs stop, and are not answered"),
@@ -67,6 +75,8 @@ KINDS = {
 """Every fault by name."""
 AT_STATIONS = "pads-taken"
 """The fault that befalls stations, not vehicles."""
+SENSORS = {"gyro": 0x1, "accelerometer": 0x2, "compass": 0x4, "barometer": 0x8, "motors": 0x8000}
+"""Bits of SYS_STATUS by the words of ``sensor-ill``."""
 _PILOT_MODES = ("position", "stabilize", "altitude", "hold", "land", "return")
 _SCALE_S = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 _TIME = r"(\d+(?:\.\d+)?)(s|min|m|h)?"
@@ -124,6 +134,9 @@ def _word(kind: str, word: str | None, text: str) -> str:
     if kind == "pilot" and word is not None and word not in _PILOT_MODES:
         remedy = "pilot=MODE with MODE one of " + ", ".join(_PILOT_MODES)
         raise InputError(Wrong("no such mode", field="--fault", value=text, remedy=remedy))
+    if kind == "sensor-ill" and word is not None and word not in SENSORS:
+        remedy = "sensor-ill=NAME with NAME one of " + ", ".join(SENSORS)
+        raise InputError(Wrong("no such sensor", field="--fault", value=text, remedy=remedy))
     return (KINDS[kind].word or "") if word is None else word
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from skyway.link.supervisor.work.task import WorkPlanner
+    from skyway.link.vehicle.health_book import HealthBook
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
@@ -71,6 +72,8 @@ class DeliveryJob:
     """What is done about other aircraft that come near."""
     remote_id: RemoteId = NOBODY
     """Who flies, as the vehicle's Remote ID module is told."""
+    health: HealthBook | None = None
+    """Where checks of calibration and health are kept, of which each vehicle needs one a day; None looks at none."""
 
 
 @dataclass(frozen=True, slots=True)

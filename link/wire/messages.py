@@ -62,7 +62,19 @@ def kinds() -> dict[int, MessageKind]:
     """Every kind of message of the dialect, by id."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()} | {512: _control_status()}
+    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()} | {
+        290: _esc_info(),
+        512: _control_status(),
+    }
+
+
+def _esc_info() -> MessageKind:
+    """ESC_INFO, which pymavlink 2.4.50 leaves out, as it has been in common.xml since 2020."""
+    fields = (
+        ("time_usec", 0, 0), ("error_count", 1, 4), ("counter", 5, 0), ("failure_flags", 6, 4), ("temperature", 10, 4),
+        ("index", 14, 0), ("count", 15, 0), ("connection_type", 16, 0), ("info", 17, 0),
+    )  # fmt: skip
+    return MessageKind(290, "ESC_INFO", bytes([251]), struct.Struct("<Q4IH4H4h4B"), fields, None, 46)
 
 
 def _control_status() -> MessageKind:

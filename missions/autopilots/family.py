@@ -16,6 +16,7 @@ from skyway.missions.items.parameters import dumps
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from skyway.missions.autopilots.calibration import Calibration
     from skyway.missions.autopilots.failsafes import Failsafes
     from skyway.missions.autopilots.modes import Modes
     from skyway.missions.autopilots.settings import Settings
@@ -76,6 +77,18 @@ class Family(ABC):
     """Id of the message that tells its estimate of the wind: WIND, or WIND_COV."""
     system_id_names: ClassVar[tuple[str, ...]] = ()
     """Names of the parameter that is its system id, in all versions."""
+    calibrations: ClassVar[tuple[Calibration, ...]] = ()
+    """Where it keeps the calibrations of its sensors; of each kind of sensor at least one is to be there."""
+    filter_message: ClassVar[tuple[str, int]] = ("ESTIMATOR_STATUS", 230)
+    """Name and id of the message that tells the state of its filter."""
+    filter_tests: ClassVar[tuple[str, ...]] = ()
+    """Fields of it that compare measurements with the filter."""
+    filter_limit: ClassVar[float] = 1.0
+    """It does not take off, or lands, where one of them is as large."""
+    vibration_fields: ClassVar[tuple[str, ...]] = ("vibration_x", "vibration_y", "vibration_z")
+    """Fields of VIBRATION that are accelerations."""
+    vibration_mps2: ClassVar[tuple[float, float]] = (30.0, 60.0)
+    """From where on vibration is raised, and where it is too much, m/s²."""
     log_folders: ClassVar[tuple[str, ...]]
     """Where its logs may lie, by MAVLink FTP: the first that there is."""
     log_endings: ClassVar[tuple[str, ...]]

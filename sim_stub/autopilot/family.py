@@ -91,6 +91,10 @@ class Family(ABC):
     """How the names of its logs end, in small letters."""
     LOG_HEAD: ClassVar[bytes]
     """First bytes of its logs."""
+    VIBRATION_OF_ACCELERATION: ClassVar[bool] = True
+    """All three fields of VIBRATION are accelerations; otherwise the last alone, and the others are of the gyro."""
+    VIBRATION_SCALE: ClassVar[float] = 1.0
+    """Its measure of the same shaking, beside that of the other family."""
     LOG_FORMAT: ClassVar[type[LogFormat]]
     """What writes the log of a flight."""
     CARD_FOLDERS: ClassVar[tuple[str, ...]]

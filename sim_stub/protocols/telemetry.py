@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.models.wind import triangle as wind
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
+from skyway.sim_stub.faults import SENSORS
 from skyway.sim_stub.wire.messages import classes, message, message_id
 
 if TYPE_CHECKING:
@@ -141,6 +142,8 @@ def _sys_status(v: Vehicle) -> Any:
         health &= ~_RC
     if pilot.failsafes.battery_level:
         health &= ~_BATTERY
+    if (ill := v.faults.active.get("sensor-ill")) is not None:
+        health &= ~SENSORS[ill.word]
     if not pilot.armed and pilot.arming_refusals():
         health &= ~_PREARM
     return message(
@@ -157,7 +160,7 @@ def _sys_status(v: Vehicle) -> Any:
 
 def _battery_status(v: Vehicle) -> Any:
     battery, percent = v.battery, v.autopilot.reported_percent()
-    cell = round(battery.voltage_v / 6.0 * 1e3)
+    cell, low = round(battery.voltage_v / 6.0 * 1e3), round(1e3 * v.faults.value("cell-low"))
     state = v.autopilot.failsafes.battery_level + 1
     left_s = 0
     if battery.power_w > 60.0 and percent > 0:
@@ -167,13 +170,39 @@ def _battery_status(v: Vehicle) -> Any:
         current_consumed=round(v.counted_mah),
         energy_consumed=round(v.counted_mah * 3.6 * 22.8 / 100.0),
         temperature=2500,
-        voltages=(cell,) * 6 + (65535,) * 4,
+        voltages=(max(cell - low, 0), *(cell,) * 5, *(65535,) * 4),
         current_battery=round(battery.current_a * 100.0),
         battery_function=1,
         type=1,
         battery_remaining=percent,
         time_remaining=left_s,
         charge_state=7 if v.charging is not None else state,
+    )
+
+
+_GYRO_SHAKES = 0.01
+_SHAKES_MPS2 = 6.0
+
+
+def _vibration(v: Vehicle) -> Any:
+    """Make VIBRATION; the families fill its three fields differently."""
+    turning = v.autopilot.armed
+    shakes = v.faults.value("vibration", _SHAKES_MPS2 * v.autopilot.VIBRATION_SCALE) if turning else 0.05
+    across = shakes if v.autopilot.VIBRATION_OF_ACCELERATION else _GYRO_SHAKES
+    return message("VIBRATION", time_usec=v.boot_us, vibration_x=across, vibration_y=across, vibration_z=shakes)
+
+
+def _esc_info(v: Vehicle) -> Any:
+    ill = v.faults.active.get("motor-ill")
+    flags = tuple(int(ill is not None and int(ill.value) == number) for number in range(1, 5))
+    return message(
+        "ESC_INFO",
+        time_usec=v.boot_us,
+        failure_flags=flags,
+        temperature=(2500,) * 4,
+        count=4,
+        connection_type=3,
+        info=0xF,
     )
 
 
@@ -333,6 +362,8 @@ BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
         "EKF_STATUS_REPORT": _ekf_status,
         "ESTIMATOR_STATUS": _estimator_status,
         "FENCE_STATUS": _fence_status,
+        "VIBRATION": _vibration,
+        "ESC_INFO": _esc_info,
         "RAW_IMU": lambda v: message("RAW_IMU", time_usec=v.boot_us, zacc=-1000, xmag=220, zmag=420),
         "SCALED_PRESSURE": _scaled_pressure,
         "GPS_GLOBAL_ORIGIN": _gps_origin,

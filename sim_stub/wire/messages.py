@@ -26,7 +26,7 @@ _NEWER_FIELDS = {
     "MISSION_COUNT": ("opaque_id",),
     "MISSION_CURRENT": ("mission_id", "fence_id", "rally_points_id"),
 }
-_COMMAND_CANCEL, _PROTOCOL_VERSION, _CONTROL_STATUS = 80, 300, 512
+_COMMAND_CANCEL, _ESC_INFO, _PROTOCOL_VERSION, _CONTROL_STATUS = 80, 290, 300, 512
 
 
 class _Newer(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types
@@ -84,6 +84,17 @@ def classes() -> dict[str, Any]:
     found["COMMAND_CANCEL"] = _newer(_COMMAND_CANCEL, "COMMAND_CANCEL", 14, {"command": ("uint16_t", 0), **address})
     control = {"gcs_main": ("uint8_t", 0), "flags": ("uint8_t", 0), "gcs_secondary": ("uint8_t", 10)}
     found["CONTROL_STATUS"] = _newer(_CONTROL_STATUS, "CONTROL_STATUS", 2, control)
+    esc = {
+        "time_usec": ("uint64_t", 0),
+        "error_count": ("uint32_t", 4),
+        "counter": ("uint16_t", 0),
+        "failure_flags": ("uint16_t", 4),
+    }
+    esc |= {
+        "temperature": ("int16_t", 4),
+        **dict.fromkeys(("index", "count", "connection_type", "info"), ("uint8_t", 0)),
+    }
+    found["ESC_INFO"] = _newer(_ESC_INFO, "ESC_INFO", 251, esc)
     found["PROTOCOL_VERSION"] = _newer(_PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, {**versions, **hashes})
     return found
 
@@ -95,8 +106,14 @@ def message_id(name: str) -> int:
 
 def message_name(number: int) -> str | None:
     """Name of a message; None for one that there is not."""
-    known = dialect.mavlink_map.get(number)
-    return None if known is None else known.msgname
+    known = dialect.mavlink_map.get(number) or _newer_by_id().get(number)
+    return None if known is None else str(known.msgname)
+
+
+@cache
+def _newer_by_id() -> dict[int, type[_Newer]]:
+    """Classes that pymavlink does not know, by id."""
+    return {one.id: one for one in classes().values() if issubclass(one, _Newer)}
 
 
 @cache

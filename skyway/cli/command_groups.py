@@ -41,6 +41,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "watch": "link",
         "params": "aboard.parameters",
         "logs": "aboard.logs",
+        "health": "aboard.health",
     },
     "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
     "Page": {"serve": "demo"},

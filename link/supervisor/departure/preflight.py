@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from skyway.link.supervisor.departure.health_of_day import health_of_day
 from skyway.link.supervisor.departure.parameter_changes import ParameterChange
 from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.flight.lean import airspeed_at_lean
@@ -63,6 +64,7 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
     A `LinkError` says that the vehicle did not answer.
     """
     yield from _identity(ctx)
+    yield from _health(ctx)
     yield from _position(ctx, service)
     yield _battery(ctx, service)
     yield from _wind(ctx, service)
@@ -91,6 +93,13 @@ def _identity(ctx: Context) -> Iterator[Check]:
         yield Check("ground station", "no", str(error))
     else:
         yield Check("ground station", "ok", "the drone accepts this ground station")
+
+
+def _health(ctx: Context) -> Iterator[Check]:
+    """Calibration and health, once a day."""
+    if (found := health_of_day(ctx)) is not None:
+        verdict, said = found
+        yield Check("health", verdict, said, waits=verdict != "ok")
 
 
 def _position(ctx: Context, service: DroneService) -> Iterator[Check]:

@@ -10,6 +10,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from skyway.missions.autopilots.ardupilot.calibrations import CALIBRATIONS
 from skyway.missions.autopilots.ardupilot.failsafes import FAILSAFES
 from skyway.missions.autopilots.ardupilot.modes import MODES
 from skyway.missions.autopilots.ardupilot.settings import FIRMWARES, RELEASED, SETTINGS
@@ -90,6 +91,10 @@ class ArduPilot(Family):
     name = "ardupilot"
     firmware = 3
     system_id_names = ("MAV_SYSID", "SYSID_THISMAV")
+    calibrations = CALIBRATIONS
+    filter_message = ("EKF_STATUS_REPORT", 193)
+    filter_tests = ("velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance")
+    filter_limit = 0.8  # default of FS_EKF_THRESH
     log_folders = ("/APM/LOGS", "/logs", "/var/APM/logs")  # a board's card; its simulator; Linux boards
     log_endings = (".bin",)
     home_items = 1

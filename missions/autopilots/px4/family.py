@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.family import Family
+from skyway.missions.autopilots.px4.calibrations import CALIBRATIONS
 from skyway.missions.autopilots.px4.failsafes import FAILSAFES
 from skyway.missions.autopilots.px4.modes import MODES
 from skyway.missions.autopilots.px4.settings import FIRMWARES, RELEASED, SETTINGS
@@ -79,6 +80,10 @@ class Px4(Family):
     name = "px4"
     firmware = 12
     system_id_names = ("MAV_SYS_ID",)
+    calibrations = CALIBRATIONS
+    filter_tests = ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio")
+    vibration_fields = ("vibration_z",)  # the other two are of the gyro (streams/VIBRATION.hpp)
+    vibration_mps2 = (4.905, 9.81)  # as Flight Review draws its bands
     log_folders = ("/fs/microsd/log", "/log")  # a board's card; the working folder of its simulator
     log_endings = (".ulg", ".px4log")
     stays_in_mission_after_landing = True

@@ -69,7 +69,7 @@ class ArduPilot(ArduPilotFailsafes):
     BYTEWISE: ClassVar[bool] = False
     FENCE_SWITCH: ClassVar[str] = "FENCE_ENABLE"
     DEFAULT_HZ: ClassVar[dict[str, float]] = {"HEARTBEAT": 1.0}
-    LACKS: ClassVar[frozenset[str]] = frozenset({"WIND_COV", "ESTIMATOR_STATUS", "ALTITUDE"})
+    LACKS: ClassVar[frozenset[str]] = frozenset({"WIND_COV", "ESTIMATOR_STATUS", "ALTITUDE", "ESC_INFO"})
     OBEYS_STREAM_GROUPS: ClassVar[bool] = True
     HOME_ITEMS: ClassVar[int] = 1
     ALWAYS_MANUAL_INPUT: ClassVar[bool] = True

@@ -105,6 +105,8 @@ class Px4(Px4Failsafes):
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
     LOG_ENDINGS: ClassVar[tuple[str, ...]] = (".ulg", ".px4log")
+    VIBRATION_OF_ACCELERATION: ClassVar[bool] = False
+    VIBRATION_SCALE: ClassVar[float] = 0.3
     LOG_FORMAT: ClassVar[type[LogFormat]] = ULog
     LOG_HEAD: ClassVar[bytes] = b"ULog\x01\x12\x35\x01"
     CARD_FOLDERS: ClassVar[tuple[str, ...]] = ("/fs/microsd/log", "/fs/microsd/params", "/etc")

@@ -122,6 +122,7 @@ def fly(
     from skyway import flying
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
+    from skyway.link.vehicle.health_book import HealthBook
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.base.units import from_posix
     from skyway.models.composition.file import load
@@ -157,6 +158,7 @@ def fly(
             )
         region = cut.region
         how["remote_id"] = seen.remote_id(NOBODY if region is None else region.remote_id)
+        how["health"] = HealthBook(link.record, None if region is None else ZoneInfo(region.timezone))
         _supervised(
             link,
             work_at,
@@ -174,6 +176,7 @@ def fly(
     composition = load(plan)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
     who = seen.remote_id(region.remote_id)
+    how["health"] = HealthBook(link.record, ZoneInfo(region.timezone))
     if yes:
         _refuse_questions(composition, pads, release)
     _check_words(planner, wind, forecast)
@@ -302,9 +305,10 @@ def _flown(
 ) -> tuple[Outcome, Path, list[Path]]:
     """Connect and fly; returns how it ended, where its journal is, and the logs that were fetched."""
     from skyway.cli.console import counting_interrupts
-    from skyway.flights.bringing_logs import LogsHome
+    from skyway.flights.after_flight import LogsHome, keep_vibration
     from skyway.flying import journal_name
     from skyway.link.supervisor import Journal, Supervisor
+    from skyway.link.vehicle.health_book import VibrationWatch
     from skyway.models.base.units import from_posix
     from skyway.report.report import write_report
 
@@ -341,7 +345,9 @@ def _flown(
             with counting_interrupts(operator), _served(pads, job, operator, clock) as service:
                 supervisor = Supervisor(job, vehicle, clock, service, operator, book, resume=resumes, on_tick=tick)
                 logs = LogsHome(supervisor.context, link.record, operator.tell, resumed=resumes) if fetch_log else None
+                shakes = VibrationWatch(vehicle)
                 outcome = supervisor.run()
+                keep_vibration(supervisor.context, shakes)
                 if live is not None:
                     live.outcome(outcome)
             return outcome, path, [] if logs is None else logs.fetch()  # Ctrl-C ends the transfer alone

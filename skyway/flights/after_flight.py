@@ -1,4 +1,4 @@
-"""Logs of a flight brought home: listed before it, also where it is resumed, and fetched once the vehicle stands disarmed."""
+"""What is kept of a flight when it has ended: its logs, fetched once the vehicle stands disarmed, and how the vehicle shook."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 from skyway.link.files.flight_logs import LogsBefore, fetch_added, logs_before
 from skyway.link.supervisor.journal.entries import LogsSeen
 from skyway.link.supervisor.journal.file import read_journal
-from skyway.models.base.errors import LinkError
+from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import bytes_text
 
 if TYPE_CHECKING:
@@ -16,6 +16,18 @@ if TYPE_CHECKING:
 
     from skyway.link.files.aboard import Way
     from skyway.link.supervisor.context import Context
+    from skyway.link.vehicle.health_book import VibrationWatch
+
+
+def keep_vibration(context: Context, watch: VibrationWatch) -> None:
+    """Keep how the vehicle shook on a flight, for the check before its next; what cannot be written is told."""
+    shook, book = watch.end(), context.job.health
+    if shook is None or book is None:
+        return
+    try:
+        book.flew(context.observed.uid, context.now_s, shook)
+    except InputError as error:
+        context.operator.tell(f"the vibration of the flight is not kept: {error}")
 
 
 class LogsHome:

@@ -1,0 +1,46 @@
+"""Calibration and health in the list before a take-off: looked at once a day, and remembered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.vehicle.health import look_at
+from skyway.models.base.formatting import date_clock
+from skyway.models.base.units import parse_instant
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.link.supervisor.context import Context
+    from skyway.link.vehicle.health import HealthItem, Verdict
+
+
+def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
+    """Return whether the drone was found healthy today, and what was found; None where nobody asks for it.
+
+    A `VehicleTimeoutError` says that it does not answer.
+    """
+    book, uid = ctx.job.health, ctx.observed.uid
+    if book is None:
+        return None
+    passed = book.passed_today(uid, ctx.now_s)
+    if passed is not None:
+        untold = [one.name for one in passed.items if one.verdict == "unknown"]
+        return "ok", f"checked at {date_clock(parse_instant(passed.time), named=True)}{_not_known(untold)}"
+    items = tuple(look_at(ctx.vehicle, book.last_flight(uid)))
+    book.add(uid, ctx.now_s, items)
+    return _verdict(items)
+
+
+def _verdict(items: Sequence[HealthItem]) -> tuple[Verdict, str]:
+    wrong = [one for one in items if not one.ok]
+    if wrong:
+        verdict: Verdict = "no" if any(one.verdict == "no" for one in wrong) else "unknown"
+        return verdict, "; ".join(f"{one.name}: {one.said}" for one in wrong)
+    untold = [one.name for one in items if one.verdict == "unknown"]
+    good = ", ".join(one.name for one in items if one.verdict == "ok")
+    return "ok", f"{good}{_not_known(untold)}"
+
+
+def _not_known(names: Sequence[str]) -> str:
+    return f"; not known: {', '.join(names)}" if names else ""

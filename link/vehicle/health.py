@@ -1,0 +1,246 @@
+"""Calibration and health of a vehicle before the first flight of a day: what it tells of itself, item by item.
+
+Nothing is changed on it, and what it does not tell is unknown, never good. What few vehicles tell (cells, cycles, motors) does not
+keep one on the ground; it is said that it is unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from skyway.link.protocol.command import AskFor
+from skyway.link.protocol.parameters import ReadParameters
+from skyway.models.base.formatting import percent, with_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from skyway.link.vehicle.vehicle import Vehicle
+    from skyway.missions.autopilots.calibration import Calibration
+    from skyway.missions.autopilots.family import Family
+
+Verdict = Literal["ok", "no", "unknown"]
+_SENSORS = {
+    0x1: "gyro", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x10: "airspeed sensor", 0x20: "GPS",
+    0x8000: "motor outputs", 0x10000: "remote control", 0x20000: "second gyro", 0x40000: "second accelerometer",
+    0x80000: "second compass", 0x100000: "geofence", 0x200000: "attitude and heading", 0x400000: "terrain", 0x1000000: "logging",
+    0x2000000: "battery", 0x4000000: "proximity sensor", 0x20000000: "obstacle avoidance", 0x40000000: "propulsion",
+}  # fmt: skip
+"""MAV_SYS_STATUS_SENSOR; what is left out says nothing of health (controllers, the answer of the pre-arm checks)."""
+_NEEDED = 0x1 | 0x2 | 0x8 | 0x20
+"""Sensors without which no delivery is flown: they must be there."""
+_SOUND = 0x1 | 0x2 | 0x4 | 0x10 | 0x20
+"""Attitude, velocity and place over ground and in height, of the filter's flags."""
+_GLITCHES = 0x80 | 0x400 | 0x8000
+_FIX, _SATELLITES, _HDOP = 3, 6, 2.0
+_UNTOLD_EPH, _UNTOLD_CELL = 65535, 65535
+_CELL_SPREAD_V, _CELL_V = 0.1, (3.0, 4.4)
+_MOST_CYCLES = 300
+_CLIPS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class HealthItem:
+    """One thing that was looked at."""
+
+    name: str
+    verdict: Verdict
+    said: str
+    """What was found, with figures."""
+    needed: bool = True
+    """Whether it must be known: where not, *unknown* keeps no vehicle on the ground."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether it lets the vehicle fly."""
+        return self.verdict == "ok" or (self.verdict == "unknown" and not self.needed)
+
+    def __str__(self) -> str:
+        mark = {"ok": "ok", "no": "NOT OK", "unknown": "unknown"}[self.verdict]
+        return f"{self.name}: {mark}: {self.said}"
+
+
+@dataclass(frozen=True, slots=True)
+class Vibration:
+    """What shook a vehicle on a flight."""
+
+    worst_mps2: float
+    """What was exceeded in a twentieth of the flight, by the worst axis."""
+    clips: int
+    """How often an accelerometer reached its limit."""
+
+
+def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[HealthItem]:
+    """Ask a vehicle for everything; `flown` is how it shook on its last flight, as far as that is known.
+
+    A `VehicleTimeoutError` says that it no longer answers.
+    """
+    family = vehicle.family
+    yield sensors(_told(vehicle, "SYS_STATUS", 1))
+    yield filter_state(_told(vehicle, *family.filter_message), family)
+    yield from calibrations(family.calibrations, _parameters(vehicle, family.calibrations))
+    yield receiver(_told(vehicle, "GPS_RAW_INT", 24))
+    yield cells(_told(vehicle, "BATTERY_STATUS", 147))
+    yield cycles(_told(vehicle, "SMART_BATTERY_INFO", 370))
+    yield motors(_told(vehicle, "ESC_INFO", 290))
+    yield vibration(flown, family)
+
+
+def _told(vehicle: Vehicle, name: str, number: int) -> Mapping[str, Any] | None:
+    message = vehicle.carry_out(AskFor(vehicle.peer.target, name, number)).message
+    return None if message is None else message.fields
+
+
+def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str, float]:
+    """Values by name, of those that it has: they may change by themselves, so nothing is decided by them later."""
+    names = tuple(dict.fromkeys(name for place in places for name in place.names))
+    if not names:
+        return {}
+    read = ReadParameters(vehicle.peer.target, names, bytewise=vehicle.family.bytewise_parameters)
+    return {name: one.value for name, one in vehicle.carry_out(read).found.items()}
+
+
+def sensors(told: Mapping[str, Any] | None) -> HealthItem:
+    """Judge the sensors, by SYS_STATUS: each that is switched on is healthy, and those that are needed are there."""
+    if told is None:
+        return HealthItem("sensors", "unknown", "the vehicle does not tell (SYS_STATUS)")
+    present, enabled, healthy = (
+        int(told[f"onboard_control_sensors_{word}"]) for word in ("present", "enabled", "health")
+    )
+    ill = [name for bit, name in _SENSORS.items() if enabled & bit and not healthy & bit]
+    absent = [name for bit, name in _SENSORS.items() if _NEEDED & bit and not present & enabled & bit]
+    if ill or absent:
+        parts = [f"not healthy: {', '.join(ill)}"] if ill else []
+        parts += [f"not there, or switched off: {', '.join(absent)}"] if absent else []
+        return HealthItem("sensors", "no", "; ".join(parts))
+    sound = [name for bit, name in _SENSORS.items() if enabled & bit]
+    return HealthItem("sensors", "ok", ", ".join(sound))
+
+
+def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
+    """Judge the autopilot's filter: it has attitude, velocity and place, and agrees with its sensors."""
+    if told is None:
+        return HealthItem("filter", "unknown", f"the vehicle does not tell ({family.filter_message[0]})")
+    flags = int(told["flags"])
+    tests = {name: float(told[name]) for name in family.filter_tests}
+    known = {name: value for name, value in tests.items() if math.isfinite(value)}
+    if flags & _SOUND != _SOUND or flags & _GLITCHES:
+        return HealthItem("filter", "no", f"no sound estimate of attitude, velocity and place (flags {flags:#x})")
+    if not known:
+        return HealthItem("filter", "unknown", "the vehicle does not tell how its sensors agree")
+    worst = max(known, key=known.__getitem__)
+    said = f"{worst.replace('_', ' ')} {known[worst]:.2f}, less than {family.filter_limit:g} allowed"
+    return HealthItem("filter", "ok" if known[worst] < family.filter_limit else "no", said)
+
+
+def calibrations(places: Sequence[Calibration], values: Mapping[str, float]) -> Iterator[HealthItem]:
+    """Judge the calibrations: one for every sensor that is used, and at least one of each kind."""
+    for sensor in Counter(place.sensor for place in places):
+        mine = [place for place in places if place.sensor == sensor]
+        known = [place for place in mine if place.identified in values]
+        filled = [place for place in known if values[place.identified] != 0.0 and values.get(place.used, 1.0) != 0.0]
+        faults = [fault for place in filled if (fault := _fault(place, values))]
+        name = f"{sensor} calibration"
+        if faults:
+            yield HealthItem(name, "no", "; ".join(faults))
+        elif not known:
+            yield HealthItem(name, "unknown", f"the vehicle has no {mine[0].identified}")
+        elif not filled:
+            yield HealthItem(name, "no", f"none: {', '.join(place.identified for place in known)} are 0, or not in use")
+        else:
+            yield HealthItem(
+                name, "ok", f"{len(filled)} of {len(mine)} places, {', '.join(p.identified for p in filled)}"
+            )
+
+
+def _fault(place: Calibration, values: Mapping[str, float]) -> str:
+    """Why a calibration is none; empty for a good one."""
+    offsets = [values[name] for name in place.offsets if name in values]
+    if len(offsets) < len(place.offsets):
+        return f"{', '.join(name for name in place.offsets if name not in values)} not reported"
+    if not all(map(math.isfinite, offsets)):
+        return f"{place.offsets[0]} and the others of {place.identified} are no numbers"
+    if offsets and place.zero_is_none and not any(offsets):
+        return f"{', '.join(place.offsets)} are 0: never calibrated"
+    length = math.hypot(*offsets)
+    return (
+        f"the offsets of {place.identified} are {length:.0f} long, {place.most:.0f} at most"
+        if length > place.most
+        else ""
+    )
+
+
+def receiver(told: Mapping[str, Any] | None) -> HealthItem:
+    """Judge the satellite receiver, by GPS_RAW_INT."""
+    if told is None:
+        return HealthItem("GPS", "unknown", "the vehicle does not tell (GPS_RAW_INT)")
+    fix, satellites, eph = int(told["fix_type"]), int(told["satellites_visible"]), int(told["eph"])
+    hdop = math.nan if eph == _UNTOLD_EPH else eph / 100.0
+    said = f"fix {fix}, {satellites} satellites, HDOP {'not reported' if math.isnan(hdop) else f'{hdop:.1f}'}"
+    if fix < _FIX or satellites < _SATELLITES or hdop > _HDOP:
+        return HealthItem("GPS", "no", f"{said}; {_FIX}, {_SATELLITES} and {_HDOP:g} needed")
+    return HealthItem("GPS", "unknown" if math.isnan(hdop) else "ok", said)
+
+
+def cells(told: Mapping[str, Any] | None) -> HealthItem:
+    """Judge how far the cells of the battery are apart, by BATTERY_STATUS: told singly, or shared out evenly, or not at all."""
+    if told is None:
+        return HealthItem("battery cells", "unknown", "the vehicle does not tell (BATTERY_STATUS)", needed=False)
+    if fault := int(told.get("fault_bitmask", 0)):
+        return HealthItem("battery cells", "no", f"the battery reports a fault (bits {fault:#x})")
+    volts = [value / 1e3 for value in told["voltages"] if value != _UNTOLD_CELL]
+    volts += [value / 1e3 for value in told.get("voltages_ext", ()) if value not in (0, _UNTOLD_CELL)]
+    if len(volts) < 2 or len(set(volts)) == 1:
+        shared = "its cells are not measured singly" if volts else "no voltage is reported"
+        return HealthItem("battery cells", "unknown", shared, needed=False)
+    spread = max(volts) - min(volts)
+    said = f"{len(volts)} cells, {min(volts):.2f} to {max(volts):.2f} V, {with_unit(spread * 1e3, 'mV', 0)} apart"
+    good = spread <= _CELL_SPREAD_V and _CELL_V[0] <= min(volts) and max(volts) <= _CELL_V[1]
+    return HealthItem(
+        "battery cells", "ok" if good else "no", said if good else f"{said}; 100 mV at most, 3.0 to 4.4 V each"
+    )
+
+
+def cycles(told: Mapping[str, Any] | None) -> HealthItem:
+    """Judge the age of the battery, by SMART_BATTERY_INFO, which smart batteries have."""
+    count = -1 if told is None else int(told["cycle_count"])
+    if told is None or not 0 <= count < _UNTOLD_CELL:
+        return HealthItem("battery cycles", "unknown", "the battery does not tell (SMART_BATTERY_INFO)", needed=False)
+    full, design = float(told["capacity_full"]), float(told["capacity_full_specification"])
+    holds = f"; it holds {percent(full / design)} of what it is made for" if full > 0.0 and design > 0.0 else ""
+    said = f"{count} cycles{holds}"
+    return HealthItem(
+        "battery cycles",
+        "ok" if count <= _MOST_CYCLES else "no",
+        said if count <= _MOST_CYCLES else f"{said}; {_MOST_CYCLES} at most",
+    )
+
+
+def motors(told: Mapping[str, Any] | None) -> HealthItem:
+    """Judge the motors' controllers, by ESC_INFO: all are heard, none reports a failure."""
+    if told is None or not int(told["count"]):
+        return HealthItem("motors", "unknown", "their controllers do not tell (ESC_INFO)", needed=False)
+    count, heard = int(told["count"]), int(told["info"])
+    silent = [n + 1 for n in range(min(count, 8)) if not heard >> n & 1]
+    failing = [n + 1 for n, flags in enumerate(told["failure_flags"][: min(count, 4)]) if flags]
+    if silent or failing:
+        parts = [f"not heard: {', '.join(map(str, silent))}"] if silent else []
+        parts += [f"failing: {', '.join(map(str, failing))}"] if failing else []
+        return HealthItem("motors", "no", "; ".join(parts))
+    return HealthItem("motors", "ok", f"{count} controllers heard, no failure")
+
+
+def vibration(flown: Vibration | None, family: Family) -> HealthItem:
+    """Judge how the vehicle shook on its last flight."""
+    if flown is None or not math.isfinite(flown.worst_mps2):
+        return HealthItem("vibration", "unknown", "no flight of it was watched from here yet", needed=False)
+    raised, most = family.vibration_mps2
+    said = f"{with_unit(flown.worst_mps2, 'm/s²', 1)} on the last flight, {flown.clips} times at the limit of an accelerometer"
+    if flown.worst_mps2 >= most or flown.clips > _CLIPS:
+        return HealthItem("vibration", "no", f"{said}; {most:g} m/s² and {_CLIPS} times at most")
+    return HealthItem(
+        "vibration", "ok", f"{said}; above {raised:g} m/s² look at its mounts" if flown.worst_mps2 >= raised else said
+    )

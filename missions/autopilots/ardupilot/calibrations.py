@@ -1,0 +1,33 @@
+"""Where ArduPilot keeps calibrations: compasses and accelerometers (``AP_Compass.cpp``, ``AP_InertialSensor.cpp``, 4.3 to 4.8)."""
+
+from __future__ import annotations
+
+from skyway.missions.autopilots.calibration import Calibration
+
+_NUMBERS = ("", "2", "3")
+_LONGEST_MGAUSS = 1800.0
+"""Default of COMPASS_OFFS_MAX, above which it does not arm."""
+
+
+def _axes(head: str) -> tuple[str, ...]:
+    return tuple(f"{head}_{axis}" for axis in "XYZ")
+
+
+CALIBRATIONS = (
+    *(
+        Calibration(
+            "compass",
+            f"COMPASS_DEV_ID{n}",
+            f"COMPASS_USE{n}",
+            _axes(f"COMPASS_OFS{n}"),
+            zero_is_none=True,
+            most=_LONGEST_MGAUSS,
+        )
+        for n in _NUMBERS
+    ),
+    *(
+        Calibration("accelerometer", f"INS_ACC{n}_ID", f"INS_USE{n}", _axes(f"INS_ACC{n}OFFS"), zero_is_none=True)
+        for n in _NUMBERS
+    ),
+)
+"""The gyro is calibrated each time it is switched on, and keeps nothing that tells of it."""

@@ -1,0 +1,29 @@
+"""Calibrations that an autopilot keeps in its parameters: of which sensor, under which names, and what they are without one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """One place for the calibration of a sensor."""
+
+    sensor: str
+    """``compass``, ``accelerometer`` or ``gyro``."""
+    identified: str
+    """Parameter with the id of the sensor that it is of; 0 where the place is empty."""
+    used: str = ""
+    """Parameter that is 0 where the sensor is not used; empty where none says so."""
+    offsets: tuple[str, ...] = ()
+    """Parameters with what is subtracted from each axis."""
+    zero_is_none: bool = False
+    """Offsets of exactly 0 mean that it was never calibrated."""
+    most: float = math.inf
+    """Longer offsets are not taken for a calibration, in the autopilot's unit."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All its parameters."""
+        return tuple(name for name in (self.identified, self.used, *self.offsets) if name)

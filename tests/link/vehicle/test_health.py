@@ -1,0 +1,183 @@
+"""Calibration and health of simulated vehicles, and of what real ones tell, judged: unknown is never good."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from wires import FAMILIES, Scene, a_mission
+
+from skyway.link.vehicle import health
+from skyway.link.vehicle.health import HealthItem, Vibration, look_at
+from skyway.link.vehicle.health_book import NAME, HealthBook, VibrationWatch
+from skyway.link.vehicle.vehicle import Vehicle
+from skyway.missions.autopilots.registry import family_named
+from skyway.models.base.units import parse_instant
+from skyway.sim_stub.faults import parse_fault
+
+UNTOLD = {"px4": {"battery cells", "battery cycles", "vibration"}}
+UNTOLD["ardupilot"] = UNTOLD["px4"] | {"motors"}
+
+
+def aboard(family, *faults, **config):
+    scene = Scene(family, faults=[parse_fault(fault) for fault in faults], **config)
+    scene.craft = Vehicle(scene.connection)
+    scene.connection.run_for(1.0)
+    return scene
+
+
+def looked(scene, flown=None):
+    return {item.name: item for item in look_at(scene.craft, flown)}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_sound_vehicle_is_good_and_what_it_does_not_tell_is_unknown(family):
+    items = looked(aboard(family))
+    assert all(item.ok for item in items.values()), items
+    assert {name for name, item in items.items() if item.verdict == "unknown"} == UNTOLD[family]
+    assert "compass calibration" in items
+    assert "accelerometer calibration" in items
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    ("fault", "item", "said"),
+    [
+        ("sensor-ill=compass", "sensors", "compass"),
+        ("sensor-ill=motors", "sensors", "motor outputs"),
+        ("gps", "sensors", "GPS"),
+        ("gps", "GPS", "fix 1"),
+        ("gps", "filter", "no sound estimate"),
+        ("cell-low=0.3", "battery cells", "300 mV apart"),
+    ],
+)
+def test_what_is_wrong_is_found_and_named(family, fault, item, said):
+    found = looked(aboard(family, fault))[item]
+    assert (found.verdict, said in found.said) == ("no", True), found
+    assert not found.ok
+
+
+def test_a_motor_that_reports_a_failure_is_found_where_controllers_report():
+    found = looked(aboard("px4", "motor-ill=3"))["motors"]
+    assert (found.verdict, found.said) == ("no", "failing: 3")
+
+
+@pytest.mark.parametrize(
+    ("family", "parameters", "item", "said"),
+    [
+        ("ardupilot", {"COMPASS_OFS_X": 0, "COMPASS_OFS_Y": 0, "COMPASS_OFS_Z": 0}, "compass calibration", "never calibrated"),
+        ("ardupilot", {"COMPASS_OFS_X": 1700, "COMPASS_OFS_Y": 1700}, "compass calibration", "2404 long, 1800 at most"),
+        ("ardupilot", {"COMPASS_USE": 0}, "compass calibration", "not in use"),
+        ("ardupilot", {"INS_ACCOFFS_X": 0, "INS_ACCOFFS_Y": 0, "INS_ACCOFFS_Z": 0}, "accelerometer calibration", "never calibrated"),
+        ("px4", {"CAL_MAG0_ID": 0}, "compass calibration", "CAL_MAG0_ID"),
+        ("px4", {"CAL_GYRO0_PRIO": 0}, "gyro calibration", "not in use"),
+    ],
+)  # fmt: skip
+def test_calibrations_that_are_none_are_found(family, parameters, item, said):
+    found = looked(aboard(family, parameters=tuple((name, float(value)) for name, value in parameters.items())))[item]
+    assert (found.verdict, said in found.said) == ("no", True), found
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_nothing_told_is_unknown_and_never_good(family):
+    kin = family_named(family)
+    needed = [
+        health.sensors(None),
+        health.filter_state(None, kin),
+        health.receiver(None),
+        *health.calibrations(kin.calibrations, {}),
+    ]
+    assert {item.verdict for item in needed} == {"unknown"}
+    assert not any(item.ok for item in needed)
+    optional = [health.cells(None), health.cycles(None), health.motors(None), health.vibration(None, kin)]
+    assert {item.verdict for item in optional} == {"unknown"}
+    assert all(item.ok for item in optional)
+
+
+def test_offsets_that_are_not_told_are_no_calibration():
+    places = family_named("ardupilot").calibrations
+    items = {one.name: one for one in health.calibrations(places, {"COMPASS_DEV_ID": 5.0, "INS_ACC_ID": 5.0})}
+    assert {one.verdict for one in items.values()} == {"no"}
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
+def test_sensors_are_good_only_where_all_that_are_needed_are_on_and_all_that_are_on_are_healthy(
+    present, enabled, healthy
+):
+    told = {"present": present, "enabled": enabled, "health": healthy}
+    item = health.sensors({f"onboard_control_sensors_{name}": value for name, value in told.items()})
+    needed = 0x1 | 0x2 | 0x8 | 0x20
+    if item.verdict == "ok":
+        assert present & enabled & healthy & needed == needed
+    if not healthy & 0x1:
+        assert item.verdict == "no"
+
+
+@given(st.lists(st.integers(1, 5000), min_size=0, max_size=10))
+def test_cells_are_good_only_where_they_are_told_singly_and_close(millivolts):
+    told = {"voltages": (*millivolts, *[65535] * (10 - len(millivolts)))}
+    item = health.cells(told)
+    if len(millivolts) < 2 or len(set(millivolts)) == 1:
+        assert item.verdict == "unknown"
+    else:
+        assert (item.verdict == "ok") == (
+            max(millivolts) - min(millivolts) <= 100 and 3000 <= min(millivolts) <= max(millivolts) <= 4400
+        )
+
+
+def test_old_batteries_and_those_that_report_a_fault_are_found():
+    smart = {"cycle_count": 301, "capacity_full": 4000, "capacity_full_specification": 5000}
+    assert health.cycles(smart).verdict == "no"
+    found = health.cycles(smart | {"cycle_count": 20})
+    assert (found.verdict, "20 cycles; it holds 80 %" in found.said) == ("ok", True)
+    assert health.cycles(smart | {"cycle_count": 65535}).verdict == "unknown"
+    assert health.cells({"voltages": (4000, 4010), "fault_bitmask": 4}).verdict == "no"
+
+
+@pytest.mark.parametrize(("value", "verdict"), [(20.0, "ok"), (45.0, "ok"), (60.0, "no"), (math.nan, "unknown")])
+def test_vibration_is_judged_by_what_the_autopilot_measures(value, verdict):
+    assert health.vibration(Vibration(value, 0), family_named("ardupilot")).verdict == verdict
+    assert health.vibration(Vibration(12.0, 0), family_named("px4")).verdict == "no"
+    assert health.vibration(Vibration(1.0, 101), family_named("px4")).verdict == "no"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(("faults", "verdict"), [((), "ok"), (("vibration=90",), "no")])
+def test_how_it_shook_on_its_last_flight_is_watched_kept_and_judged(family, faults, verdict, tmp_path):
+    scene = aboard(family, *faults)
+    book = HealthBook(tmp_path)
+    watch = VibrationWatch(scene.craft)
+    scene.craft.upload(a_mission(3, height=20.0))
+    scene.craft.start(60.0)
+    scene.connection.run_for(10.0)
+    shook = watch.end()
+    book.flew(7, 1.7e9, shook)
+    found = looked(scene, HealthBook(tmp_path).last_flight(7))["vibration"]
+    assert found.verdict == verdict, found
+
+
+def test_a_check_counts_for_its_day_in_the_zone_of_the_flights(tmp_path):
+    from zoneinfo import ZoneInfo
+
+    book = HealthBook(tmp_path, ZoneInfo("Australia/Melbourne"))
+    at = lambda text: parse_instant(text).timestamp()  # noqa: E731
+    good = [HealthItem("sensors", "ok", "gyro")]
+    book.add(5, at("2026-11-23T08:00:00+11:00"), good)
+    assert book.passed_today(5, at("2026-11-23T23:30:00+11:00")) is not None
+    assert book.passed_today(5, at("2026-11-24T00:10:00+11:00")) is None
+    assert book.passed_today(6, at("2026-11-23T09:00:00+11:00")) is None
+    book.add(5, at("2026-11-23T10:00:00+11:00"), [HealthItem("sensors", "no", "gyro")])
+    assert book.passed_today(5, at("2026-11-23T11:00:00+11:00")) is None
+    book.add(0, at("2026-11-23T10:00:00+11:00"), good)
+    assert book.passed_today(0, at("2026-11-23T10:00:00+11:00")) is None
+
+
+@given(st.binary(max_size=200))
+def test_a_book_with_anything_in_it_is_read(tmp_path_factory, junk):
+    folder = tmp_path_factory.mktemp("book")
+    book = HealthBook(folder)
+    book.add(5, 1.7e9, [HealthItem("sensors", "ok", "gyro")])
+    with (folder / NAME).open("ab") as stream:
+        stream.write(junk + b"\n" + json.dumps({"schema": "skyway.health-check/1", "uid": 5}).encode() + b"\n")
+    assert book.passed_today(5, 1.7e9 + 60.0) is not None
