@@ -456,7 +456,8 @@ def test_every_message_that_can_be_asked_for_is_sent(autopilot):
         result = s.command(512, number)
         mine = name not in stage.pilot.LACKS
         assert (result == 0) is mine, name
-        assert not mine or any(m.get_type() == name for m in s.seen), name
+        told = {m.get_type() for m in s.seen}
+        assert not mine or name in told or f"UNKNOWN_{number}" in told, name  # one is not in pymavlink's tables
 
 
 @BOTH
