@@ -39,6 +39,8 @@ READABLE_HPA = 870.0, 1090.0
 """Pressures at sea level that were ever measured, rounded outwards."""
 HIGHEST_M = 30_000.0
 """Above it the temperature counts no further."""
+HIGHEST_PLACE_M, PLACES = 4500.0, 30
+"""No airport lies higher (Daocheng Yading: 4,411 m); heights of places in between that are tried."""
 METAR = "metar="
 MAX_BYTES = 4 * 1024 * 1024
 _TYPED = re.compile(r"(?:QNH|Q)?(\d{3,4}(?:\.\d+)?)(?:HPA)?|A(\d{4})|(\d{2}\.\d+)(?:INHG)?", re.IGNORECASE)
@@ -67,9 +69,10 @@ class Pressure:
         return min(found), max(found)
 
     def _true_m(self, shown_m: float) -> Iterator[float]:
-        """Yield heights that an altimeter at QNH may show so; the place whose QNH it is may lie anywhere below."""
+        """Yield heights that an altimeter at QNH may show so; the place whose QNH it is may lie at any height up to there."""
         top_m = min(shown_m, HIGHEST_M)
-        for place_m in (0.0, 0.5 * top_m, top_m):
+        for step in range(PLACES + 1):
+            place_m = min(top_m, HIGHEST_PLACE_M) * step / PLACES
             between = math.log((STANDARD_K - LAPSE_K_PER_M * place_m) / (STANDARD_K - LAPSE_K_PER_M * top_m))
             for warmer in self._warmer_k(place_m):
                 yield shown_m + warmer / LAPSE_K_PER_M * between
