@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
 
 DRAWN, DAY, TOLD, RECORD = "drawn", "the day", "the day, told", "record alone"
+ARMS = DRAWN, DAY, TOLD, RECORD
 RUNS = 200
 FIRST, LAST = date(2013, 1, 10), date(2013, 12, 15)
 LOOKED_AT = 1919, 2020
@@ -105,7 +106,12 @@ def _at(posix_s: float) -> Any:
 
 
 def flown(
-    service: Service, days: Sequence[date], count: int, seed: int, known: set[tuple[int, int]]
+    service: Service,
+    days: Sequence[date],
+    count: int,
+    seed: int,
+    known: set[tuple[int, int]],
+    arms: Sequence[str] = ARMS,
 ) -> Iterator[dict[str, Any]]:
     """Plan and fly; a document for each order."""
     scenario = planning.told_scenario(CITY, "")
@@ -123,11 +129,11 @@ def flown(
             told = scenario.forecast_from(
                 [service.newest(order.depart_s)], depart, HORIZON_H, error=service.error, truth=day
             )
-            forecasts: dict[str, WindEnsemble] = {
-                DAY: told.at_sites(*where),
-                TOLD: truth,
-                RECORD: held_out_forecast(scenario, request, [day]),
-            }
+            forecasts: dict[str, WindEnsemble] = {DAY: told.at_sites(*where)}
+            if TOLD in arms:
+                forecasts[TOLD] = truth
+            if RECORD in arms:
+                forecasts[RECORD] = held_out_forecast(scenario, request, [day])
             document: dict[str, Any] = {"day": day.toordinal(), "order": order.seed}
             for name, forecast in forecasts.items():
                 plan = planning.planned_on(scenario, request, forecast)
@@ -163,7 +169,7 @@ def _judged(order: Order, plan: planning.Planned, truths: Realizations) -> dict[
 
 def table(documents: Sequence[Mapping[str, Any]]) -> list[str]:
     """Rows of the table, in Markdown: orders that have a plan with all, intervals over days."""
-    arms = DRAWN, DAY, TOLD, RECORD
+    arms = [arm for arm in ARMS if any(arm in one for one in documents)]
     whole = [one for one in documents if all(arm in one for arm in arms)]
     days = DayBootstrap(np.array([one["day"] for one in whole]))
     lines = [
@@ -182,10 +188,13 @@ def table(documents: Sequence[Mapping[str, Any]]) -> list[str]:
         off = ", ".join(days.mean(one).scaled(100.0).text("+.1f") for one in (kept - promised).T)
         columns = []
         for name in ("width_s", "promised_mean_s", "mean_s"):
-            here, today = (np.array([one[which][name] for one in whole]) / 60.0 for which in (arm, RECORD))
+            here = np.array([one[name] for one in mine]) / 60.0
             columns.append(days.mean(here).text())
             if name != "promised_mean_s":
-                columns.append("" if arm == RECORD else days.ratio(here, today).scaled(100.0).text(".0f"))
+                today = np.array([one[RECORD][name] for one in whole]) / 60.0 if RECORD in arms else here
+                columns.append(
+                    "" if arm == RECORD or RECORD not in arms else days.ratio(here, today).scaled(100.0).text(".0f")
+                )
         lost = sum(one["lost"] for one in mine)
         lines.append(f"| {arm} | {' | '.join(columns)} | {levels} | {off} | {lost} of {RUNS * len(mine):,} |")
     return lines

@@ -88,6 +88,7 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
                 slot_s=slot_s,
                 members=MEMBERS,
                 seed=region.seed + number,
+                lattice=shape,
             )
             notes.append(f"{one.model}: {courses.note}")
             if courses.each > 1:

@@ -25,7 +25,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_text
 from skyway.models.base.formatting import speed_text
 from skyway.models.base.json_text import json_text
-from skyway.models.weather.error_shape import in_wind
+from skyway.models.weather.error_shape import between_nodes, in_wind
 from skyway.models.wind.estimation.field import ResidualModel
 
 if TYPE_CHECKING:
@@ -160,6 +160,7 @@ def with_errors(
     slot_s: float,
     members: int,
     seed: int,
+    lattice: tuple[int, int] | None = None,
 ) -> Courses:
     """Give courses the error that such forecasts have.
 
@@ -181,6 +182,9 @@ def with_errors(
         About so many courses are made, of each member as many; never fewer than there are.
     seed : int
         Of the random numbers.
+    lattice : tuple of int, optional
+        Rows and columns of the places, between which the wind is interpolated: errors at the nodes are larger by as much as interpolation takes off, so that
+        they are right on average over the region.
     """
     given = len(north)
     sigma = factor * error.at(error.sigma_mps, lead_s, 0.0)
@@ -206,6 +210,8 @@ def with_errors(
         note = "its one course is given errors"
     north, east = np.repeat(north, each, axis=0), np.repeat(east, each, axis=0)
     noise = _noise(given, each, north.shape[1:], distance_m, error, slot_s, seed)
+    if lattice is not None:
+        noise /= math.sqrt(between_nodes(distance_m, lattice, error.length_m, error.brief))
     note = f"{note}: {error.source}, {speed_text(float(wanted[0].mean()))} a component at first"
     return Courses(north + missing * noise[0], east + missing * noise[1], each, note)
 

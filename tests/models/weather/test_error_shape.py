@@ -74,6 +74,30 @@ def test_members_err_as_was_learnt():
     assert (z**4).mean() == pytest.approx(3.0 * np.exp(4.0 * 0.3**2), rel=0.2)
 
 
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (4, 1), (3, 4)])
+def test_errors_between_the_nodes_of_a_lattice_are_as_large_as_was_learnt(rows, columns):
+    lat, lon = np.linspace(40.5, 41.0, rows), np.linspace(-74.3, -73.5, columns)
+    grid = [one.ravel() for one in np.meshgrid(lat, lon, indexing="ij")]
+    distance_m, _ = inverse(grid[0][:, None], grid[1][:, None], grid[0][None], grid[1][None])
+    error = LeadError(
+        source="test", height_m=10.0, lead_h=(0.0,), sigma_mps=(1.5,), length_m=30_000.0, brief=0.35
+    )  # fmt: skip
+    calm = np.zeros((1, 6, rows * columns))
+    made = with_errors(
+        calm, calm, np.arange(6) * 3600.0, distance_m, error, factor=1.0, slot_s=3600.0, members=1200, seed=1, lattice=(rows, columns)
+    )  # fmt: skip
+    rng = np.random.default_rng(2)
+    row, column = (rng.uniform(0.0, count - 1, 400) for count in (rows, columns))
+    at = np.zeros((400, rows * columns))
+    for place in range(400):  # bilinear, written out
+        for i in range(rows):
+            for j in range(columns):
+                near = max(1.0 - abs(row[place] - i), 0.0) * max(1.0 - abs(column[place] - j), 0.0)
+                at[place, i * columns + j] = near
+    off = np.stack((made.north, made.east)) @ at.T
+    assert np.sqrt((off**2).mean()) == pytest.approx(1.5, rel=0.04)
+
+
 @pytest.mark.parametrize("wrong", ["length_m", "brief", "severity", "doubling_mps", "usual_mps"])
 def test_a_file_with_an_impossible_shape_is_refused(tmp_path, wrong):
     import msgspec
