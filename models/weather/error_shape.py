@@ -58,12 +58,12 @@ def in_wind(doubling_mps: float, speed_mps: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(1.0 + (speed_mps / doubling_mps) ** 2)
 
 
-def between_nodes(distance_m: NDArray[np.float64], lattice: tuple[int, int], length_m: float, brief: float) -> float:
+def between_nodes(distance_m: NDArray[np.float64], lattice: tuple[int, int], length_m: float) -> float:
     """Mean variance of errors between the nodes of a lattice, where they are interpolated bilinearly, over that at the nodes.
 
-    Of errors at the corners of a cell, which are not alike, the mean is smaller; what is of one place alone falls to 4/9. `distance_m` is of the nodes, row by row.
+    Of errors at the corners of a cell, which are not alike, the mean is smaller. `distance_m` is of the nodes, row by row.
     """
-    alike = (1.0 - brief) * np.exp(-distance_m / length_m) + brief * np.eye(len(distance_m))
+    alike = np.exp(-distance_m / length_m)
     node = np.arange(len(distance_m)).reshape(lattice)
     sides = [min(count, 2) for count in lattice]
     corners = np.stack(

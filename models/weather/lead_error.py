@@ -183,8 +183,8 @@ def with_errors(
     seed : int
         Of the random numbers.
     lattice : tuple of int, optional
-        Rows and columns of the places, between which the wind is interpolated: errors at the nodes are larger by as much as interpolation takes off, so that
-        they are right on average over the region.
+        Rows and columns of the places, between which the wind is interpolated: errors that reach far are larger at the nodes by as much as interpolation takes off, so that
+        they are right on average over the region. What is of one hour and place alone is left to it: over a leg that averages out, too.
     """
     given = len(north)
     sigma = factor * error.at(error.sigma_mps, lead_s, 0.0)
@@ -209,9 +209,8 @@ def with_errors(
         each = max(2 * (members // 2), 2) if wanted.any() else 1
         note = "its one course is given errors"
     north, east = np.repeat(north, each, axis=0), np.repeat(east, each, axis=0)
-    noise = _noise(given, each, north.shape[1:], distance_m, error, slot_s, seed)
-    if lattice is not None:
-        noise /= math.sqrt(between_nodes(distance_m, lattice, error.length_m, error.brief))
+    kept = 1.0 if lattice is None else between_nodes(distance_m, lattice, error.length_m)
+    noise = _noise(given, each, north.shape[1:], distance_m, error, slot_s, seed, kept)
     note = f"{note}: {error.source}, {speed_text(float(wanted[0].mean()))} a component at first"
     return Courses(north + missing * noise[0], east + missing * noise[1], each, note)
 
@@ -224,8 +223,9 @@ def _noise(
     error: LeadError,
     slot_s: float,
     seed: int,
+    kept: float,
 ) -> NDArray[np.float64]:
-    """Errors of mean square 1, alike nearby and for a while, shape (2, members, slots, places).
+    """Errors of mean square 1, alike nearby and for a while, shape (2, members, slots, places); those that reach far larger by the variance that interpolation keeps.
 
     They come in pairs of opposite sign: what is made of one member has its course on average. Of one course alone the pairs lie half the members apart, so that
     of every second member, which plans take of many, there are pairs, too.
@@ -242,6 +242,7 @@ def _noise(
     found[0] = fresh[0]
     for slot in range(1, slots):
         found[slot] = keep * found[slot - 1] + math.sqrt(1.0 - keep**2) * fresh[slot]
+    found /= math.sqrt(kept)
     if error.brief > 0.0:
         found = math.sqrt(1.0 - error.brief) * found + math.sqrt(error.brief) * rng.standard_normal(found.shape)
     if error.severity > 0.0:
