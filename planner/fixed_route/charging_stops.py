@@ -89,7 +89,7 @@ class ChargingPlan:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Label:
+class Label:
     """A stop: where the work was left, the pad, charge over time there, and the label that it was reached from."""
 
     position: int
@@ -97,7 +97,7 @@ class _Label:
     g: NDArray[np.float64]
     z: NDArray[np.float64]
     h: NDArray[np.float64]
-    before: _Label | None
+    before: Label | None
 
 
 def charging_stops(route: FixedRoute, *, below_s: float = math.inf) -> ChargingPlan | None:
@@ -105,19 +105,19 @@ def charging_stops(route: FixedRoute, *, below_s: float = math.inf) -> ChargingP
 
     Times and charges are those of hops that take `mean_ratio` times what they say. Of two answers that end together, one is returned.
     """
-    return _Search(route, below_s).solve()
+    return StopSearch(route, below_s).solve()
 
 
 def least_end(route: FixedRoute) -> float:
     """Return a bound of the end of a route, without looking for its stops; infinite where none let it end."""
-    search = _Search(replace(route, windows=()))
+    search = StopSearch(replace(route, windows=()))
     none = np.empty((0, 3))
-    rows = search.ways_on(_Label(NOWHERE, NOWHERE, np.array([[route.start_s, route.soc_start]]), none, none, None))
+    rows = search.ways_on(Label(NOWHERE, NOWHERE, np.array([[route.start_s, route.soc_start]]), none, none, None))
     return float(rows[:, 0].min()) if len(rows) else math.inf
 
 
-class _Search:
-    """Best-first search over labels."""
+class StopSearch:
+    """Best-first search over labels; `_land` says what comes of a landing."""
 
     def __init__(self, route: FixedRoute, below_s: float = math.inf) -> None:
         self.route = route
@@ -140,16 +140,16 @@ class _Search:
         self.curves = packed(route.curves)
         self.known: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
         self.reached: dict[tuple[int, int], list[tuple[list[float], list[float]]]] = {}
-        self.queue: list[tuple[float, int, int, _Label, Iterator[list[float]], int, int]] = []
+        self.queue: list[tuple[float, int, int, Label, Iterator[list[float]], int, int]] = []
         self.labels = 0
         self.best_s = below_s
-        self.best: tuple[_Label, float] | None = None
+        self.best: tuple[Label, float] | None = None
 
     def solve(self) -> ChargingPlan | None:
         """Take the ways on in the order of their bounds until none may end before the best."""
         start = np.array([[self.route.start_s, self.route.soc_start]])
         none = np.empty((0, 3))
-        begin = _Label(NOWHERE, NOWHERE, start, none, none, None)
+        begin = Label(NOWHERE, NOWHERE, start, none, none, None)
         self._dive(begin)
         self.known.clear()
         self.reached.clear()
@@ -165,7 +165,7 @@ class _Search:
                 self._go_on_from(reached)
         return None if self.best is None else self._traced(*self.best)
 
-    def _dive(self, label: _Label) -> None:
+    def _dive(self, label: Label) -> None:
         """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""
         for _ in range(len(self.route.can_leave) * len(self.route.curves)):
             rows = self.ways_on(label)
@@ -182,20 +182,20 @@ class _Search:
                 return
             label = reached
 
-    def ways_on(self, label: _Label) -> NDArray[np.float64]:
+    def ways_on(self, label: Label) -> NDArray[np.float64]:
         """Return the ways on from a label that may end before the best, with their bounds."""
         found = onward(
             label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s
         )  # fmt: skip
         return np.asarray(found)
 
-    def _go_on_from(self, label: _Label) -> None:
+    def _go_on_from(self, label: Label) -> None:
         """Queue the best way on from a label; the others wait in its iterator."""
         rows = self.ways_on(label)
         order = np.lexsort((-rows[:, 1], rows[:, 0]))
         self._queue_next(label, (rows[number].tolist() for number in order))
 
-    def _queue_next(self, label: _Label, ways: Iterator[list[float]]) -> None:
+    def _queue_next(self, label: Label, ways: Iterator[list[float]]) -> None:
         """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first.
 
         Ways to where a label is known that surely has as much charge at any time are left out.
@@ -208,14 +208,14 @@ class _Search:
             heapq.heappush(self.queue, (bound, -place[0], self.labels, label, ways, *place))
             return
 
-    def _pieces(self, label: _Label, position: int, pad: int) -> NDArray[np.float64]:
+    def _pieces(self, label: Label, position: int, pad: int) -> NDArray[np.float64]:
         slots, begin_s = self.route.slots, float(label.g[0, 0])
         until_s = max(min(max(float(label.g[-1, 0]), self.last_change_s), self.best_s), begin_s) + 1.0
         if label.pad != NOWHERE:
             until_s = min(until_s, self.windows[label.pad][1])
         return np.asarray(pieces_of(self.route.hops, slots, label.position, label.pad, position, pad, begin_s, until_s))
 
-    def _end(self, label: _Label, position: int) -> None:
+    def _end(self, label: Label, position: int) -> None:
         pieces = self._pieces(label, position, NOWHERE)
         rows = np.asarray(flown(label.g, pieces, *self.ratios, self.route.reserve_soc))
         if len(rows) and float(rows[:, 0].min()) < self.best_s:
@@ -223,7 +223,7 @@ class _Search:
             self.best_s = float(rows[first, 0])
             self.best = (label, float(rows[first, 2]))
 
-    def _land(self, label: _Label, position: int, pad: int) -> _Label | None:
+    def _land(self, label: Label, position: int, pad: int) -> Label | None:
         """Fly to a pad; None where nobody can, or no more can come of it than of a label that is known."""
         pieces = self._pieces(label, position, pad)
         z, h, g = self._on_pad(label.g, pieces, pad)
@@ -232,7 +232,7 @@ class _Search:
             return None
         known.append(g)
         self.reached.setdefault((position, pad), []).append((z[:, 0].tolist(), z[:, 1].tolist()))
-        return _Label(position, pad, g, z, h, label)
+        return Label(position, pad, g, z, h, label)
 
     def _on_pad(
         self, g: NDArray[np.float64], pieces: NDArray[np.float64], pad: int
@@ -244,7 +244,7 @@ class _Search:
             g, pieces, self.ratios, route.reserve_soc, route.waits[pad], route.curves[pad], self.windows[pad]
         )  # fmt: skip
 
-    def _traced(self, label: _Label, depart_s: float) -> ChargingPlan:
+    def _traced(self, label: Label, depart_s: float) -> ChargingPlan:
         """Turn the best chain of labels into stops, from the end to the start."""
         route = self.route
         stops: list[ChargingStop] = []
@@ -266,7 +266,7 @@ class _Search:
             position, pad, at, leave_s = at.position, at.pad, at.before, before_s
         return ChargingPlan(tuple(reversed(stops)), leave_s, end_s, soc_end, self.labels)
 
-    def _stay(self, label: _Label, leave_s: float, charge: float) -> tuple[float, float]:
+    def _stay(self, label: Label, leave_s: float, charge: float) -> tuple[float, float]:
         """Return when the pad is used from, never where it is not, and the take-off before."""
         curve_s, curve_soc = self.route.curves[label.pad]
         potential, before_s = profile_at(label.z, leave_s)
@@ -276,7 +276,7 @@ class _Search:
         arrived = charge_at(label.before, before_s) - self._taken(label, before_s)
         return interpolate(arrived, curve_soc, curve_s) - potential, before_s
 
-    def _taken(self, label: _Label, leave_s: float) -> float:
+    def _taken(self, label: Label, leave_s: float) -> float:
         """Charge that the way to a label takes."""
         before = label.before
         if before is None:
@@ -306,7 +306,7 @@ def packed(
     return kind_of, filled[0], filled[1]
 
 
-def charge_at(label: _Label | None, time_s: float) -> float:
+def charge_at(label: Label | None, time_s: float) -> float:
     """Charge that a drone can leave with at a time."""
     return math.nan if label is None else _after(label.g, time_s)
 

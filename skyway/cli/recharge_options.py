@@ -24,6 +24,13 @@ class CrewOptions:
             help="Fly independent parts (survey lines, inspected places) in the order that ends first; a bound is told.",
         ),
     ] = False
+    packs: Annotated[
+        int | None,
+        typer.Option(help="Batteries that there are, that of the drone included. Without it: as many as are needed."),
+    ] = None
+    chargers: Annotated[
+        int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Without it: 1.")
+    ] = None
     drones: Annotated[
         int,
         typer.Option(help="How many drones share the mission and its pads, at once.", min=1, max=20),

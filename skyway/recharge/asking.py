@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.pad_windows import Window
 
 GREATEST_SPEED_MPS = 20.0
+MOST_PACKS = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +63,8 @@ class Asked:
     home_elevation_m: float | None = None
     laps: int = 1
     swap_s: float | None = None
+    packs: int | None = None
+    chargers: int | None = None
     single: bool = False
     seed: int = 0
     reorder: bool = False
@@ -156,6 +159,7 @@ def options_of(
         raise InputError("is not between 1 and 1000", field="--laps", value=asked.laps)
     if asked.swap_s is not None and not 0.0 <= asked.swap_s <= 36_000.0:
         raise InputError("is not between 0 and 36000 s", field="--swap", value=asked.swap_s)
+    _check_packs(asked)
     speed = _transit_speed(asked, document, conditions)
     height = asked.transit_height_m
     if height is not None and not 5.0 <= height <= 1000.0:
@@ -171,11 +175,27 @@ def options_of(
         asked.level_ground,
         asked.laps,
         asked.swap_s,
+        asked.packs,
+        asked.chargers or 1,
         asked.single,
         asked.seed,
         _windows(asked, stands),
         asked.reorder,
     )
+
+
+def _check_packs(asked: Asked) -> None:
+    """Refuse packs that cannot be: none, or some where batteries are not changed."""
+    if asked.packs is None and asked.chargers is None:
+        return
+    if asked.packs is None:
+        raise InputError("needs --packs", field="--chargers", remedy="say how many batteries there are")
+    if asked.swap_s is None:
+        raise InputError("needs --swap", field="--packs", remedy="say how many seconds a change takes: --swap 90")
+    if not 1 <= asked.packs <= MOST_PACKS:
+        raise InputError(f"is not between 1 and {MOST_PACKS}", field="--packs", value=asked.packs)
+    if asked.chargers is not None and not 1 <= asked.chargers <= MOST_PACKS:
+        raise InputError(f"is not between 1 and {MOST_PACKS}", field="--chargers", value=asked.chargers)
 
 
 def _windows(asked: Asked, stands: Sequence[VanStand]) -> dict[str, tuple[Window, ...]]:

@@ -134,6 +134,10 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     found = Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
     if options.swap_s is None or not plan.stops:
         return found
+    if options.packs is not None:
+        waits_s = sum(stop.leave_s - options.swap_s - stop.on_pad_s for stop in plan.stops)
+        told_of_packs = f"of {options.packs} batteries, {options.chargers} charged at a time; waits for full ones come to {duration(waits_s)}"
+        return replace(found, notes=(*found.notes, told_of_packs))
     packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is out"
     return replace(found, notes=(*found.notes, packs))
 

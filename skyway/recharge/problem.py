@@ -14,6 +14,7 @@ from skyway.missions.recharge.work_hops import times_and_charges, work_hops
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
+from skyway.planner.fixed_route.battery_packs import PackPool, swap_stops
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.pad_windows import ALWAYS, NEVER
 from skyway.planner.fixed_route.sharing import on_windows
@@ -63,6 +64,10 @@ class RechargeOptions:
     """Endless jumps are followed so many times."""
     swap_s: float | None = None
     """Batteries are changed, which takes so long, instead of charged."""
+    packs: int | None = None
+    """So many batteries there are, that of the drone included; None: as many as are needed."""
+    chargers: int = 1
+    """Of packs that are out, where `packs` says how many there are."""
     single: bool = False
     """All flights in one mission, too."""
     seed: int = 0
@@ -118,7 +123,8 @@ class RechargeProblem:
 
     def stops(self, sure_ratio: float) -> ChargingPlan | None:
         """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""
-        plan = charging_stops(self.route(sure_ratio))
+        pool, route = pool_of(self.options), self.route(sure_ratio)
+        plan = charging_stops(route) if pool is None else swap_stops(route, pool)
         if plan is None:
             return None
         stops = tuple(replace(stop, pad=self.usable[stop.pad][0]) for stop in plan.stops)
@@ -184,6 +190,14 @@ def _waits(
         waits[place] = np.column_stack((STEP_S * np.arange(len(wait), dtype=np.float64), wait))
         free[place] = found[number].p_free
     return tuple(waits), tuple(free)
+
+
+def pool_of(options: RechargeOptions) -> PackPool | None:
+    """Return the packs and chargers; None where batteries are charged on the pad, or there are as many as are needed."""
+    if options.swap_s is None or options.packs is None:
+        return None
+    curve = options.conditions.drone.charging_curve().piecewise()
+    return PackPool(options.packs, options.chargers, options.swap_s, *curve)
 
 
 def sure_ratio_of(options: RechargeOptions) -> float:

@@ -68,6 +68,7 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, dr
     clock = np.full(runs, plan.depart_s)
     soc = np.full(runs, conditions.soc_start)
     kept = np.ones((len(found.told), runs), dtype=bool)
+    pool = _Pool(found, runs)
     for number in range(len(found.told)):
         begin = np.bincount(wind, clock, len(weight)) / np.maximum(np.bincount(wind, minlength=len(weight)), 1)
         begin = np.where(begin > 0.0, begin, clock.mean())
@@ -81,7 +82,7 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, dr
             first_s, last_s = _window(found, number)
             clock = np.maximum(clock, first_s)
             if options.swap_s is not None:
-                clock, soc = clock + options.swap_s, np.ones(runs)
+                clock, soc = pool.changed(clock, soc), np.ones(runs)
                 continue
             curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
             target = np.maximum(soc, stop.soc_leave)
@@ -103,6 +104,29 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, dr
         clock,
         np.asarray(kept.all(axis=0)),
     )
+
+
+class _Pool:
+    """Packs and chargers of every run, as `PackPool` has them for one."""
+
+    def __init__(self, found: Recharged, runs: int) -> None:
+        options = found.problem.options
+        self.swap_s, self.packs = options.swap_s or 0.0, options.packs
+        self.curve = options.conditions.drone.charging_curve()
+        self.full = np.full((runs, max((self.packs or 1) - 1, 0)), -math.inf)
+        self.free = np.full((runs, options.chargers), -math.inf)
+
+    def changed(self, clock: NDArray[np.float64], soc: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return when each run goes on that comes at a time with a charge."""
+        if self.packs is None:
+            return clock + self.swap_s
+        begin = np.maximum(clock + self.swap_s, self.free[:, 0])
+        full = begin + np.asarray(self.curve.duration_s(np.maximum(soc, 0.0), np.ones(len(soc))))
+        self.free[:, 0] = full
+        self.free.sort(axis=1)
+        every = np.sort(np.column_stack((self.full, full)), axis=1)
+        self.full = every[:, 1:]
+        return np.asarray(np.maximum(clock, every[:, 0]) + self.swap_s)
 
 
 def _in_each_wind(

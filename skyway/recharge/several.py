@@ -108,6 +108,8 @@ def shared_among(
 
     Without `options.reorder` each flies its parts in the order of the mission. An `InputError` says why it cannot be shared, or cut.
     """
+    if options.packs is not None:
+        raise InputError("is for one drone", field="--packs", remedy="leave it out, or --drones")
     ready = prepared(document, pads, families, options)
     alone_s: float | None = None
     refusal: InputError | None = None

@@ -133,6 +133,8 @@ def test_batteries_that_are_changed_take_the_time_that_is_told(skyway, patrol):
         before = flight["stay"]
     assert "batteries are needed" in told["notes"][-1]
     assert skyway(*typed, "-o", str(patrol / "x"), "--swap=-1").code == 2
+    for wrong in (["--packs", "2"], ["--swap", "90", "--packs", "0"], ["--swap", "90", "--chargers", "1"]):
+        assert skyway(*typed, "-o", str(patrol / "x"), *wrong).code == 2
 
 
 def test_a_mission_without_a_home_gets_one_by_word(skyway, patrol):

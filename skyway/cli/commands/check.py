@@ -221,6 +221,7 @@ def recharge(
       skyway recharge survey.plan --pads pads.csv --wind 6@250 --drone m200-v2 --autopilot px4 -o flights
       skyway recharge survey.plan --vans vans.csv -o flights
       skyway recharge survey.plan --pads pads.csv --reorder -o flights
+      skyway recharge survey.plan --pads pads.csv --swap 90 --packs 3 --chargers 1 -o flights
       skyway recharge survey.plan --pads pads.csv --drones 3 --reorder -o flights
       skyway recharge patrol.waypoints --pads newyork --depart 2013-07-10T14:00-04:00 --laps 5 -o flights
     """
@@ -257,6 +258,8 @@ def recharge(
         home_elevation_m=home_elevation,
         laps=laps,
         swap_s=swap,
+        packs=crew.packs,
+        chargers=crew.chargers,
         single=single,
         seed=seed,
         reorder=crew.reorder,

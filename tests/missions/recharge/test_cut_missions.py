@@ -29,6 +29,7 @@ from skyway.models.network.network import Station
 from skyway.recharge.cutting import recharged
 from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions
+from skyway.recharge.rehearsal import rehearsed
 
 
 def cut(mission, pads, chosen=None, families=FAMILIES):
@@ -304,3 +305,23 @@ def test_the_planner_that_lands_on_lakes_takes_no_less_time_than_we_do(shared_da
         f"ours {found.plan.end_s:.0f} s with {len(found.plan.stops)} stops, theirs {metres / speed + delay:.0f} s, {metres:.0f} m"
     )
     assert found.plan.end_s <= metres / speed + delay
+
+
+def test_few_batteries_are_waited_for_and_the_rehearsal_waits_too():
+    legs = [at(400.0 * (number % 2), 60.0 * number) for number in range(12)]
+    mission = mission_of([*legs, at(0, 0, Command.NAV_LAND, 0.0)])
+    pads = [pad("barn", -50, 0), pad("shed", 400, 300)]
+    ends = []
+    for packs, chargers in ((1, 1), (2, 1), (None, 1)):
+        chosen = options(share=0.14, swap_s=30.0, packs=packs, chargers=chargers)
+        found = cut(mission, pads, chosen)
+        sure = replace(chosen.conditions.drone, energy_belief=EXACT)
+        exact = replace(chosen, conditions=replace(chosen.conditions, drone=sure))
+        told = rehearsed(cut(mission, pads, exact), runs=4)
+        assert told.end_s == pytest.approx(cut(mission, pads, exact).plan.end_s, rel=0.02)
+        assert all(flight.soc_start == 1.0 for flight in found.told)
+        ends.append(found.plan.end_s)
+        waited = any("waits for full ones come to" in note for note in found.notes)
+        assert waited == (packs is not None and len(found.plan.stops) > 0)
+    assert len(found.plan.stops) >= 2
+    assert ends[0] > ends[1] >= ends[2] - 1e-3

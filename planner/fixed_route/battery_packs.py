@@ -1,0 +1,164 @@
+"""Where to leave a fixed route to change the battery, with few packs and few chargers: exact.
+
+What comes out of the drone goes to the charger that is free first, and is charged to the full; the drone waits on the pad for the pack that is
+full first. A label is an arrival: a place, a pad, when the drone can go on with a full pack, when each other pack is full, and when each
+charger is free. It is dropped where another one of the same place is no later in all of these: with that, all can be done that could be done with
+it, for on a pad one may wait. A way takes the same whenever it is begun between two changes of the wind, so that only the first take-off of each
+such piece is tried.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.fixed_route.charging_stops import ChargingPlan, ChargingStop, Label, StopSearch
+from skyway.planner.fixed_route.way_kernels import NOWHERE, flown
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.fixed_route.charging_stops import FixedRoute
+
+_NONE = np.empty((0, 3))
+_TIE_S = 1e-7
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PackPool:
+    """Packs and chargers that whoever changes batteries has with them, wherever that is."""
+
+    packs: int
+    """That of the drone included; all are full at the start."""
+    chargers: int
+    swap_s: float
+    """Time that a change takes; the pack that is out is charged behind it."""
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+    """Of a charger: seconds from empty and SoC."""
+
+    def refill_s(self, soc: float) -> float:
+        """Time in which a charger fills a pack."""
+        return float(self.curve_s[-1] - np.interp(max(soc, 0.0), self.curve_soc, self.curve_s))
+
+    def changed(self, here: PoolState, arrive_s: float, soc: float) -> tuple[float, PoolState]:
+        """Change the battery of a drone that comes at a time with a charge: when it can go on, and what is left behind."""
+        out_s = arrive_s + self.swap_s
+        begin_s = max(out_s, here.free[0])
+        full_s = begin_s + self.refill_s(soc)
+        free = tuple(sorted((*here.free[1:], full_s)))
+        first, *others = sorted((*here.full, full_s))
+        return max(arrive_s, first) + self.swap_s, PoolState(tuple(others), free)
+
+    @property
+    def all_full(self) -> PoolState:
+        """What there is at the start."""
+        return PoolState((-math.inf,) * (self.packs - 1), (-math.inf,) * self.chargers)
+
+
+@dataclass(frozen=True, slots=True)
+class PoolState:
+    """Instants in order."""
+
+    full: tuple[float, ...]
+    """When each pack that is in no drone is full."""
+    free: tuple[float, ...]
+    """When each charger has nothing to do any more."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Change(Label):
+    """A label with the pool behind it, and how it was come to."""
+
+    pool: PoolState
+    depart_s: float
+    arrive_s: float
+    soc_arrive: float
+    on_pad_s: float
+
+
+def swap_stops(route: FixedRoute, pool: PackPool) -> ChargingPlan | None:
+    """Return the stops with which a route ends first, every flight begun with a full pack, or None where none let it end.
+
+    The route's curves are those of a drone that is full at once, and the change is in its waits.
+    """
+    return _PackSearch(route, pool).solve()
+
+
+class _PackSearch(StopSearch):
+    def __init__(self, route: FixedRoute, pool: PackPool) -> None:
+        super().__init__(route)
+        self.pool = pool
+        self.changes: dict[tuple[int, int], list[_Change]] = {}
+
+    def solve(self) -> ChargingPlan | None:
+        route = self.route
+        start = np.array([[route.start_s, route.soc_start]])
+        begin = _Change(
+            NOWHERE, NOWHERE, start, _NONE, _NONE, None, self.pool.all_full, math.nan, math.nan, 1.0, math.nan
+        )
+        self._go_on_from(begin)
+        while self.queue:
+            bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
+            if bound >= self.best_s - _TIE_S:
+                break
+            self._queue_next(label, ways)
+            if pad == NOWHERE:
+                self._end(label, position)
+                continue
+            for reached in self._landings(label, position, pad):
+                self._go_on_from(reached)
+        return None if self.best is None else self._told(*self.best)
+
+    def _landings(self, label: Label, position: int, pad: int) -> list[_Change]:
+        """Fly to a pad in each piece of time, and change the battery there; leave out what is no better than what is known."""
+        if not isinstance(label, _Change):
+            return []
+        first, last = self.windows[pad]
+        wait = self.route.waits[pad]
+        known = self.changes.setdefault((position, pad), [])
+        found: list[_Change] = []
+        for a0, s0, t0, a1, *_ in np.asarray(
+            flown(label.g, self._pieces(label, position, pad), *self.ratios, self.route.reserve_soc)
+        ).tolist():
+            if a1 < first:
+                continue
+            arrive_s, depart_s = (a0, t0) if a0 >= first else (first, t0 + first - a0)
+            on_pad_s = arrive_s + float(np.interp(arrive_s, wait[:, 0], wait[:, 1])) - self.pool.swap_s
+            leave_s, pool = self.pool.changed(label.pool, on_pad_s, s0)
+            if leave_s > last:
+                continue
+            if any(_no_later(one, leave_s, pool) for one in known):
+                continue
+            g = np.array([[leave_s, 1.0]])
+            reached = _Change(position, pad, g, _NONE, _NONE, label, pool, depart_s, arrive_s, s0, on_pad_s)
+            known[:] = [one for one in known if not _no_later(reached, float(one.g[0, 0]), one.pool)]
+            known.append(reached)
+            found.append(reached)
+        return found
+
+    def _told(self, label: Label, depart_s: float) -> ChargingPlan:
+        stops: list[ChargingStop] = []
+        pieces = self._pieces(label, len(self.route.can_leave) - 1, NOWHERE)
+        rows = np.asarray(flown(label.g, pieces, *self.ratios, self.route.reserve_soc))
+        first = int(rows[:, 0].argmin())
+        end_s, soc_end = float(rows[first, 0]), float(rows[first, 1])
+        here: Label | None = label
+        while isinstance(here, _Change) and here.before is not None:
+            stops.append(
+                ChargingStop(here.position, here.pad, here.arrive_s, here.soc_arrive, here.on_pad_s, depart_s, 1.0)
+            )
+            depart_s, here = here.depart_s, here.before
+        return ChargingPlan(tuple(reversed(stops)), depart_s, end_s, soc_end, self.labels)
+
+
+def _no_later(one: _Change, leave_s: float, pool: PoolState) -> bool:
+    """Whether a label can do all that one with this pool can that leaves then."""
+    if float(one.g[0, 0]) > leave_s + 1e-9:
+        return False
+    pairs = zip((*one.pool.full, *one.pool.free), (*pool.full, *pool.free), strict=True)
+    return all(ours <= theirs + 1e-9 for ours, theirs in pairs)
