@@ -264,15 +264,15 @@ def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, in
     return pairs
 
 
-def _used_fields(network: Network) -> tuple[str, ...]:
+def _used_fields(stations: Sequence[Station]) -> tuple[str, ...]:
     """Columns to write."""
-    empty = [field for field in RARE_FIELDS if all(getattr(one, field) in (None, "") for one in network.stations)]
+    empty = [field for field in RARE_FIELDS if all(getattr(one, field) in (None, "") for one in stations)]
     return tuple(field for field in STATION_FIELDS if field not in empty)
 
 
 def to_geojson(network: Network) -> dict[str, Any]:
     """Return stations as points and segments as lines; a segment flown both ways is one line."""
-    used = _used_fields(network)
+    used = _used_fields(network.stations)
     items: list[dict[str, Any]] = []
     for s in network.stations:
         properties = {field: getattr(s, field) for field in used if field not in ("lat", "lon")}
@@ -314,17 +314,22 @@ def write_graphml(network: Network, path: Path, *, force: bool = False) -> None:
 
 
 def write_stations_csv(network: Network, path: Path, *, force: bool = False) -> None:
-    """Write stations as CSV with the columns of `STATION_FIELDS`; those of `RARE_FIELDS` where any station has a value."""
+    """Write stations as CSV: `stations_csv`."""
+    write_atomically(path, stations_csv(network.stations), force=force)
+
+
+def stations_csv(stations: Sequence[Station]) -> str:
+    """Return stations as CSV with the columns of `STATION_FIELDS`; those of `RARE_FIELDS` where any station has a value."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    used = _used_fields(network)
+    used = _used_fields(stations)
     writer.writerow(used)
-    for station in network.stations:
+    for station in stations:
         if station.flyover:  # made again from the zones
             continue
         values = (getattr(station, field) for field in used)
         writer.writerow("" if value is None else value for value in values)
-    write_atomically(path, stream.getvalue(), force=force)
+    return stream.getvalue()
 
 
 def write_segments_csv(network: Network, path: Path, *, force: bool = False) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def application(site: Site) -> Any:
     """Return the application; one for each process."""
     from skyway.web import documents
-    from skyway.web.pages import fly, history, missions, plan, replay
+    from skyway.web.pages import fleet, fly, history, missions, plan, recharge, replay
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -34,7 +34,7 @@ def application(site: Site) -> Any:
 
     outer = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     documents.add(outer, site)
-    for page in (plan, missions, fly, replay, history):
+    for page in (plan, missions, recharge, fly, fleet, replay, history):
         page.add(site)
     pages.config.socket_io_js_transports = ["websocket"]
     pages.config.endpoint_documentation = "none"

@@ -12,9 +12,12 @@ from fastapi.responses import JSONResponse
 from starlette.staticfiles import StaticFiles
 
 from skyway.link.supervisor.command.request_file import Request as OrderRequest
-from skyway.models.base.errors import SkywayError
+from skyway.models.base.errors import InputError, SkywayError
 from skyway.web.folder import LOGS, MISSIONS, safe_name
 from skyway.web.guard import browser
+from skyway.web.pages import fleet_answer
+from skyway.web.pages.fleet import LEDGERS
+from skyway.web.preferences import Preferences
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -86,6 +89,23 @@ def add(app: FastAPI, site: Site) -> None:
         since = request.query_params.get("since", "0")
         told = await site.fleet.positions(int(since) if since.isdecimal() and len(since) < 16 else 0)
         return Response(msgspec.json.encode(told), media_type="application/json", headers={"cache-control": "no-store"})
+
+    @app.get("/api/dispatch")
+    async def dispatched(request: Request) -> Response:
+        name, holder = (request.query_params.get(one, "")[:300] for one in ("ledger", "holder"))
+        try:
+            if not name.lower().endswith(LEDGERS):
+                raise InputError("is no ledger of the work folder", field="--ledger", value=name)
+            found = await site.workers.ask("dispatched.told", str(site.folder.existing(name)), holder)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 422)
+        vehicles = [
+            {"id": one["id"], "name": one["id"], "lat": one["lat"], "lon": one["lon"], "stale": one["state"] == "lost"}
+            for one in found["drones"]
+            if one["lat"] is not None
+        ]
+        shown = fleet_answer.parts(found, Preferences.of(request.cookies))
+        return JSONResponse({"parts": shown, "vehicles": vehicles}, headers={"cache-control": "no-store"})
 
     @app.get("/api/flight")
     async def flight(request: Request) -> Response:

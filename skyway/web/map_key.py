@@ -25,6 +25,14 @@ SIGNS = {
     "flown": ('<path class="k-flown" d="M1 8H21"/>', "flown"),
     "ahead": ('<path class="k-ahead" d="M1 8H21"/>', "planned"),
     "work": ('<path class="k-route" d="M1 8H21"/>', "way of the mission"),
+    "pad": (
+        '<circle cx="11" cy="8" r="6.5" class="k-pad"/><path class="k-on" d="M9 12V4h3a2 2 0 0 1 0 4H9"/>',
+        "pad: drag it; pads that are not used are grey",
+    ),
+    "cut": (
+        '<circle cx="11" cy="8" r="6.5" class="k-ink"/><path class="k-on" d="M9 4v8m4 0V4"/>',
+        "the work is left here, and gone on with",
+    ),
     "finding": ('<circle cx="11" cy="8" r="6.5" class="k-warn"/><path class="k-on" d="M11 4v5m0 2v1.5"/>', "finding"),
     "fence": ('<path class="k-fence" d="M2 3H20V13H2Z"/>', "fence"),
     "reach": (

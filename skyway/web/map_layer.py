@@ -9,7 +9,7 @@ from nicegui import ui
 from skyway.web.preferences import CHOICES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from skyway.web.preferences import Preferences
 
@@ -21,9 +21,9 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
     ----------
     label : str
         For those who do not see it.
-    on_choose, on_drag, on_vehicle : callable, optional
+    on_choose, on_drag, on_vehicle, on_move : callable, optional
         Called with what was chosen in the menu of a place (action, station, lat, lon); with the stations that a stop was dragged from
-        and to; with the id of a vehicle.
+        and to; with the id of a vehicle; with the id of a mark and where it was dragged to.
     """
 
     def __init__(
@@ -33,10 +33,12 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
         on_choose: Callable[[dict[str, Any]], Any] | None = None,
         on_drag: Callable[[dict[str, Any]], Any] | None = None,
         on_vehicle: Callable[[dict[str, Any]], Any] | None = None,
+        on_move: Callable[[dict[str, Any]], Any] | None = None,
     ) -> None:
         super().__init__()
         self._props["label"] = label
-        for name, handler in (("choose", on_choose), ("drag_stop", on_drag), ("vehicle", on_vehicle)):
+        given = (("choose", on_choose), ("drag_stop", on_drag), ("vehicle", on_vehicle), ("drag_mark", on_move))
+        for name, handler in given:
             if handler is not None:
                 self.on(name, lambda event, handler=handler: handler(event.args))
 
@@ -89,4 +91,23 @@ class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "s
     def in_zone(self, timezone: str) -> None:
         """Show local times of a zone."""
         self._props["zone"] = timezone
+        self.update()
+
+
+class FleetBoard(ui.element, component="static/fleet.js"):
+    """How a fleet stands, in parts that the browser fetches by itself, and its drones on the map: ``static/fleet.js``.
+
+    Parameters
+    ----------
+    parts : sequence of str
+        Their names, from the top.
+    """
+
+    def __init__(self, parts: Sequence[str]) -> None:
+        super().__init__()
+        self._props["parts"] = list(parts)
+
+    def follow(self, ledger: str, holder: str) -> None:
+        """Show another ledger."""
+        self._props.update({"ledger": ledger, "holder": holder})
         self.update()

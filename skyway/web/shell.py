@@ -16,7 +16,15 @@ if TYPE_CHECKING:
 
     from skyway.web.site import Site
 
-PAGES = (("/", "Plan"), ("/missions", "Missions"), ("/fly", "Fly"), ("/replay", "Replay"), ("/history", "History"))
+PAGES = (
+    ("/", "Plan"),
+    ("/missions", "Missions"),
+    ("/recharge", "Recharge"),
+    ("/fly", "Fly"),
+    ("/fleet", "Fleet"),
+    ("/replay", "Replay"),
+    ("/history", "History"),
+)
 """Address and name of each page."""
 
 

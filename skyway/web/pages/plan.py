@@ -20,13 +20,13 @@ from skyway.web.map_layer import MapLayer
 from skyway.web.pages import plan_answer
 from skyway.web.pages.plan_files import PlanFiles
 from skyway.web.pages.plan_form import PlanForm
+from skyway.web.undo import Undo
 from skyway.web.work.question import MOST_PLANS, ROBUST, Question
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
-MAX_UNDO = 100
 LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
 """What can be left out of the map: as it is called, and its name there."""
 PLACE_ACTIONS = (
@@ -51,8 +51,7 @@ class PlanPage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site, self.client, self.wanted = site, client, wanted
         self.question = _question_of(dict(client.request.query_params))
-        self.undone: list[Question] = []
-        self.before: list[Question] = []
+        self.undos: Undo[Question] = Undo(self._turn_to)
         self.region: dict[str, Any] | None = None
         self.answer: dict[str, Any] | None = None
         self.more: dict[str, Any] | None = None
@@ -70,8 +69,7 @@ class PlanPage:
                 self.form = PlanForm(self.question, self.changed)
                 self.kept = ui.element("div").classes("chips")
                 with ui.element("div").classes("line"):
-                    self.undo_button = Button("Undo", self.undo, data_keys="ctrl+z", title="Ctrl+Z")
-                    self.redo_button = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
+                    self.undos.lay_out()
                     Button("Clear", lambda: self.ask(Question()), title="Begin again")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
@@ -142,21 +140,8 @@ class PlanPage:
     def ask(self, question: Question) -> None:
         """Ask something else; what was asked before can be had again."""
         if question != self.question:
-            self.before = [*self.before[-MAX_UNDO:], self.question]
-            self.undone = []
+            self.undos.leave(self.question)
             self._turn_to(question)
-
-    def undo(self) -> None:
-        """Ask again what was asked before."""
-        if self.before:
-            self.undone.append(self.question)
-            self._turn_to(self.before.pop())
-
-    def redo(self) -> None:
-        """Take an undo back."""
-        if self.undone:
-            self.before.append(self.question)
-            self._turn_to(self.undone.pop())
 
     def _turn_to(self, question: Question) -> None:
         self.question = question
@@ -198,8 +183,7 @@ class PlanPage:
         with self.client:
             self._show_ends()
             self._show_kept()
-            self.undo_button.enable(bool(self.before))
-            self.redo_button.enable(bool(self.undone))
+            self.undos.show(self.question)
             self.weather = asyncio.create_task(self._weather())
             self.first.style(f"display: {'none' if self.question.complete else 'block'}")
             if not self.question.complete:

@@ -1,4 +1,4 @@
-"""What the plan page asks, in the words of ``skyway plan``, and the command that asks the same."""
+"""What the pages plan and recharge ask, in the words of the commands, and the command that asks the same."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from skyway.planning import Conditions, Delivery, Pads
 from skyway.web.work.weather_and_zones import given
 
 ROBUST = "robust"
+OF_SCENARIO = "scenario"
+"""Pads of the scenario that the page was started with."""
 MOST_PLANS = 4
 """Plans beside each other."""
 
@@ -104,6 +106,54 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             words += ["--alternatives", str(self.alternatives)] if self.alternatives > 1 else []
             words += ["--explain"]
         return shlex.join(words)
+
+
+class Put(msgspec.Struct, frozen=True):
+    """A pad where a person has put it."""
+
+    id: str
+    lat: float
+    lon: float
+
+
+class Cut(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission to be cut; every value as it is typed, files by their paths."""
+
+    mission: str = ""
+    pads: str = ""
+    """A file of stations, or `OF_SCENARIO`."""
+    vans: str = ""
+    put: tuple[Put, ...] = ()
+    """Pads of the file that were moved, and new ones."""
+    drone: str = ""
+    autopilot: str = ""
+    wind: str = ""
+    depart: str = ""
+    payload: str = "0"
+    soc: str = "100"
+    reserve: str = "20"
+    swap: str = ""
+    laps: str = "1"
+    home: str = ""
+    home_elevation: str = ""
+    level_ground: bool = False
+    reorder: bool = False
+
+    def command(self, scenario: str | None, pads: str, folder: str) -> str:
+        """Return the command that does the same; `pads` is the file that the pads are saved in."""
+        words = ["skyway", "recharge", self.mission]
+        named = {
+            "--pads": (scenario or "newyork") if pads == OF_SCENARIO else pads, "--vans": self.vans, "--drone": self.drone,
+            "--autopilot": self.autopilot, "--wind": self.wind, "--depart": self.depart, "--swap": self.swap, "--home": self.home,
+            "--home-elevation": self.home_elevation,
+        }  # fmt: skip
+        for option, value in named.items():
+            words += [option, value.strip()] if value.strip() else []
+        for name, usual in (("payload", "0"), ("soc", "100"), ("reserve", "20"), ("laps", "1")):
+            value = str(getattr(self, name)).strip().replace(",", ".")
+            words += [f"--{name}", value] if value != usual else []
+        words += ["--level-ground"] * self.level_ground + ["--reorder"] * self.reorder
+        return shlex.join([*words, "-o", folder])
 
 
 def number(text: str, option: str) -> float:

@@ -366,11 +366,19 @@ function vehicles(c, view, found, colours, taken) {
 function marks(c, view, found, colours) {
   c.font = "700 12px system-ui, sans-serif";
   c.textAlign = "center";
-  for (const { place, label: words, colour } of found) {
+  for (const { place, label: words, colour, name } of found) {
     const [x, y] = view.toScreen(...place);
     disc(c, x, y, 9, colours[colour] || colours.ink, colours.halo);
     c.fillStyle = colours.paper;
     c.fillText(words, x, y + 4);
+    if (!name) continue;
+    c.textAlign = "start";
+    c.strokeStyle = colours.halo;
+    c.lineWidth = 3;
+    c.strokeText(name, x + 13, y + 4);
+    c.fillStyle = colours.ink;
+    c.fillText(name, x + 13, y + 4);
+    c.textAlign = "center";
   }
   c.textAlign = "start";
 }
@@ -402,8 +410,8 @@ function region_(state) {
 }
 
 function ghost(c, view, state, dragged, colours) {
-  const from = state.region.stations[dragged.station];
-  path(c, view, [[from.lat, from.lon], view.toWorld(dragged.x, dragged.y)], colours.route, 2, [4, 4]);
+  const from = state.region?.stations[dragged.station];
+  path(c, view, [dragged.place || [from.lat, from.lon], view.toWorld(dragged.x, dragged.y)], colours.route, 2, [4, 4]);
   disc(c, dragged.x, dragged.y, 8, colours.paper, colours.route);
 }
 

@@ -132,13 +132,25 @@ export class SkywayMap {
     return this.state.plans[this.state.chosen]?.stops || [];
   }
 
+  // A mark with an id is moved by dragging it, where the page takes that.
+  markAt(x, y) {
+    if (!this.state.movable) return null;
+    return (this.state.marks || []).findLast(({ id, place }) => {
+      const [mx, my] = this.view.toScreen(...place);
+      return id && Math.hypot(mx - x, my - y) < NEAR;
+    });
+  }
+
   press(e) {
     this.canvas.setPointerCapture(e.pointerId);
     this.pointers.set(e.pointerId, { x: this.x(e), y: this.y(e), fromX: this.x(e), fromY: this.y(e) });
     this.menu.close();
     const station = this.stationAt(this.x(e), this.y(e));
     const id = station < 0 ? null : this.state.region.stations[station].id;
-    this.dragged = this.pointers.size === 1 && id && this.stops().includes(id) ? { from: id, station } : null;
+    const mark = this.markAt(this.x(e), this.y(e));
+    this.dragged = null;
+    if (this.pointers.size === 1 && mark) this.dragged = { mark: mark.id, place: mark.place };
+    else if (this.pointers.size === 1 && id && this.stops().includes(id)) this.dragged = { from: id, station };
   }
 
   move(e) {
@@ -171,7 +183,10 @@ export class SkywayMap {
     const { dragged } = this;
     this.dragged = null;
     this.changed();
-    if (dragged && far >= DRAGGED) {
+    if (dragged?.mark && far >= DRAGGED) {
+      const [lat, lon] = this.view.toWorld(this.x(e), this.y(e));
+      this.emit("drag_mark", { id: dragged.mark, lat, lon });
+    } else if (dragged && far >= DRAGGED) {
       if (station >= 0 && station !== dragged.station) {
         this.emit("drag_stop", { from: dragged.from, to: this.state.region.stations[station].id });
       }
@@ -187,9 +202,10 @@ export class SkywayMap {
     this.selected = station;
     const [lat, lon] = this.view.toWorld(x, y);
     const place = station < 0 ? null : this.state.region.stations[station];
+    const mark = this.markAt(x, y);
     const segment = place ? null : this.segmentAt(x, y);
-    const target = { station: place?.id || null, segment, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
-    if (this.state.actions) this.menu.open(x, y, place?.name || segment, this.actionsFor(place, segment), target);
+    const target = { station: place?.id || null, segment, mark: mark?.id || null, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
+    if (this.state.actions) this.menu.open(x, y, mark?.id || place?.name || segment, this.actionsFor(place, segment, mark), target);
     else this.emit("choose", { action: "pick", ...target });
     return this.changed();
   }
@@ -209,8 +225,9 @@ export class SkywayMap {
     return null;
   }
 
-  actionsFor(place, segment) {
+  actionsFor(place, segment, mark) {
     return this.state.actions.filter((one) => {
+      if (one.mark) return Boolean(mark);
       if (one.segment) return Boolean(segment);
       if (!place) return !one.station;
       if (one.listed) return (this.state[one.listed] || []).includes(place.id);

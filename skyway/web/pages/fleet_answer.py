@@ -1,0 +1,161 @@
+"""How a fleet stands, as HTML: alarms, what drones and pads do when, orders, drones, and what was changed and why; every text is escaped."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.formatting import clock, date_clock, percent
+from skyway.models.base.units import from_posix, parse_instant
+from skyway.report.svg import safe
+from skyway.web.drawn import LEFT, PATTERNS, WIDTH, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import tzinfo
+
+    from skyway.web.preferences import Preferences
+
+PARTS = ("head", "alarms", "drones-when", "pads-when", "orders", "drones", "changes")
+"""Of the page, from the top."""
+ROW = 18.0
+"""Height of a row of a chart."""
+LONGEST_S = 24 * 3600.0
+"""That a chart shows, from now on."""
+BEFORE_S = 1800.0
+"""Shown of what was before."""
+LEGEND = (
+    '<ul class="legend"><li><i class="fly"></i>fly</li><li><i class="charge"></i>pad (thin: when nine of ten come and leave)</li>'
+    '<li><i class="hold"></i>out of order</li><li>upright line: now</li></ul>'
+)
+
+
+def parts(found: dict[str, Any], wanted: Preferences) -> dict[str, str]:
+    """Return the parts of the page by their names."""
+    zone = wanted.zone(found["timezone"])
+    return {
+        "head": _head(found, zone),
+        "alarms": _alarms(found),
+        "drones-when": _chart("Drones", found["doing"], found, zone),
+        "pads-when": _chart("Pads", found["booked"], found, zone),
+        "orders": _orders(found, zone),
+        "drones": _drones(found),
+        "changes": _changes(found, zone),
+    }
+
+
+def _head(found: dict[str, Any], zone: tzinfo) -> str:
+    counts: dict[str, int] = {}
+    for one in found["orders"]:
+        counts[one["state"]] = counts.get(one["state"], 0) + 1
+    done = [one for one in found["orders"] if one["delivered"] is not None]
+    late = sum(parse_instant(one["delivered"]) > parse_instant(one["due"]) for one in done)
+    cells = [
+        ("orders", str(len(found["orders"])), ", ".join(f"{count} {state}" for state, count in sorted(counts.items()))),
+        ("delivered", str(len(done)), f"{late} after the time that they were due" if done else ""),
+        ("flights under way", str(len(found["flights"])), f"of {len(found['drones'])} drones"),
+        ("pads booked", str(len(found["pads"])), "windows"),
+        ("promises changed", str(len(found["changes"])), ""),
+    ]
+    figures = "".join(
+        f"<div><dt>{name}</dt><dd>{value}<span class='small'>{safe(small)}</span></dd></div>"
+        for name, value, small in cells
+    )
+    at = date_clock(from_posix(found["now_s"]), zone, named=True)
+    return f"<p class='big'>{safe(found['dispatcher'])}, {safe(found['state'])}, {safe(at)}</p><dl class='figures'>{figures}</dl>"
+
+
+def _alarms(found: dict[str, Any]) -> str:
+    lines = "".join(f"<p>! {safe(one)}</p>" for one in found["alarms"])
+    return f"<div class='alarms'>{lines}</div>" if lines else "<p class='good'>Nothing needs a person.</p>"
+
+
+def _chart(title: str, rows: Sequence[dict[str, Any]], found: dict[str, Any], zone: tzinfo) -> str:
+    """Return rows of bars on one axis of time, with a line at now."""
+    now_s = float(found["now_s"])
+    all_bars = [bar for row in rows for bar in row["bars"] if bar["end_s"] > now_s - BEFORE_S]
+    if not all_bars:
+        return f"<h2>{title}</h2><p class='faint'>Nothing is planned.</p>"
+    begin_s = max(min(now_s, *(bar["begin_s"] for bar in all_bars)), now_s - BEFORE_S)
+    end_s = min(max(now_s, *(bar["end_s"] for bar in all_bars)), now_s + LONGEST_S)
+    frame = Frame(begin_s, end_s, zone)
+    bottom = 6.0 + ROW * len(rows)
+    drawn = [PATTERNS, frame.ticks(4.0, bottom)]
+    for number, row in enumerate(rows):
+        y = 6.0 + ROW * number
+        name = row["name"] if len(row["name"]) <= 11 else f"{row['name'][:10]}…"
+        drawn.append(
+            f'<text class="tick" x="{LEFT - 6:g}" y="{y + 12:g}" text-anchor="end"><title>{safe(row["name"])}</title>{"! " if row["wrong"] else ""}{safe(name)}</text>'
+        )
+        drawn += [_bar(bar, y, frame, zone) for bar in row["bars"] if bar["end_s"] > begin_s and bar["begin_s"] < end_s]
+    x = frame.x(now_s)
+    drawn.append(f'<path class="mark" d="M{x:.1f} 0V{bottom:g}"/>')
+    said = f"{title}: {len(all_bars)} bars of {len(rows)} rows; the same stands in the tables"
+    more = f"<p class='faint'>The first {len(rows)} are drawn.</p>" if len(rows) >= 200 else ""
+    svg = f'<svg class="chart" viewBox="0 0 {WIDTH:g} {bottom + 18:g}" role="img" aria-label="{safe(said)}">{"".join(drawn)}</svg>'
+    return f"<h2>{title}</h2>{LEGEND if title == 'Drones' else ''}{svg}{more}"
+
+
+def _bar(bar: dict[str, Any], y: float, frame: Frame, zone: tzinfo) -> str:
+    x, right = frame.x(bar["begin_s"]), frame.x(bar["end_s"])
+    begin = from_posix(bar["begin_s"])
+    times = f"{clock(begin, zone, begin)} to {clock(from_posix(bar['end_s']), zone, begin)}"
+    shape = f'x="{x:.1f}" y="{y:g}" width="{max(right - x, 1.5):.1f}" height="{ROW - 5:g}"'
+    pattern = "" if bar["kind"] == "fly" else f'<rect {shape} fill="url(#p-{bar["kind"]})"/>'
+    spread = ""
+    if bar.get("from_s", bar["begin_s"]) < bar["begin_s"] or bar.get("until_s", bar["end_s"]) > bar["end_s"]:
+        middle = y + (ROW - 5) / 2
+        spread = f'<path class="typical" d="M{frame.x(bar["from_s"]):.1f} {middle:g}H{frame.x(bar["until_s"]):.1f}"/>'
+    return (
+        f'<g><title>{safe(bar["words"])}, {times}</title>{spread}<rect class="bar {bar["kind"]}" {shape}/>{pattern}</g>'
+    )
+
+
+def _table(title: str, names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return ""
+    head = "".join(f"<th>{name}</th>" for name in names)
+    body = "".join(f"<tr>{''.join(f'<td>{safe(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return (
+        f"<h2>{title}</h2><div class='scroll'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def _when(told: str | None, found: dict[str, Any], zone: tzinfo) -> str:
+    return "" if told is None else clock(parse_instant(told), zone, from_posix(found["now_s"]))
+
+
+def _orders(found: dict[str, Any], zone: tzinfo) -> str:
+    rows = []
+    for one in found["orders"]:
+        first = (
+            ""
+            if one["first_promised"] in (None, one["promised"])
+            else f" (first {_when(one['first_promised'], found, zone)})"
+        )
+        rows.append((
+            one["id"], one["state"], f"{one['from']} > {one['to']}", _when(one["due"], found, zone), f"{_when(one['promised'], found, zone)}{first}",
+            _when(one["delivered"], found, zone), one["drone"] or "", one["reason"],
+        ))  # fmt: skip
+    return _table("Orders", ("order", "state", "from, to", "due", "promised", "delivered", "drone", "reason"), rows)
+
+
+def _drones(found: dict[str, Any]) -> str:
+    flights = {one["id"]: one for one in found["flights"]}
+    rows = []
+    for one in found["drones"]:
+        flight = flights.get(one["flight"])
+        doing = "" if flight is None else f"{flight['phase']} {flight['order'] or ''}: {flight['doing'] or 'begins'}"
+        rows.append((
+            one["id"], one["type"], one["state"], one["place"], percent(one["charge_percent"] / 100.0), doing, ", ".join(one["next"]), one["reason"],
+        ))  # fmt: skip
+    return _table("Drones", ("drone", "type", "state", "place", "charge", "does", "then", "reason"), rows)
+
+
+def _changes(found: dict[str, Any], zone: tzinfo) -> str:
+    rows = [
+        (
+            _when(one["time"], found, zone), one["order"], _when(one["before"], found, zone), _when(one["after"], found, zone) or "none", one["why"],
+        )
+        for one in reversed(found["changes"])
+    ]  # fmt: skip
+    return _table("Promises that were changed, and why", ("at", "order", "promised before", "then", "why"), rows)

@@ -1,0 +1,58 @@
+"""Taking back what was asked, and asking it again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from skyway.web.controls import Button
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MOST = 100
+"""Steps that can be taken back."""
+Asked = TypeVar("Asked")
+
+
+class Undo(Generic[Asked]):
+    """What was asked before, and what was taken back; with a button for each way, and the usual keys.
+
+    Parameters
+    ----------
+    turn_to : callable
+        Asks what is handed to it.
+    """
+
+    def __init__(self, turn_to: Callable[[Asked], object]) -> None:
+        self._turn_to = turn_to
+        self._now: Asked | None = None
+        self._before: list[Asked] = []
+        self._undone: list[Asked] = []
+
+    def lay_out(self) -> None:
+        """Lay out the buttons."""
+        self._back = Button("Undo", self.undo, data_keys="ctrl+z", title="Ctrl+Z")
+        self._again = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
+
+    def show(self, now: Asked) -> None:
+        """Show what can be taken back from what is asked now."""
+        self._now = now
+        self._back.enable(bool(self._before))
+        self._again.enable(bool(self._undone))
+
+    def leave(self, now: Asked) -> None:
+        """Keep what is asked no longer, for something else was asked."""
+        self._before = [*self._before[-MOST:], now]
+        self._undone = []
+
+    def undo(self) -> None:
+        """Ask again what was asked before."""
+        if self._before and self._now is not None:
+            self._undone.append(self._now)
+            self._turn_to(self._before.pop())
+
+    def redo(self) -> None:
+        """Take an undo back."""
+        if self._undone and self._now is not None:
+            self._before.append(self._now)
+            self._turn_to(self._undone.pop())

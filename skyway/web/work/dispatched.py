@@ -1,0 +1,107 @@
+"""A fleet as the fleet page shows it: what `skyway dispatch status` reads of a ledger, and what each drone and each pad does when."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from skyway.dispatch.status import Status, document_of, status_of
+from skyway.models.base.formatting import duration
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from skyway.dispatch.records import PlanStep
+
+MOST_ROWS = 200
+"""Drones and pads that are drawn; all are in the tables."""
+LATE_S = 60.0
+"""A flight that is later behind its plan is an alarm."""
+SHOWN = 1.645
+"""Nine of ten drones come and leave within so many standard deviations."""
+
+
+def told(ledger: str, holder: str) -> dict[str, Any]:
+    """Return how a fleet stands; an `InputError` says that the file is no ledger, or that no service is on it."""
+    with open_ledger(ledger) as book:
+        status = status_of(Desk(book, holder))
+    return document_of(status) | {
+        "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": _alarms(status), "doing": _doing(status),
+        "booked": _booked(status), "whole": len(status.drones),
+    }  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def _timezone(scenario: str | None) -> str:
+    from pathlib import Path
+
+    return load_scenario(None if scenario is None else Path(scenario)).timezone
+
+
+def _alarms(status: Status) -> list[str]:
+    """What needs a person, the worst first."""
+    running = status.state != "ended"
+    found = ["no dispatcher runs: start it again with the same ledger"] if running and not status.led else []
+    found += [
+        f"{name} is lost, a person must look at it: {one.reason}"
+        for name, (state, one) in status.drones.items()
+        if state == "lost"
+    ]
+    found += [
+        f"{name} is for a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
+    ]  # fmt: skip
+    found += [f"{name} does not run" for name, alive in status.workers.items() if running and not alive]
+    for _, pad in status.pads.values():
+        why = f": {pad.reason}" if pad.reason else ""
+        found.append(f"pad {pad.pad} of {pad.station} is out of order{why}")
+    late = sorted((one.late_s, one.drone) for _, one in status.flights.values())
+    found += [f"{drone} is {duration(late_s)} behind its plan" for late_s, drone in reversed(late) if late_s >= LATE_S]
+    return found
+
+
+def _bars(steps: tuple[PlanStep, ...], what: str, state: str) -> list[dict[str, Any]]:
+    return [
+        {
+            "kind": "charge" if one.kind == "charge" else "fly", "begin_s": one.begin_s, "end_s": one.end_s, "state": state,
+            "words": f"{what}: {one.origin} to {one.destination}" if one.origin != one.destination else f"{what}: at {one.origin}",
+        }
+        for one in steps
+    ]  # fmt: skip
+
+
+def _doing(status: Status) -> list[dict[str, Any]]:
+    """What each drone does when: the flight under way, and what is planned after it."""
+    rows = []
+    for name, (state, drone) in list(status.drones.items())[:MOST_ROWS]:
+        flight = status.flights.get(drone.flight or "")
+        bars = [] if flight is None else _bars(flight[1].steps, flight[1].order or flight[1].phase, "now")
+        for part in drone.route:
+            bars += _bars(part.steps, part.order or part.phase, "planned")
+        rows.append({"name": name, "bars": bars, "wrong": state == "lost"})
+    return rows
+
+
+def _booked(status: Status) -> list[dict[str, Any]]:
+    """From when until when each pad is held, and by whom; with the time in which nine of ten drones come and leave."""
+    rows: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    for hold in status.holds:
+        one = hold.window
+        begin_s, end_s = one.start.timestamp(), one.end.timestamp()
+        rows.setdefault((one.station, one.pad), []).append({
+            "kind": "charge", "begin_s": begin_s, "end_s": end_s, "words": f"{hold.itinerary}, {hold.state}", "state": hold.state,
+            "from_s": begin_s - SHOWN * one.start_sd_s, "until_s": end_s + SHOWN * one.end_sd_s,
+        })  # fmt: skip
+    for _, pad in status.pads.values():
+        out = {
+            "kind": "hold",
+            "begin_s": pad.from_s,
+            "end_s": pad.until_s,
+            "words": f"out of order {pad.reason}".strip(),
+            "state": "out of order",
+        }
+        rows.setdefault((pad.station, pad.pad), []).append(out)
+    return [
+        {"name": f"{station} {number}", "bars": bars, "wrong": any(one["kind"] == "hold" for one in bars)}
+        for (station, number), bars in sorted(rows.items())[:MOST_ROWS]
+    ]

@@ -1,0 +1,139 @@
+"""The fleet page: what needs a person first, what drones and pads do when, and texts of others as texts."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from skyway.dispatch.records import (
+    ChangeRecord,
+    DroneRecord,
+    FlightRecord,
+    OrderRecord,
+    PadRecord,
+    PlannedPart,
+    PlanStep,
+    Progress,
+    Promise,
+    ServiceRecord,
+    written,
+)
+from skyway.models.base.errors import InputError
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.order import Order, Vehicle
+from skyway.web.pages.fleet_answer import parts
+from skyway.web.preferences import Preferences
+from skyway.web.work.dispatched import told
+from tests.web.browsing import chromium, person
+
+START = datetime(2013, 7, 10, 18, tzinfo=UTC)
+BEGIN_S = START.timestamp()
+SCRIPT = "<img src=x onerror=alert(1)>"
+
+
+def step(kind, begin_min, end_min, origin="bellevue", destination="jacobi"):
+    begin, end = (BEGIN_S + 60.0 * one for one in (begin_min, end_min))
+    return PlanStep(
+        kind=kind, origin=origin, destination=destination, begin_s=begin, end_s=end, soc_begin=0.9, soc_end=0.5
+    )
+
+
+@pytest.fixture
+def ledger(tmp_path):
+    """A fleet of two: one flies and is late, one is lost; a pad is out of order, and a promise was changed."""
+    name = tmp_path / "ledger.db"
+    with open_ledger(str(name)) as book:
+        desk = Desk(book, "dispatch")
+        desk.put_down(
+            "service",
+            "service",
+            "running",
+            written(ServiceRecord(begin_s=BEGIN_S, folder=str(tmp_path), ledger=str(name))),
+        )
+        order = Order(
+            id="o1", origin="bellevue", destination="jacobi", mass_kg=0.3, ready=START, due=START + timedelta(hours=2)
+        )
+        first, then = (Promise(drone="d1", fetched_s=BEGIN_S, delivered_s=BEGIN_S + 60.0 * one) for one in (40, 55))
+        record = OrderRecord(order=order, place="bellevue", drone="d1", promise=then, first=first, changes=1)
+        desk.put_down("order", "o1", "under way", written(record))
+        lost = OrderRecord(order=order, place="nowhere", reason=f"its drone {SCRIPT}")
+        desk.put_down("order", "o2", "handed to a person", written(lost))
+        flown = FlightRecord(
+            drone="d1", type="m200", system=1, order="o1", phase="deliver", mass_kg=0.3, composition={}, steps=(step("fly", 0, 20),), not_before_s=BEGIN_S,
+            journal="a.jsonl", progress=Progress(at_s=BEGIN_S + 600.0, state="flying", soc=0.7, late_s=300.0, lat=40.8, lon=-73.9),
+        )  # fmt: skip
+        desk.put_down("flight", "f1", "flying", written(flown))
+        vehicle = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue", soc=1.0)
+        route = (
+            PlannedPart(
+                order=None,
+                phase="home",
+                steps=(step("charge", 20, 40, "jacobi"), step("fly", 40, 60, "jacobi", "bellevue")),
+            ),
+        )
+        desk.put_down(
+            "drone",
+            "d1",
+            "flying",
+            written(DroneRecord(vehicle=vehicle, system=1, place="bellevue", soc=0.9, flight="f1", route=route)),
+        )
+        desk.put_down(
+            "drone",
+            "d2",
+            "lost",
+            written(DroneRecord(vehicle=vehicle, system=2, place="jacobi", soc=0.2, reason="silent")),
+        )
+        out = PadRecord(station="jacobi", pad=1, from_s=BEGIN_S, until_s=BEGIN_S + 7200.0, reason=SCRIPT)
+        desk.put_down("pad", "jacobi 1", "out", written(out))
+        change = ChangeRecord(
+            order="o1", before=first, after=then, at_s=BEGIN_S + 500.0, why="the pad at jacobi is out of order"
+        )
+        desk.put_down("change", "c1", "told", written(change))
+    return name
+
+
+def test_what_needs_a_person_comes_first_and_bars_are_those_of_the_ledger(ledger):
+    found = told(str(ledger), "dispatch")
+    alarms = found["alarms"]
+    assert alarms[0].startswith("no dispatcher runs")
+    assert alarms[1].startswith("d2 is lost")
+    assert alarms[2].startswith("o2 is for a person")
+    assert "pad 1 of jacobi" in alarms[-2]
+    assert alarms[-1] == "d1 is 5 min behind its plan"
+    bars = {row["name"]: [(bar["kind"], bar["state"]) for bar in row["bars"]] for row in found["doing"]}
+    assert bars == {"d1": [("fly", "now"), ("charge", "planned"), ("fly", "planned")], "d2": []}
+    assert [row["name"] for row in found["booked"]] == ["jacobi 1"]
+    with pytest.raises(InputError, match="no service of this name"):
+        told(str(ledger), "another")
+
+
+def test_the_parts_tell_times_in_the_zone_that_is_preferred_and_no_text_is_a_script(ledger):
+    found = told(str(ledger), "dispatch")
+    local, utc = parts(found, Preferences()), parts(found, Preferences(time="utc"))
+    assert "18:55" in utc["orders"]
+    assert "(first 18:40)" in utc["orders"]
+    assert "14:55" in local["orders"]
+    assert "out of order" in utc["changes"]
+    assert "<svg" in utc["drones-when"]
+    assert "<svg" in utc["pads-when"]
+    assert not any("<img" in words for words in utc.values())
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_fleet_and_reads_no_file_outside_of_its_folder(ledger, tmp_path):
+    from tests.web.conftest import ended, served
+
+    page = served(tmp_path)
+    try:
+        for name in ("../ledger.db", "/etc/passwd", "a.txt", str(ledger)):
+            assert page.ask(f"/api/dispatch?ledger={name}&holder=dispatch")[0] == 422
+        with chromium() as browser, person(browser, page.address, "/fleet") as tab:
+            tab.get_by_text("d2 is lost").wait_for()
+            assert tab.get_by_text("d1 is 5 min behind its plan").count() == 1
+            assert tab.locator(".fleet img").count() == 0
+            tab.wait_for_function("window.skywayMap.state.vehicles.length === 1")
+            assert "--ledger ledger.db" in tab.inner_text("#fleet-command")
+    finally:
+        ended(page)
