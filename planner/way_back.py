@@ -81,9 +81,7 @@ def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
     stations = problem.network.stations
     back = undelivered = None
     node, carried = return_node(problem), undelivered_node(problem)
-    stays = (
-        node == problem.destination or (node is None and problem.has_pads(problem.destination)) or not request.escape
-    )
+    stays = node == problem.destination or (node is None and not problem.needs_escape) or not request.escape
     if not stays:
         ends = [stations[node].id] if node is not None else _nearest_pads(result)
         back = _first(result, compose, ends, 0.0)
@@ -93,6 +91,7 @@ def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
         asked=request.return_to,
         station=c.destination if back is None else back.destination,
         dwell_s=request.dwell_s,
+        release=request.release,
         plan=back,
         undelivered_to=None if carried is None else stations[carried].id,
         undelivered=undelivered,
@@ -120,11 +119,11 @@ def _first(result: PlanResult, compose: Compose, ends: list[str], payload_kg: fl
 def _request_on(result: PlanResult, end: str, payload_kg: float) -> Request:
     """Ask for the way on from where and when the delivery ends."""
     problem, c = result.problem, result.composition
-    off, soc = c.arrive + timedelta(seconds=problem.request.dwell_s), c.services[-1].soc_arrive
+    off, soc = c.arrive + timedelta(seconds=problem.request.dwell_s), c.services[-1].soc_arrive - problem.hover_soc
     state = State(off, c.destination, None, min(soc + _ROUNDING_SOC, 1.0), visited=problem.request.state.visited)
     return replace(
         problem.request, state=state, destination=end, payload_kg=payload_kg, drone=c.drone, stop_at=(), return_to=NO_RETURN,
-        dwell_s=0.0, undelivered_to=None, not_back_by=(), escape=False, objective=Objective(), not_before=None,
+        dwell_s=0.0, undelivered_to=None, release="gripper", not_back_by=(), escape=False, objective=Objective(), not_before=None,
     )  # fmt: skip
 
 

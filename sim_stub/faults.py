@@ -46,6 +46,10 @@ KINDS = {
     "pilot": Kind("a pilot switches the mode to VALUE (position)", word="position"),
     "gripper-stuck": Kind("the gripper says that it opens, and VALUE (1) of the package stays aboard", (1.0, 0.0, 1.0)),
     "gripper-silent": Kind("the gripper does not move, and its command fails"),
+    "winch-jammed": Kind("the winch stops with VALUE m (3) of line out", (3.0, 0.0, 100.0)),
+    "place-blind": Kind(
+        "a payload place feels no ground, and gives up VALUE m (5) below where it began", (5.0, 0.1, 100.0)
+    ),
     "package-lost": Kind("VALUE (1) of the package falls off at once", (1.0, 0.0, 1.0)),
     "aircraft": Kind(
         "an aircraft circles the drone at VALUE m (500), 100 m above, for 60 s unless a duration is given",

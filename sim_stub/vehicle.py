@@ -16,6 +16,7 @@ from skyway.sim_stub.plant.battery import Battery
 from skyway.sim_stub.plant.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
 from skyway.sim_stub.plant.positioning import Positioning
 from skyway.sim_stub.plant.power import PowerModel
+from skyway.sim_stub.plant.winch import Winch
 from skyway.sim_stub.plant.wind_truth import Gusts
 from skyway.sim_stub.protocols.commands import CommandServer
 from skyway.sim_stub.protocols.parameters import ParameterServer
@@ -63,6 +64,7 @@ class Vehicle:
         self._mishap_rad = generator.uniform(0.0, 2.0 * math.pi)
         self.body = Body(self.airframe, config.lat, config.lon, config.ground_m, config.payload_kg)
         self.battery = Battery.of(self.airframe.drone, config.soc)
+        self.winch = Winch()
         self.faults = FaultState.of(world.faults, config.system)
         self.sim_s, self.wall_s = world.sim_s, world.wall_s
         self.stepped_s = self.tended_s = self.sim_s
@@ -215,6 +217,7 @@ class Vehicle:
         else:
             watts = _AVIONICS_W
         self._draw(watts, self.step_s)
+        self.winch.advance(self, self.step_s)
         self.stepped_s = self.tended_s = now
         self.autopilot.after_step()
         if self.flight_log is not None:

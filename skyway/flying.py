@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.entries import Tracked
     from skyway.link.supervisor.journal.file import Record
     from skyway.models.composition.composition import Composition
+    from skyway.models.composition.release import Release
     from skyway.models.flight.way_heights import Over
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.request import Request
@@ -158,8 +159,22 @@ def request_of(composition: Composition, scenario: Scenario) -> Request:
         return_to=NEAREST_PAD if way is None or way.plan is None else way.station,
         dwell_s=0.0 if way is None else way.dwell_s,
         undelivered_to=None if way is None else way.undelivered_to,
+        release="gripper" if way is None else way.release,
         not_before=composition.not_before,
     )
+
+
+def release_of(composition: Composition, given: Release | None) -> Release:
+    """Return how the package is released: as given, else as planned; in the air where it was planned so, and nowhere else."""
+    from skyway.models.composition.release import hovers
+
+    planned: Release = "gripper" if composition.way_back is None else composition.way_back.release
+    if given is None or given == planned:
+        return planned
+    if hovers(given) or hovers(planned):
+        remedy = f"leave it out, or plan with --release {given}: the charge for a hover and the flight on is kept by the plan"
+        raise InputError(f"the plan was made for --release {planned}", field="--release", value=given, remedy=remedy)
+    return given
 
 
 def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, float]:

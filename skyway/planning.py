@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 from skyway import typed_values
 from skyway.models.base.errors import InputError
+from skyway.models.composition.release import Release  # noqa: TC001  options read these annotations at run time
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, ROBUST
 from skyway.scenarios import load_scenario, with_terrain
 
@@ -44,6 +45,7 @@ class Delivery:
     return_to: str = "nearest-pad"
     dwell: str | None = None
     if_undelivered: str | None = None
+    release: Release = "gripper"
 
     def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
         """Return what is asked, and the scenario: targets given as lat,lon join its network."""
@@ -73,6 +75,7 @@ class Delivery:
                 undelivered_to=None
                 if self.if_undelivered is None
                 else _goal(scenario, self.if_undelivered, (BACK,), "--if-undelivered"),
+                release=self.release,
             )
 
 

@@ -50,6 +50,7 @@ TYPED = {
     "return_to": "--return",
     "dwell_s": "--dwell",
     "undelivered_to": "--if-undelivered",
+    "release": "--release",
     "not_before": "--not-before",
 }
 """Option behind each field that a fault may name."""

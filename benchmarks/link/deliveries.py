@@ -17,6 +17,7 @@ from skyway.link.supervisor.operators import Said
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
+from skyway.missions.builder.mission_options import MissionOptions
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.estimation.field import WindObservation
@@ -209,6 +210,7 @@ class Stage:
             forecast=self.forecast,
             observed=self.reports if self.story.reports else nobody_observes,
             drag=drag_of(newyork().drone(self.story.drone), self.story.payload_kg),
+            options=MissionOptions(release=self.request.release),
             replanning=self.story.supervised,
             asking="once" if self.operator.present else "never",
         )

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
 import random
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge
@@ -33,7 +35,7 @@ from skyway.sim_stub.world import World
 LAT, LON, GROUND_M = 40.7392, -73.9756, 5.0
 FAILURES = ("stuck", "early", "half", "silent")
 """Acknowledged and not released; lost on the way; half of it released; the gripper does not move and says so."""
-HEIGHT_M, LEG_M = 45.0, 700.0
+HEIGHT_M, LEG_M = 45.0, 300.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ def _faults(failure: str, rng: random.Random) -> tuple[Fault, ...]:
     if failure == "silent":
         return (Fault("gripper-silent"),)
     if failure == "early":
-        return (Fault("package-lost", start_s=rng.uniform(36.0, 50.0), value=1.0, after_take_off=True),)
+        return (Fault("package-lost", start_s=rng.uniform(24.0, 64.0), value=1.0, after_take_off=True),)
     return ()
 
 
@@ -150,12 +152,21 @@ def main() -> None:
     parser.add_argument("--bad", type=int, default=40)
     parser.add_argument("--first", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument(
+        "--output", type=Path, default=Path("out/proof.jsonl"), help="each run, as soon as it is judged"
+    )
     given = parser.parse_args()
     pilots = ("px4", "ardupilot")
     cases = [(given.first + n, pilots[n % 2], "") for n in range(given.good)]
     cases += [(given.first + n, pilots[n % 2], FAILURES[n // 2 % len(FAILURES)]) for n in range(given.bad)]
-    with ProcessPoolExecutor(given.workers) as pool:
-        runs = list(pool.map(_one, cases, chunksize=4))
+    given.output.parent.mkdir(parents=True, exist_ok=True)
+    runs = []
+    cases.sort(key=lambda case: case[0])
+    with ProcessPoolExecutor(given.workers) as pool, given.output.open("w", encoding="utf-8") as file:
+        for run in pool.map(_one, cases, chunksize=4):
+            runs.append(run)
+            file.write(json.dumps(dataclasses.asdict(run)) + "\n")
+            file.flush()
     good = [run for run in runs if not run.failure]
     bad = [run for run in runs if run.failure]
     alarms = [run for run in good if run.verdict != Verdict.DELIVERED]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from skyway.link.supervisor.flight.give_way import TrafficRule
 from skyway.missions.builder.mission_options import MissionOptions
+from skyway.models.composition.release import hovers
 from skyway.models.scenario.remote_id import NOBODY, RemoteId
 from skyway.planner.parameters.planner import USUAL
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.work.task import WorkPlanner
     from skyway.link.vehicle.health_book import HealthBook
-    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.composition import Composition, DroneService
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
@@ -74,6 +75,14 @@ class DeliveryJob:
     """Who flies, as the vehicle's Remote ID module is told."""
     health: HealthBook | None = None
     """Where checks of calibration and health are kept, of which each vehicle needs one a day; None looks at none."""
+
+    @property
+    def onward(self) -> DroneService | None:
+        """Flight from the target on that belongs to the mission there: where the package is released in the air, else None."""
+        way = self.composition.way_back
+        if way is None or way.plan is None or not hovers(self.options.release):
+            return None
+        return way.plan.services[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,22 +123,40 @@ def with_places(composition: Composition, scenario: Scenario, stations: Sequence
     return replace(composition, stations={**composition.stations, **more}) if more else composition
 
 
+def leaving(leg: Leg, back: Composition, now_s: float, hover_soc: float) -> Leg:
+    """Return what is left of a leg that has released its package in the air: the first flight of the way back, under the same mission."""
+    service = back.services[0]
+    places = [back.stations[name] for name in (service.origin, *service.via, service.destination)]
+    return replace(
+        leg, origin=service.origin, destination=service.destination, via=service.via, diverts=service.diverts, last=False,
+        mission=replace(leg.mission, way=tuple((place.lat, place.lon) for place in places)),
+        commanded_mps=service.ground_speed_mps, commanded_s=now_s, lookahead=None, learns=False,
+        planned_s=leg.planned_s + service.flight_time_s,
+        planned_soc=leg.planned_soc - hover_soc - (service.soc_depart - service.soc_arrive),
+    )  # fmt: skip
+
+
 def plan_leg(
-    composition: Composition, service: DroneService, family: Family, options: MissionOptions, *, last: bool
+    composition: Composition,
+    service: DroneService,
+    family: Family,
+    options: MissionOptions,
+    *,
+    last: bool,
+    onward: DroneService | None = None,
 ) -> LegMission:
-    """Make the mission of a leg that begins at a station; the last one releases the package.
+    """Make the mission of a leg that begins at a station; the last one releases the package, in the air on its way to the end of `onward`.
 
     The parameters allow the greatest ground speed of the plan, not only that of the leg: the speed is sent again in flight.
     """
     build = LegBuilder(composition, family, options)
-    build.check_elevations((service,))
-    return _leg(build, service, build.leg(service, last=last))
-
-
-def _leg(build: LegBuilder, service: DroneService, document: MissionDocument) -> LegMission:
-    needs = replace(build.needs((service,), document), ground_speed_mps=build.max_speed_mps)
-    if build.options.release == "gripper":
-        needs = replace(needs, uses_gripper=True)  # a leg may be turned to the destination in flight
+    flown = build.flown_together(service, onward, last=last)
+    build.check_elevations(flown)
+    document = build.leg(service, last=last, onward=onward)
+    needs = replace(build.needs(flown, document), ground_speed_mps=build.max_speed_mps)
+    # a leg may be turned to the destination in flight
+    release = build.options.release
+    needs = replace(needs, uses_gripper=release in ("gripper", "place"), uses_winch=release == "winch")
     places = [build.place(name) for name in (service.origin, *service.via, service.destination)]
     way = tuple((place.lat, place.lon) for place in places)
     return LegMission(document, build.dialect.parameters(needs), way)
@@ -155,6 +173,7 @@ def turn_leg(
     *,
     last: bool,
     home: Home | None,
+    onward: DroneService | None = None,
 ) -> LegMission:
     """Make the mission from the air to a station: heights count from the home of the leg under way.
 
@@ -162,7 +181,7 @@ def turn_leg(
     """
     build = LegBuilder(composition, family, options)
     place = build.place(station)
-    document = build.turn(station, here, home_ground_m, speed_mps, last=last, home=home)
+    document = build.turn(station, here, home_ground_m, speed_mps, last=last, home=home, onward=onward)
     return LegMission(document, (), (here[:2], (place.lat, place.lon)))
 
 

@@ -131,7 +131,7 @@ class Supervisor:
         self._let_go()
         station, flights = ctx.delivery.station, ctx.delivery.flight
         ctx.note(Ended(outcome=str(ctx.state), station=station, flights=flights), self.reason)
-        known = ctx.proof.evidence.acknowledged is not None or ctx.proof.lost
+        known = ctx.proof.evidence.tried or ctx.proof.lost
         verdict, why = ctx.proof.verdict if known else ("", "")
         onward = ctx.delivery.onward
         handed_over = onward is not None and onward.delivered and verdict is not Verdict.NOT_DELIVERED

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.link.supervisor.journal.entries import WentOn
+from skyway.link.supervisor.legs import leaving
 from skyway.link.supervisor.proof.evidence import Verdict
 from skyway.link.supervisor.states import State
 from skyway.models.base import geodesy
@@ -21,6 +22,8 @@ from skyway.planner.problem.request import NEAREST_PAD, NO_RETURN
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import Leg
+    from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.models.composition.composition import Composition
     from skyway.models.network.network import Station
     from skyway.planner.online.information import Information
@@ -48,7 +51,7 @@ class Onward:
         payload_kg = asked.payload_kg if self.loaded else 0.0
         return replace(
             asked, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
-            undelivered_to=None, stop_at=(), escape=False,
+            undelivered_to=None, release="gripper", stop_at=(), escape=False,
         )  # fmt: skip
 
 
@@ -82,6 +85,28 @@ def package_goes_on(ctx: Context, why: str) -> str:
     entry = WentOn(destination=goal, loaded=True, delivered=False, leave_s=onward.leave_s, plan=None)
     ctx.say(entry, f"{why}; it goes to {goal}")
     return goal
+
+
+def flies_on(ctx: Context, leg: Leg, *, delivered: bool, why: str) -> None:
+    """Go on from over the target, where the package was released in the air or was to be: the mission leads back."""
+    way = ctx.job.composition.way_back
+    if way is None or way.plan is None:
+        return
+    # as long as it is not weighed it may be aboard: the charge for it is kept
+    onward = Onward(way.plan.destination, loaded=True, delivered=delivered, leave_s=ctx.now_s)
+    over_target(ctx.delivery, leg, onward, way.plan, way.dwell_s)
+    entry = WentOn(
+        destination=onward.destination, loaded=True, delivered=delivered, leave_s=onward.leave_s, plan=to_json(way.plan)
+    )
+    ctx.say(entry, f"{why}; on to {way.plan.services[0].destination}")
+
+
+def over_target(delivery: DeliveryProgress, leg: Leg, onward: Onward, plan: Composition, hover_s: float) -> None:
+    """Put the way back in force in the air, with what is left of the leg as its first flight."""
+    hover_soc = leg.modelled.per_s * hover_s if leg.modelled is not None else 0.0
+    delivery.go_on(onward)
+    delivery.take_plan(plan)
+    delivery.take_leg(leaving(leg, plan, onward.leave_s, hover_soc))
 
 
 def _go_on(ctx: Context, plan: Composition, why: str, *, loaded: bool, delivered: bool) -> After:

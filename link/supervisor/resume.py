@@ -21,7 +21,7 @@ from skyway.link.supervisor.journal.entries import (
 )
 from skyway.link.supervisor.journal.standing import restore_standing
 from skyway.link.supervisor.legs import Leg
-from skyway.link.supervisor.onward import Onward
+from skyway.link.supervisor.onward import Onward, over_target
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
 from skyway.link.supervisor.work.resume import restore_work, restored_leg, turning
@@ -58,11 +58,15 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             ctx.conversation.restore(ordered)
         elif went := record.entry(WentOn):
             onward = Onward(went.destination or "", bool(went.loaded), bool(went.delivered), went.leave_s or 0.0)
-            if delivery.leg is not None:
+            back = from_json(json.dumps(went.plan), file="journal") if went.plan else None
+            if delivery.leg is not None and back is not None:
+                way = ctx.job.composition.way_back
+                over_target(delivery, delivery.leg, onward, back, 0.0 if way is None else way.dwell_s)
+            elif delivery.leg is not None:
                 delivery.call_off(onward)
             else:
                 delivery.go_on(onward)
-                delivery.take_plan(from_json(json.dumps(went.plan), file="journal") if went.plan else None)
+                delivery.take_plan(back)
         elif taken := record.entry(PlanTaken):
             if taken.plan:
                 delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))

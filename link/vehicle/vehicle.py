@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission
 
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
+_WINCH_STATUS = 9005
 _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
@@ -254,6 +255,12 @@ class Vehicle(AskedVehicle):
     def release(self) -> None:
         """Let the package go."""
         self.command("release the package", _GRIPPER, 1.0, 0.0)
+
+    def winch_line_m(self) -> float | None:
+        """Line that its winch has out, m; None where it does not tell."""
+        said = self._do(AskFor(self.peer.target, "WINCH_STATUS", _WINCH_STATUS)).message
+        line_m = math.nan if said is None else float(said["line_length"])
+        return line_m if math.isfinite(line_m) else None
 
     def reset_battery(self, soc: float) -> float:
         """Tell the counter of its battery what that holds; a vehicle without such a command refuses it.

@@ -51,6 +51,8 @@ class Family(ABC):
     """What its parameters are called in each version."""
     firmwares: ClassVar[tuple[str, ...]]
     """Versions of its firmware that are known, the oldest first."""
+    places_payloads: ClassVar[bool] = False
+    """It flies NAV_PAYLOAD_PLACE."""
     released: ClassVar[str]
     """The newest of them that is released."""
     modes: ClassVar[Modes]

@@ -10,6 +10,7 @@ from skyway.missions.builder.mission_options import MissionOptions
 from skyway.missions.builder.recharge_holds import hold_notes, recharge_hold
 from skyway.missions.items.document import MissionDocument
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.composition.release import hovers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.mission import MissionItem
     from skyway.missions.items.parameters import Parameter
-    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.composition import Composition, DroneService
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +70,16 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
     if not 0 <= index < legs:
         raise InputError(Fault("no such leg", field="index", value=index, remedy=f"an index from 0 to {legs - 1}"))
     build = LegBuilder(composition, dialect, options or MissionOptions())
+    if index == delivers + 1 and hovers(build.options.release):
+        remedy = f"leg {delivers + 1} of the plan, which flies both"
+        raise InputError(Fault("the drone does not land before this leg", field="leg", value=index + 1, remedy=remedy))
     service = composition.services[index]
-    build.check_elevations((service,))
-    document = build.leg(service, last=index == delivers)
-    parameters = dialect.parameters(build.needs((service,), document))
-    return Export((document,), parameters, build.warnings((service,)), hold_notes(composition, (index,)))
+    onward = composition.services[index + 1] if index == delivers and index + 1 < legs else None
+    flown = build.flown_together(service, onward, last=index == delivers)
+    build.check_elevations(flown)
+    document = build.leg(service, last=index == delivers, onward=onward)
+    parameters = dialect.parameters(build.needs(flown, document))
+    return Export((document,), parameters, build.warnings(flown), hold_notes(composition, (index,)))
 
 
 def whole_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
@@ -86,19 +92,39 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
     """
     if not dialect.stays_in_mission_after_landing:
         return _mission_per_leg(composition, dialect, options)
+    begins = takes_off(composition, options)
     delivers, composition = len(composition.services) - 1, composition.there_and_back
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services
     build.check_elevations(services)
     items = build.departure(services[0], build.ground_m(services[0].origin))
+    in_air = hovers(build.options.release)
+    ground = build.ground_m(services[0].origin)
     for number, service in enumerate(services):
+        if in_air and number == delivers + 1:
+            items += dialect.disarm()
+            continue  # flown with the leg before
         ground = build.ground_m(service.origin)
         if number > 0:
             items.append(build.above(service, ground))
         items += build.way(service, ground)
-        items += build.delivery() if number == delivers else dialect.disarm()
+        if number == delivers:
+            items = build.delivered(items, service.destination, ground, _following(services, number))
+        else:
+            items += dialect.disarm()
     export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
-    return replace(export, notes=hold_notes(composition, range(len(services))))
+    return replace(export, notes=hold_notes(composition, begins))
+
+
+def _following(services: Sequence[DroneService], number: int) -> DroneService | None:
+    return services[number + 1] if number + 1 < len(services) else None
+
+
+def takes_off(composition: Composition, options: MissionOptions | None = None) -> tuple[int, ...]:
+    """Return the indices of the legs that begin with a take-off: all but that from a target where it does not land."""
+    delivers = len(composition.services) - 1
+    in_air = hovers((options or MissionOptions()).release)
+    return tuple(n for n in range(len(composition.there_and_back.services)) if not (in_air and n == delivers + 1))
 
 
 def armed_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
@@ -107,23 +133,30 @@ def armed_mission(composition: Composition, dialect: Family, options: MissionOpt
     LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. With the way back it stays armed
     at the target, too, for the time that is planned there. An `InputError` says that a ground height that is needed is unknown.
     """
+    begins = takes_off(composition, options)
     delivers, composition = len(composition.services) - 1, composition.there_and_back
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services
     build.check_elevations(services)
     ground = build.ground_m(services[0].origin)
     items = build.departure(services[0], ground)
+    in_air = hovers(build.options.release)
     for number, service in enumerate(services):
+        last = number == len(services) - 1
+        if in_air and number == delivers + 1:
+            items += dialect.disarm() if last else ()
+            continue  # flown with the leg before
         if number > 0:
             items += [recharge_hold(composition, number), *dialect.leave_armed_hold(build.above(service, ground))]
         items += build.way(service, ground)
-        last = number == len(services) - 1
-        if number == delivers:
+        if number == delivers and in_air:
+            items = build.delivered(items, service.destination, ground, _following(services, number))
+        elif number == delivers:
             items += build.release() if not last else build.delivery()
         elif last:
             items += dialect.disarm()
     export = _one_document(build, items, ground)
-    pads = ", ".join(service.destination for service in services[:-1])
+    pads = ", ".join(services[number].origin for number in begins[1:])
     if not pads:
         return export
     warning = (
@@ -146,8 +179,9 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
 
 def _mission_per_leg(composition: Composition, dialect: Family, options: MissionOptions | None) -> Export:
     services = composition.there_and_back.services
-    LegBuilder(composition.there_and_back, dialect, options or MissionOptions()).check_elevations(services)
-    exports = [leg_mission(composition, index, dialect, options) for index in range(len(services))]
+    build = LegBuilder(composition.there_and_back, dialect, options or MissionOptions())
+    build.check_elevations(services)
+    exports = [leg_mission(composition, index, dialect, options) for index in takes_off(composition, options)]
     strictest: dict[str, Parameter] = {}
     for parameter in (parameter for export in exports for parameter in export.parameters):
         known = strictest.get(parameter.name)

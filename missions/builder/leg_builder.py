@@ -15,6 +15,7 @@ import numpy as np
 
 from skyway.missions.builder.corridor import corridor
 from skyway.missions.builder.mission_options import MAX_GROUND_SPEED_MPS
+from skyway.missions.builder.release_items import released_on_way
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
@@ -27,6 +28,7 @@ from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import place_text, speed_text
+from skyway.models.composition.release import hovers
 from skyway.models.flight.way_heights import Knot, level_over_m, level_within_m, way_heights
 
 if TYPE_CHECKING:
@@ -190,14 +192,33 @@ class LegBuilder:
         above = self.above(service, home_ground_m)
         return [replace(above, command=Command.NAV_TAKEOFF), above]
 
-    def leg(self, service: DroneService, *, last: bool) -> MissionDocument:
-        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers."""
+    def leg(self, service: DroneService, *, last: bool, onward: DroneService | None = None) -> MissionDocument:
+        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers.
+
+        Where the package is released in the air it goes on with the flight `onward`, and lands where that does.
+        """
         ground = self.ground_m(service.origin)
         items = [*self.departure(service, ground), *self.way(service, ground)]
         if last:
-            items += self.delivery()
+            items = self.delivered(items, service.destination, ground, onward)
         mission = self.mission(items, self.home(service.origin))
-        return MissionDocument(mission, self.fence((service,)), self.rally((service,), ground))
+        services = self.flown_together(service, onward, last=last)
+        return MissionDocument(mission, self.fence(services), self.rally(services, ground))
+
+    def flown_together(
+        self, service: DroneService, onward: DroneService | None, *, last: bool
+    ) -> tuple[DroneService, ...]:
+        """Return the flights of one mission: a leg, and that from a target on where it does not land."""
+        together = last and onward is not None and hovers(self.options.release)
+        return (service, onward) if together and onward is not None else (service,)
+
+    def delivered(
+        self, items: list[MissionItem], station: str, home_ground_m: float, onward: DroneService | None
+    ) -> list[MissionItem]:
+        """Return the items of a way to the target, which end with LAND, with the release; in the air that takes the place of LAND."""
+        if not hovers(self.options.release):
+            return [*items, *self.delivery()]
+        return [*items[:-1], *released_on_way(self, station, home_ground_m, onward)]
 
     def turn(
         self,
@@ -208,6 +229,7 @@ class LegBuilder:
         *,
         last: bool,
         home: Home | None,
+        onward: DroneService | None = None,
     ) -> MissionDocument:
         """Return the mission from the air to a station: level, and nowhere below where the vehicle is.
 
@@ -230,7 +252,7 @@ class LegBuilder:
             self.position(Command.NAV_LAND, station, ground),
         ]
         if last:
-            items += self.delivery()
+            items = self.delivered(items, station, home_ground_m, onward)
         return MissionDocument(self.mission(items, home or self.home(station)))
 
     def delivery(self) -> list[MissionItem]:
@@ -239,7 +261,7 @@ class LegBuilder:
 
     def release(self) -> list[MissionItem]:
         """Release of the package; nothing where a person does it, after the vehicle has disarmed."""
-        if self.options.release == "operator":
+        if self.options.release == "hand":
             return []
         return [MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)]
 
@@ -328,7 +350,8 @@ class LegBuilder:
             has_rally_points=len(document.rally) > 0,
             continues_after_landing=landing < len(commands) - 1,
             stays_armed=Command.NAV_DELAY in commands,
-            uses_gripper=Command.DO_GRIPPER in commands,
+            uses_gripper=Command.DO_GRIPPER in commands or Command.NAV_PAYLOAD_PLACE in commands,
+            uses_winch=Command.DO_WINCH in commands,
         )
 
     def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
@@ -339,6 +362,10 @@ class LegBuilder:
             for service in services
             if service.ground_speed_mps > self.speed_mps(service) + 0.01
         ]
-        if self.options.release == "operator":
+        if hovers(self.options.release):
+            found.append(
+                "the drone does not land at the target: a package that stays aboard flies on with it; what a winch or a payload place does is not told by the mission"
+            )
+        if self.options.release == "hand":
             found.append("the package is released by a person after the landing at the target: confirm it in skyway")
         return tuple(found)

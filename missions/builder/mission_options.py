@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from skyway.missions.builder.corridor import DEFAULT_WIDTH_M
 from skyway.models.base.errors import Fault, InputError
@@ -11,12 +11,11 @@ from skyway.models.base.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from skyway.models.composition.release import Release
     from skyway.models.flight.way_heights import Over
 
 MAX_GROUND_SPEED_MPS = 20.0
 """Neither autopilot accepts more."""
-
-Release = Literal["gripper", "operator"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +31,10 @@ class MissionOptions:
     corridor_width_m : float or None
         Width of the fence; None writes no fence.
     release : str
-        ``gripper``: the mission releases the package after the last landing; ``operator``: a person does, and
-        confirms it.
-    gripper : int
-        Number of the gripper.
+        ``gripper``: the mission releases the package after the last landing; ``hand``: a person does, and confirms it; ``winch``, ``place``:
+        it is released in the air, and the same mission flies on (`missions.builder.release_items`).
+    gripper, winch : int
+        Number of the gripper, and of the winch.
     elevation_m : mapping
         Ground heights of stations for which the composition has none.
     over : Over or None
@@ -49,6 +48,7 @@ class MissionOptions:
     corridor_width_m: float | None = DEFAULT_WIDTH_M
     release: Release = "gripper"
     gripper: int = 1
+    winch: int = 1
     elevation_m: Mapping[str, float] = field(default_factory=dict)
     over: Over | None = None
 

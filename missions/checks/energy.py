@@ -149,7 +149,7 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
         spent_j = spent_j + _or_typical(flown.energy_j, flown.flyable, weight)
         pad = _pad_at(leg, near)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
-        released = released or leg.released
+        released = released or leg.released or leg.released_after is not None
         clock_s = clock_s + _or_typical(flown.time_s, flown.flyable, weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
         height_m = leg.next_ground_m
@@ -243,12 +243,17 @@ def fly_leg(
     margins = np.where(length > SAME_PLACE_M, conditions.drone.max_airspeed_mps - needed, math.inf)
     margin = (margins[flyable] if flyable.any() else margins).min(axis=0)
     worst = int(np.argmin(margin))
-    power = FlightPower.of(conditions.drone, payload_kg)
-    cruise_s = (step_s - climb_s - descent_s).sum(axis=1)
+    cruise_s = step_s - climb_s - descent_s
+    carried = np.array(leg.payloads_kg(payload_kg))
+    energy_j = np.zeros(members)
+    for mass in np.unique(carried).tolist():
+        part = carried == mass
+        times = float(climb_s[part].sum()), cruise_s[:, part].sum(axis=1), float(descent_s[part].sum())
+        energy_j = energy_j + np.asarray(FlightPower.of(conditions.drone, mass).energy_j(*times))
     return Flown(
         float(length.sum()),
         step_s.sum(axis=1),
-        np.asarray(power.energy_j(float(climb_s.sum()), cruise_s, float(descent_s.sum()))),
+        energy_j,
         flyable,
         float(margin[worst]),
         leg.steps[worst].item,

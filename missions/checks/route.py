@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.models.composition.release import hover_s
 
 if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
@@ -55,6 +56,14 @@ class RouteLeg:
     """``land``, ``return`` (to launch) or ``none``."""
     released: bool = False
     """Whether the package is released after this leg."""
+    released_after: int | None = None
+    """So many steps are flown with it, where it is released in the air."""
+
+    def payloads_kg(self, payload_kg: float) -> list[float]:
+        """Package that is carried on the way to each step, of one that is aboard at the start."""
+        with_it = len(self.steps) if self.released_after is None else self.released_after
+        return [payload_kg] * with_it + [0.0] * (len(self.steps) - with_it)
+
     ground_hold_s: float | None = 0.0
     """Time on the ground afterwards; None where a person or arming ends it; 0 where the next leg follows at once."""
 
@@ -172,6 +181,8 @@ class _Walk:
             self._delay(item)
         elif command == Command.DO_GRIPPER and item.param2 == 0:
             self._last_leg_released()
+        elif command == Command.DO_WINCH and item.param2 == 1 and item.param3 > 0:
+            self._released_here()
         elif command == Command.COMPONENT_ARM_DISARM and item.param1 == 0:
             if self.leg is None and self.legs:
                 self.legs[-1].ground_hold_s = None
@@ -190,6 +201,11 @@ class _Walk:
         leg = self.leg or (self.legs[-1] if self.legs else None)
         if leg is not None:
             leg.released = True
+
+    def _released_here(self) -> None:
+        """The package leaves the drone in the air, at the place it was at last."""
+        if self.leg is not None and self.leg.steps:
+            self.leg.released_after = self.leg.released_after or len(self.leg.steps)
 
     def _delay(self, item: MissionItem) -> None:
         seconds = item.param1 if item.param1 > 0 else 0.0
@@ -223,6 +239,8 @@ class _Walk:
         hold_s = self._hold_s(item)
         leg.steps.append(Step(number, point, self.height_m, self.speed_mps, hold_s, len(self.order) - 1))
         self.at = point
+        if item.command == Command.NAV_PAYLOAD_PLACE:
+            self._released_here()
         if item.command in LAND_COMMANDS:
             leg.landing = "land"
             self._close(leg)
@@ -251,6 +269,8 @@ class _Walk:
             return 0.0
         if item.command == Command.NAV_LOITER_UNLIM:
             return math.inf
+        if item.command == Command.NAV_PAYLOAD_PLACE:
+            return hover_s("place")  # it sinks slowly until the package stands, lets go, and climbs back
         if item.command == Command.NAV_LOITER_TURNS:
             radius = abs(item.param3) if math.isfinite(item.param3) else 0.0
             turns = item.param1 if item.param1 > 0 else 0.0

@@ -108,6 +108,7 @@ class FlightNeeds:
     continues_after_landing: bool = False
     stays_armed: bool = False
     uses_gripper: bool = False
+    uses_winch: bool = False
     """What the mission has."""
 
 

@@ -25,8 +25,8 @@ def work_hops(work: Work, conditions: FlightConditions) -> tuple[Hops, NDArray[n
     for leg in work.route.legs:
         if leg.steps:
             parts.append(hops_of_leg(work.mission, leg, conditions, height_m))
-            payload += [0.0 if released else conditions.payload_kg] * len(leg.steps)
-        released = released or leg.released
+            payload += leg.payloads_kg(0.0 if released else conditions.payload_kg)
+        released = released or leg.released or leg.released_after is not None
         height_m = leg.next_ground_m
     whole = Hops(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     before = np.array([0.0 if point.share == 1.0 else point.share for point in work.points[:-1]])

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from skyway.models.base.statistics import Figure
     from skyway.models.composition.conditions import Condition
     from skyway.models.composition.heights import LegHeights, TerrainUse
+    from skyway.models.composition.release import Release
     from skyway.models.network.network import Station
     from skyway.models.wind.summary import Wind
 
@@ -380,8 +381,7 @@ class Composition:
             return self
         back = way.plan
         services = tuple(replace(one, id=f"back-{number}") for number, one in enumerate(back.services, start=1))
-        soc = self.services[-1].soc_arrive
-        stay = Stop(back.origin, self.arrive, 0.0, 0.0, 0.0, soc, soc)
+        stay = Stop(back.origin, self.arrive, 0.0, 0.0, 0.0, self.services[-1].soc_arrive, back.services[0].soc_depart)
         first, others = (
             (back.stops[0], back.stops[1:])
             if back.stops[:1] and back.stops[0].arrive == back.depart
@@ -475,13 +475,15 @@ class WayBack:
     station : str
         Where the drone is in the end.
     dwell_s : float
-        Time at the target, from touch-down to take-off.
+        Time at the target, from touch-down to take-off; of a release in the air, that of the hover.
     plan : Composition or None
         The way there, without the package; None: it stays at the target.
     undelivered_to : str or None
         Where the package goes if it cannot be handed over; None: nothing is kept for that.
     undelivered : Composition or None
         The way there, with the package.
+    release : str
+        How the package leaves the drone, one of `models.composition.release.RELEASES`.
     """
 
     asked: str
@@ -490,6 +492,7 @@ class WayBack:
     plan: Composition | None = None
     undelivered_to: str | None = None
     undelivered: Composition | None = None
+    release: Release = "gripper"
 
 
 @dataclass(frozen=True, slots=True)

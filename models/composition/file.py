@@ -83,6 +83,8 @@ def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
         for name, plan in (("plan", back.plan), ("undelivered", back.undelivered)):
             if plan is not None:
                 document["return"][name] = _tidy(document["return"][name], plan)
+        if back.release == "gripper":
+            del document["return"]["release"]
         if back.undelivered_to is None:
             del document["return"]["undelivered_to"], document["return"]["undelivered"]
     for name in ("conditions", "terrain", "authorized", "zones", "not_before", "energy", "costs"):

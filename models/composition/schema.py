@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from skyway.models.composition.release import Release  # noqa: TC001  msgspec reads it
+
 _Soc = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 _Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -201,6 +203,8 @@ class WayBack(msgspec.Struct, kw_only=True, rename={"station": "to"}):
     asked: str
     station: str
     dwell_s: _NotNegative = 0.0
+    release: Release = "gripper"
+    """Left out where it is a gripper."""
     plan: Composition | None = None
     undelivered_to: str | None = None
     undelivered: Composition | None = None

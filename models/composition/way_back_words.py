@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import clock, distance_text, duration, energy_text, percent
+from skyway.models.composition.release import hovers
 
 if TYPE_CHECKING:
     from zoneinfo import ZoneInfo
@@ -17,6 +18,9 @@ def delivered_text(composition: Composition) -> str:
     way = composition.way_back
     if way is None:
         return "delivered"
+    if hovers(way.release):
+        how = "lowered by winch" if way.release == "winch" else "placed on the ground"
+        return f"delivered, {how} in {duration(way.dwell_s)} of hover; the drone does not land there"
     stays = f", {duration(way.dwell_s)} there" if way.dwell_s else ""
     if way.plan is not None:
         return f"delivered{stays}"

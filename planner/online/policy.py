@@ -117,7 +117,8 @@ class OnlinePolicy:
         What it takes by the forecast in all but a share epsilon; in winds that forbid it, what it takes when they let it.
         """
         network = self.scenario.network
-        if station != self.request.destination or not self.request.escape or network.pads[network.index[station]]:
+        stays = network.pads[network.index[station]] > 0 and not self.request.in_air
+        if station != self.request.destination or not self.request.escape or stays:
             return 0.0
         p = self.problem(replace(info, station=self.request.state.station, unusable=frozenset()))
         known = known_at(p, self.errors.in_forecast(info.forecast, info.time_s), measured=False, epsilon=p.epsilon)

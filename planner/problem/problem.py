@@ -382,12 +382,32 @@ class Problem:
     @property
     def needs_escape(self) -> bool:
         """Whether the drone must be able to fly on from the destination."""
-        return self.request.escape and not self.has_pads(self.destination)
+        return self.request.escape and (self.request.in_air or not self.has_pads(self.destination))
 
     @property
     def onward_cost(self) -> tuple[float, float]:
-        """`soc_per_s` and `soc_fixed` that are kept for the flight on: without the package, or with it where that may stay aboard."""
-        return self.empty_cost if self.request.undelivered_to is None else (self.soc_per_s, self.soc_fixed)
+        """`soc_per_s` and `soc_fixed` that are kept for the flight on: without the package, or with it where that may stay aboard.
+
+        What a hover at the target takes is part of it.
+        """
+        if self.keeps_for_package:
+            return self.soc_per_s, self.soc_fixed + self.hover_soc
+        return self.empty_cost
+
+    @property
+    def keeps_for_package(self) -> bool:
+        """Whether the charge for the flight on is that with the package: a winch may jam, a payload place keep what it was to let go."""
+        return self.request.undelivered_to is not None or self.request.in_air
+
+    @property
+    def hover_soc(self) -> float:
+        """Charge that a hover at the target takes, with the package."""
+        return self.soc_per_s * self.request.dwell_s if self.request.in_air else 0.0
+
+    @property
+    def why_on(self) -> str:
+        """Why the drone must fly on from the destination, as people are told."""
+        return "where it does not land" if self.request.in_air else "which has no pads"
 
     def thinned(self, members: int) -> Problem:
         """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import MIN_PERCENT, divided, fraction_faults, range_faults
+from skyway.models.composition.release import RELEASES, hover_s, hovers
 from skyway.planner.problem.objective import Objective
 
 if TYPE_CHECKING:
     from datetime import datetime
 
     from skyway.models.composition.composition import Recharge, State
+    from skyway.models.composition.release import Release
 
 DEFAULT_RESERVE_SOC = 0.2
 DEFAULT_EPSILON = 1e-3
@@ -63,6 +65,9 @@ class Request:
         destination with pads ``nearest-pad`` is where it stands.
     dwell_s : float
         Time at the target, from touch-down to take-off: loading, a signature. It is flown out of, not charged in.
+    release : str
+        How the package leaves the drone, one of `models.composition.release.RELEASES`. Where that is in the air, `dwell_s` is the time
+        of the hover, and the drone does not land at the target.
     undelivered_to : str or None
         Where the package goes if it cannot be handed over: ``back`` to where it came from, or the id of a station. The
         charge for it is kept. None: no charge is kept for that.
@@ -95,6 +100,7 @@ class Request:
     return_to: str = NEAREST_PAD
     dwell_s: float = 0.0
     undelivered_to: str | None = None
+    release: Release = "gripper"
     not_back_by: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -120,10 +126,24 @@ class Request:
             remedy = f"did you mean {lower}?" if lower in RECHARGES else "full or enough"
             faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
         faults += range_faults("dwell_s", self.dwell_s, 0.0, MAX_DWELL_S, "seconds, 0 to 12 hours")
+        if self.release not in RELEASES:
+            faults.append(Fault("is not known", field="release", value=self.release, remedy=", ".join(RELEASES)))
+        elif self.in_air and self.dwell_s not in (0.0, hover_s(self.release)):
+            remedy = f"leave it out: {self.release} hovers as long as it takes"
+            faults.append(
+                Fault("the drone does not land at the target", field="dwell_s", value=self.dwell_s, remedy=remedy)
+            )
         if not _is_count(self.seed, MAX_SEED):
             faults.append(Fault("out of range", field="seed", value=self.seed, remedy="a whole number, 0 or more"))
         if faults:
             raise InputError(faults)
+        if self.in_air:
+            object.__setattr__(self, "dwell_s", hover_s(self.release))
+
+    @property
+    def in_air(self) -> bool:
+        """Whether the package is released in the air: the drone does not land at the target."""
+        return hovers(self.release)
 
 
 def _is_count(value: Any, most: int) -> bool:

@@ -30,8 +30,15 @@ def return_node(problem: Problem) -> int | None:
     asked = problem.request.return_to
     if asked == NO_RETURN and problem.needs_escape:
         name = problem.network.stations[problem.destination].id
-        remedy = f"{NEAREST_PAD}, {HOME} or a station: the drone cannot stay in the street"
-        raise InputError(Fault(f"{name} has no pads", field="return_to", value=asked, remedy=remedy))
+        remedy = f"{NEAREST_PAD}, {HOME} or a station: the drone cannot stay {'there' if problem.request.in_air else 'in the street'}"
+        raise InputError(
+            Fault(
+                f"{name}, {problem.why_on}" if problem.request.in_air else f"{name} has no pads",
+                field="return_to",
+                value=asked,
+                remedy=remedy,
+            )
+        )
     if asked in (NO_RETURN, NEAREST_PAD):
         return None
     return problem.origin if asked == HOME else _station(problem, asked, "return_to")
@@ -49,9 +56,9 @@ def _station(problem: Problem, name: str, field: str) -> int:
     node = problem.network.index.get(name)
     if node is None:
         raise InputError(Fault("no such station", field=field, value=name))
-    if node == problem.destination and not problem.has_pads(node):
+    if node == problem.destination and problem.needs_escape:
         remedy = f"{NEAREST_PAD}, {HOME} or a station"
-        raise InputError(Fault("is the target, which has no pads", field=field, value=name, remedy=remedy))
+        raise InputError(Fault(f"is the target, {problem.why_on}", field=field, value=name, remedy=remedy))
     if node != problem.origin and not problem.has_pads(node):
         raise InputError(Fault("has no pads", field=field, value=name, remedy="a station with pads"))
     return node

@@ -329,7 +329,7 @@ class _Audit:
         Without the package, or with it where the charge for that is to be kept.
         """
         problem, air, rules = self.problem, self.problem.air, self.problem.rules
-        loaded = problem.request.undelivered_to is not None
+        loaded = problem.keeps_for_package
         climb, cruise, descent = self._rates(problem.drone.mass_kg + (problem.request.payload_kg if loaded else 0.0))
         least = math.inf
         for way in problem.ways_on:
@@ -340,7 +340,8 @@ class _Audit:
                 left_s = self._cruise(way, off_s)
             flown_s = left_s - off_s - rules.climb_s
             least = min(least, climb * rules.climb_s + cruise * flown_s + descent * rules.descent_s)
-        return least
+        hover_s = problem.request.dwell_s if problem.request.in_air else 0.0
+        return least + cruise * hover_s
 
 
 def _seconds(begin: datetime, end: datetime) -> float:

@@ -167,9 +167,9 @@ def _way_on_words(problem: Problem, target: str, soc: float) -> str:
     if soc <= 0.0:
         return ""
     if not problem.ways_on:
-        return f"and from {target}, which has no pads, {nothing_in_reach(problem)}; "
-    with_it = "" if problem.request.undelivered_to is None else " with the package still aboard"
-    return f"the way on from {target}, which has no pads,{with_it} {percent(soc)} more; "
+        return f"and from {target}, {problem.why_on}, {nothing_in_reach(problem)}; "
+    with_it = "" if not problem.keeps_for_package else " with the package still aboard"
+    return f"the way on from {target}, {problem.why_on},{with_it} {percent(soc)} more; "
 
 
 def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
@@ -192,8 +192,8 @@ def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, b
     network = problem.network
     start, goal = (network.stations[node].id for node in (problem.origin, problem.destination))
     a = network.stations[int(network.tail[segment])].id
-    begin = f"no route from {start} to {goal}, which has no pads:"
-    with_it = "" if problem.request.undelivered_to is None else ", with the package still aboard,"
+    begin = f"no route from {start} to {goal}, {problem.why_on}:"
+    with_it = "" if not problem.keeps_for_package else ", with the package still aboard,"
     if not problem.ways_on:
         return NoRouteError(f"{begin} {nothing_in_reach(problem)}", constraint="energy")
     if not math.isfinite(there_soc + on_soc):

@@ -47,6 +47,7 @@ class Autopilot(Family):
         self.crashed = False
         self.terminated = False
         self.gripper_closed = True
+        self.package_let_go = False
         self.commanded_mps: float | None = None
         self.commanded_up_mps: float | None = None
         self.commanded_down_mps: float | None = None
@@ -360,6 +361,8 @@ class Autopilot(Family):
                 self.set_home(Home(item.lat, item.lon, item.z))
             case Command.DO_GRIPPER:
                 self.move_gripper(close=item.p2 != 0.0)
+            case Command.DO_WINCH:
+                self.move_winch(item.p2, item.p3, item.p4)
             case Command.CONDITION_YAW if math.isfinite(item.p1):
                 self.turn_to(item.p1, clockwise=item.p3 >= 0.0, relative=item.p4 == 1.0)
             case Command.COMPONENT_ARM_DISARM if item.p1 == 0.0:
@@ -375,6 +378,19 @@ class Autopilot(Family):
         if self.gripper_closed and not close:
             self.let_go(1.0 - self.vehicle.faults.value("gripper-stuck"))
         self.gripper_closed = close
+        return True
+
+    def move_winch(self, action: float, metres: float, rate_mps: float) -> bool:
+        """Do a WINCH_ACTION: 1 so much line more, 2 at a speed; False where there is no winch, or it knows no such action."""
+        winch = self.vehicle.winch
+        if not self.has_winch or action not in (1.0, 2.0) or not (math.isfinite(metres) and math.isfinite(rate_mps)):
+            self.event("no winch, or no such action: nothing moves")
+            return False
+        if action == 1.0:
+            winch.pay_out(metres, self.winch_mps(rate_mps))
+            self.event(f"winch: {metres:+g} m of line")
+        else:
+            winch.set_rate(rate_mps)
         return True
 
     def let_go(self, share: float) -> None:

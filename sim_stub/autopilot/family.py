@@ -155,6 +155,20 @@ class Family(ABC):
     def has_gripper(self) -> bool:
         """Whether one is enabled."""
 
+    @property
+    def has_winch(self) -> bool:
+        """Whether a winch obeys it."""
+        return True
+
+    @property
+    def tells_winch(self) -> bool:
+        """Whether it sends WINCH_STATUS."""
+        return False
+
+    def winch_mps(self, rate_mps: float) -> float:
+        """Line a second, of one that is asked for."""
+        return rate_mps
+
     def gripper_s(self) -> float:
         """How long a gripper takes until its command is done."""
         return 0.0

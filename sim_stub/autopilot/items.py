@@ -22,6 +22,7 @@ class Command(IntEnum):
     LOITER_TO_ALT = 31
     SPLINE_WAYPOINT = 82
     DELAY = 93
+    PAYLOAD_PLACE = 94
     CONDITION_DELAY = 112
     CONDITION_DISTANCE = 114
     CONDITION_YAW = 115
@@ -55,6 +56,7 @@ class Command(IntEnum):
     FENCE_CIRCLE_INCLUSION = 5003
     FENCE_CIRCLE_EXCLUSION = 5004
     RALLY_POINT = 5100
+    DO_WINCH = 42600
     BATTERY_RESET = 42651
 
 
@@ -153,6 +155,7 @@ NAV_COMMANDS = frozenset(
         Command.LOITER_TO_ALT,
         Command.SPLINE_WAYPOINT,
         Command.DELAY,
+        Command.PAYLOAD_PLACE,
     }
 )
 """Commands that take time: the vehicle flies or waits until they are done."""

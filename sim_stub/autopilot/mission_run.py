@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.behaviours import Behaviour, Circle, Climb, Fly, Land, Wait
 from skyway.sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
+from skyway.sim_stub.autopilot.payload_place import Place
 from skyway.sim_stub.plant.physics import Demand, offset_m
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class MissionRun:
     """In the vehicle's own numbering."""
     current: int = 0
     """The item in progress or next."""
-    behaviour: Behaviour | None = None
+    behaviour: Behaviour | Place | None = None
     """What the current item has it do; None before it is begun."""
     pending: list[int] = field(default_factory=list)
     """DO and CONDITION items that run beside the current one."""
@@ -173,7 +174,7 @@ class MissionRun:
             case _:
                 return True
 
-    def _behaviour(self, pilot: Autopilot, item: Item, index: int) -> Behaviour:
+    def _behaviour(self, pilot: Autopilot, item: Item, index: int) -> Behaviour | Place:
         """What the item has the vehicle do."""
         body = pilot.body
         lat, lon = (item.lat, item.lon) if item.has_position else (pilot.lat, pilot.lon)
@@ -186,6 +187,8 @@ class MissionRun:
                 return Fly(lat, lon, altitude, radius)
             case Command.LAND:
                 return Land(lat, lon)
+            case Command.PAYLOAD_PLACE:
+                return Place(lat, lon, max(item.p1, 0.0))
             case Command.RETURN_TO_LAUNCH:
                 return pilot.return_home()
             case Command.DELAY:

@@ -39,6 +39,7 @@ class FlightCommands(CommandGroup):
             c.DO_CHANGE_SPEED: self._change_speed,
             c.DO_SET_HOME: self._set_home,
             c.DO_GRIPPER: self._gripper,
+            c.DO_WINCH: self._winch,
             c.DO_LAND_START: self._land_start,
             c.DO_FENCE_ENABLE: self._fence_enable,
             c.DO_FLIGHT_TERMINATION: self._terminate,
@@ -153,6 +154,10 @@ class FlightCommands(CommandGroup):
             return Result.ACCEPTED
 
         return self.server.begin(order, lasts_s, done, tells=False)
+
+    def _winch(self, order: Order) -> Result:
+        """Move the winch: acknowledged when it begins."""
+        return Result.ACCEPTED if self._pilot.move_winch(*order.p[1:4]) else Result.FAILED
 
     def _land_start(self, order: Order) -> Result:
         pilot = self._pilot

@@ -34,6 +34,7 @@ _FTP = 0x20
 """MAV_PROTOCOL_CAPABILITY_FTP."""
 _BATTERY = 0x2000000
 _GPS = 0x20
+_WINCH_HEALTHY, _WINCH_IN, _WINCH_MOVES = 1, 2, 4
 _RC = 0x10000
 _FENCE = 0x100000
 
@@ -252,6 +253,17 @@ def _wind(v: Vehicle) -> Any:
     return message("WIND", direction=float(direction), speed=float(speed))
 
 
+def _winch_status(v: Vehicle) -> Any:
+    """A Daiwa's line as it is out; by pulses nothing is measured, and its line is the one that was ordered."""
+    winch = v.winch
+    if not v.autopilot.tells_winch:
+        return None
+    measured = v.autopilot.parameters["WINCH_TYPE"] == 2.0
+    line_m = winch.line_m if measured else winch.wanted_m
+    flags = _WINCH_HEALTHY | (_WINCH_IN if line_m <= 0.0 else 0) | (_WINCH_MOVES if winch.moving else 0)
+    return message("WINCH_STATUS", time_usec=v.boot_us, line_length=line_m, speed=abs(winch.speed_mps), status=flags)
+
+
 def _wind_cov(v: Vehicle) -> Any:
     estimate = v.autopilot.wind_estimate()
     if estimate is None:
@@ -356,6 +368,7 @@ BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
             "SYSTEM_TIME", time_unix_usec=int(v.autopilot.clock_of_day_s() * 1e6), time_boot_ms=v.boot_ms
         ),
         "WIND": _wind,
+        "WINCH_STATUS": _winch_status,
         "WIND_COV": _wind_cov,
         "NAV_CONTROLLER_OUTPUT": _nav_controller,
         "RC_CHANNELS": _rc_channels,

@@ -52,14 +52,16 @@ def zones_of(
 
 def refuse_closed(composition: Composition, flown_by: Family, how: MissionOptions, zones: Airspace | None) -> None:
     """Tell what zones let nobody fly at its time, and end."""
-    from skyway.missions.builder.from_composition import leg_mission
+    from skyway.missions.builder.from_composition import leg_mission, takes_off
     from skyway.missions.checks.report import AIRSPACE_CODES
     from skyway.missions.checks.report import check as check_mission
 
     if zones is None:
         return
     found = []
-    for number, service in enumerate(composition.there_and_back.services):
+    services = composition.there_and_back.services
+    for number in takes_off(composition, how):
+        service = services[number]
         document = leg_mission(composition, number, flown_by, how).documents[0]
         report = check_mission(document, dialect=flown_by, zones=zones, depart_s=service.depart.timestamp())
         told = (str(one) for one in report.findings if one.code in AIRSPACE_CODES and one.severity == "error")

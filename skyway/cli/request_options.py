@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from skyway.cli import completion, options
+from skyway.models.composition.release import Release
 from skyway.planning import Conditions, Delivery, Pads
 
 Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")]
@@ -69,6 +70,13 @@ class RequestOptions(Delivery):
             autocompletion=completion.stations,
         ),
     ] = None
+    release: Annotated[
+        Release,
+        typer.Option(
+            help="How the package leaves the drone: it lands and a gripper opens, or a person takes it off by hand; or it hovers, and a winch lowers it, "
+            "or it places it on the ground (ArduPilot): then it does not land there."
+        ),
+    ] = "gripper"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,8 @@ class FlightOptions:
     pads: str = "manual"
     drag: str = ""
     """File of the drone's drag."""
-    release: str = "gripper"
+    release: str = ""
+    """Else as planned."""
     scenario: str = ""
     """Folder of the scenario; else the one named in the plan."""
     elevation: str = ""
@@ -65,7 +66,7 @@ class FlightOptions:
         words = ["fly", self.plan, "--connect", self.connect]
         words += [word for option, value in named if value for word in (option, value)]
         words += [word for one in self.elevation.replace(",", " ").split() for word in ("--elevation", one)]
-        words += [] if self.release == "gripper" else ["--release", self.release]
+        words += ["--release", self.release] if self.release else []
         words += ["--manual"] if self.each else []
         words += [] if self.asks else ["--yes"]
         words += ["--keep-parameters"] if self.keep else []

@@ -101,7 +101,7 @@ def test_what_only_a_person_could_answer_is_refused_where_nobody_is_listened_to(
     assert answer.code == 2
     assert "nobody could confirm the charging" in answer.err
     assert "--pads tcp:HOST:PORT" in answer.err
-    answer = skyway("fly", "plan.json", *NOBODY, "--pads", "tcp:127.0.0.1:1", "--yes", "--release", "operator")
+    answer = skyway("fly", "plan.json", *NOBODY, "--pads", "tcp:127.0.0.1:1", "--yes", "--release", "hand")
     assert answer.code == 2
     assert "package was taken off" in answer.err
     assert not (tmp_path / "recordings").exists()

@@ -139,12 +139,12 @@ def test_the_command_of_a_flight_is_that_of_a_person_and_is_continued_only_if_it
         drag="d.toml",
         each=True,
         keep=True,
-        release="operator",
+        release="hand",
         elevation="target=34, roof=12.5",
     )
     assert options.words() == [
         "fly", "p.json", "--connect", "tcp:127.0.0.1:5760", "--pads", "manual", "--drag", "d.toml", "--elevation", "target=34", "--elevation", "roof=12.5",
-        "--release", "operator", "--manual", "--keep-parameters",
+        "--release", "hand", "--manual", "--keep-parameters",
     ]  # fmt: skip
     for wrong in ({"plan": ""}, {"connect": ""}, {"connect": "--yes"}, {"drag": "-x"}):
         with pytest.raises(InputError):

@@ -73,7 +73,10 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
         services=(service, *ctx.delivery.plan.services[1:]),
     )
     last = ctx.delivers_at(service.destination)
-    return service, plan_leg(plan, service, ctx.vehicle.family, job.options, last=last)
+    back = job.onward if last else None
+    if back is not None:
+        plan = with_places(plan, job.scenario, (back.destination, *back.via, *back.diverts))
+    return service, plan_leg(plan, service, ctx.vehicle.family, job.options, last=last, onward=back)
 
 
 def preflight(ctx: Context) -> After:

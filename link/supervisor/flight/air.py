@@ -8,6 +8,7 @@ from skyway.link.supervisor.command.orders import obey, refuges
 from skyway.link.supervisor.flight.known import information
 from skyway.link.supervisor.flight.pads_ahead import PadsAhead
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
+from skyway.link.supervisor.flight.release import ReleaseWatch, watch_release
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
 from skyway.link.supervisor.journal.entries import Decided, GaugeNote, PadAnswered, SpeedNote
 from skyway.link.supervisor.journal.parts import Expected
@@ -41,8 +42,9 @@ def flying(ctx: Context) -> After:
     _free_pad(ctx, leg.origin)
     if ctx.job.work is not None:
         return _until_landed(ctx, lambda: work_air.look(ctx), work_air.advance) or (State.LANDED, "landed and disarmed")
-    memory, pads = FlightMemory(), PadsAhead(ctx.pads, lambda: ctx.now_s)
-    return _until_landed(ctx, lambda: _fly_on(ctx, memory, pads)) or (State.LANDED, "landed and disarmed")
+    memory, pads, watch = FlightMemory(), PadsAhead(ctx.pads, lambda: ctx.now_s), ReleaseWatch()
+    end = _until_landed(ctx, lambda: _fly_on(ctx, memory, pads), lambda now: watch_release(now, watch))
+    return end or (State.LANDED, "landed and disarmed")
 
 
 def _until_landed(
@@ -199,8 +201,8 @@ def diverting(ctx: Context) -> After:
         after = turn(ctx, ctx.divert.station, State.DIVERTING)
         if after[0] is not State.DIVERTING:
             return after
-    memory, pads = FlightMemory(turned=True), PadsAhead(ctx.pads, lambda: ctx.now_s)
-    end = _until_landed(ctx, lambda: _watch(ctx, memory, pads))
+    memory, pads, watch = FlightMemory(turned=True), PadsAhead(ctx.pads, lambda: ctx.now_s), ReleaseWatch()
+    end = _until_landed(ctx, lambda: _watch(ctx, memory, pads), lambda now: watch_release(now, watch))
     return end or (State.LANDED, "landed and disarmed after a divert")
 
 

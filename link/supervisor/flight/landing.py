@@ -14,6 +14,7 @@ from skyway.link.supervisor.states import State
 from skyway.link.supervisor.work.landing import after_flight, settle_use
 from skyway.models.base.errors import LinkError
 from skyway.models.base.formatting import percent, place_text
+from skyway.models.composition.release import hovers
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
@@ -101,6 +102,9 @@ def _deliver(ctx: Context) -> After:
     destination = ctx.job.request.destination
     if ctx.proof.lost:
         return after_failure(ctx, f"at {destination} without the package: {ctx.proof.verdict[1]}", loaded=False)
+    if hovers(ctx.job.options.release):
+        why = f"landed at {destination}, where the package was to be released in the air: it is aboard"
+        return after_failure(ctx, why, loaded=True)
     if ctx.job.options.release == "gripper":
         refused = _release(ctx)
         if refused:

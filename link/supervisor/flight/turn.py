@@ -36,13 +36,15 @@ def turn(ctx: Context, station: str, state: State) -> After:
     if leg is None or s is None or ctx.place is None or ctx.delivery.plan is None:
         return State.HOLDING, f"the drone cannot be diverted to {station}: its position is not known"
     intend(ctx, station)
-    plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
     last = ctx.delivers_at(station)
+    back = ctx.job.onward if last else None
+    places = [station] if back is None else [station, back.destination, *back.via]
+    plan = with_places(ctx.delivery.plan, ctx.job.scenario, places)
     home_ground = s.alt_msl_m - s.height_m
     here, speed_mps = (*ctx.place, _height_m(ctx, leg, s.height_m)), _speed_mps(ctx, ctx.place, station)
     mission = turn_leg(
         plan, station, here, home_ground, speed_mps, ctx.vehicle.family, ctx.job.options,
-        last=last, home=leg.mission.document.mission.home,
+        last=last, home=leg.mission.document.mission.home, onward=back,
     )  # fmt: skip
     try:
         outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)

@@ -335,6 +335,7 @@ class Proved(Entry, frozen=True, kw_only=True, tag="proof"):
     verdict: str | None = None
     acknowledged: bool | None = None
     by_person: bool | None = None
+    how: str | None = None
     lost_s: float | None = None
     share: float | None = None
     sigma: float | None = None

@@ -30,11 +30,18 @@ class Evidence:
     """The gripper, or the person, said that the package is off."""
     by_person: bool = False
     """A person took it off."""
+    how: str = ""
+    """What a winch or a payload place was seen to do, where the release was in the air."""
     lost_s: float | None = None
     """It left the drone on the way, at this instant, POSIX seconds."""
     weight: Weight | None = None
     """How much of it was aboard after the next take-off."""
     package_kg: float = 0.0
+
+    @property
+    def tried(self) -> bool:
+        """Whether it was tried to release the package."""
+        return self.acknowledged is not None or bool(self.how)
 
 
 def judge(e: Evidence) -> tuple[Verdict, str]:
@@ -44,15 +51,16 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     was lost on the way was not delivered, whatever the gripper says.
     """
     if e.lost_s is not None:
-        return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in level flight"
-    said = "a person took it off" if e.by_person else "the release was acknowledged"
+        return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in steady flight"
+    said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
     if e.acknowledged is False:
-        return Verdict.NOT_DELIVERED, "the release was not acknowledged"
+        return Verdict.NOT_DELIVERED, e.how or "the release was not acknowledged"
     w = e.weight
     if w is None:
         if e.acknowledged:
-            return Verdict.DELIVERED, f"{said}; the drone has not taken off since, so it was not weighed"
-        return Verdict.UNSURE, "nothing was acknowledged, and nothing was weighed"
+            why = "it was not weighed" if e.how else "the drone has not taken off since, so it was not weighed"
+            return Verdict.DELIVERED, f"{said}; {why}"
+        return Verdict.UNSURE, f"{e.how or 'nothing was acknowledged'}, and nothing was weighed"
     figure = f"{max(w.share, 0.0) * e.package_kg:.2f} ± {w.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"
     if w.sigma > WEIGHABLE or abs(w.share - ABOARD) < SURE_SIGMAS * w.sigma:
         why = "too light to be weighed" if w.sigma > WEIGHABLE else "weighed"

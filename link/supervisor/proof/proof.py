@@ -58,7 +58,7 @@ class Proof:
         if self._down:
             return
         self._scale.hear(s, ctx.wind.here(s))
-        if self.evidence.acknowledged is None:
+        if not self.evidence.tried:
             self._watch_loss(ctx, self._scale)
         if self._open and s.time_s > self._scale.took_off_s + END_S:
             self._open = False
@@ -68,7 +68,7 @@ class Proof:
         """A take-off was weighed: under the package it is a measure for later ones, without it the proof."""
         if self.lost:
             return
-        if self.evidence.acknowledged is None:
+        if not self.evidence.tried:
             gain = scale.keep()
             if gain is not None:
                 ctx.note(
@@ -85,19 +85,25 @@ class Proof:
         if lost_s is not None:
             self._take(ctx, replace(self.evidence, lost_s=lost_s))
 
-    def released(self, ctx: Context, *, acknowledged: bool, by_person: bool = False) -> None:
-        """Take what the gripper, or the person, said of the release."""
+    def released(self, ctx: Context, *, acknowledged: bool | None, by_person: bool = False, how: str = "") -> None:
+        """Take what the gripper, the winch or the person said of the release; `how` is what was seen of one in the air."""
         kg = ctx.job.request.payload_kg
-        self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, package_kg=kg))
+        self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, how=how, package_kg=kg))
+
+    def leaves(self, ctx: Context) -> None:
+        """It leaves the place where it hovered to release the package: weigh it from now on."""
+        if self._scale is not None:
+            self._scale.take_off(ctx.now_s)
+            self._open = True
 
     def _take(self, ctx: Context, evidence: Evidence) -> None:
-        before = judge(self.evidence)[0] if self.evidence.acknowledged is not None or self.lost else None
+        before = judge(self.evidence)[0] if self.evidence.tried or self.lost else None
         self.evidence = evidence
         verdict, reason = judge(evidence)
         w = evidence.weight
         entry = Proved(
             verdict=str(verdict), acknowledged=evidence.acknowledged, by_person=evidence.by_person or None,
-            lost_s=evidence.lost_s, share=None if w is None else w.share, sigma=None if w is None else w.sigma,
+            how=evidence.how or None, lost_s=evidence.lost_s, share=None if w is None else w.share, sigma=None if w is None else w.sigma,
         )  # fmt: skip
         ctx.note(entry, f"proof of delivery: {verdict}: {reason}")
         if verdict is not before or w is not None:
@@ -113,4 +119,6 @@ class Proof:
                 self._gains.append(told.gain_w)
                 continue
             weight = None if told.share is None or told.sigma is None else Weight(told.share, told.sigma, 0)
-            self.evidence = Evidence(told.acknowledged, bool(told.by_person), told.lost_s, weight, package_kg)
+            self.evidence = Evidence(
+                told.acknowledged, bool(told.by_person), told.how or "", told.lost_s, weight, package_kg
+            )

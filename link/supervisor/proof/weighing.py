@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from statistics import fmean, pstdev
+from statistics import fmean, median, pstdev
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import GRAVITY_MPS2
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 BEGIN_S, END_S = 3.0, 18.0
 """Seconds after a take-off that are weighed: power is uneven before, and within 20 s there is to be an answer."""
-_LEAST_S = 6
+_LEAST_S, _KEPT_SHARE = 6, 0.75
 _CLIMB = (1.0 - BLADE_SHARE) / (INDUCED_FACTOR * INFLOW_MPS)
 _STEADY_MPS2, _DESCENT_MPS = 0.7, -0.4
 _KAPPA = 1.6
-GAIN_SIGMA, MODEL_SIGMA = 0.012, 0.012
+GAIN_SIGMA, MODEL_SIGMA = 0.008, 0.008
 """Standard deviations of power, relative: between two take-offs of one drone, and of the model over them."""
 STEP_S = 8
 """Seconds before and after a moment that are compared for a package that is lost on the way."""
@@ -40,13 +40,18 @@ SHORT_S, BESIDE_S, _CLEAN_SHARE = 4, 3, 0.1
 """A fall between stretches that are as steady as this share of it is one though the wind drifts: then so many seconds before it will do, and the drone
 flies alike only in so many on either side."""
 _STEP_SHARE, _STEADY_SHARE, _STEP_WAIT_S = 0.6, 0.3, 4.0
-_SAME_LEAN_RAD = 0.01
-"""A drone that has lost its package leans as before or more; one that leans less has less drag: a gust from behind takes power away, too."""
-_SAME_AIRSPEED_MPS = 1.5
-"""Airspeeds further apart are not compared: braking and hastening change the power by more than a package, and the model knows it too roughly."""
+_PER_RAD, _PER_MPS = 2.5, 0.03
+"""Share of the power that a lean less by a radian, or an airspeed other by a metre a second, may take away at most: the fall must be so much deeper.
+A drone that has lost its package leans as before or more; one that brakes, or is pushed by a gust from behind, leans less, and has less drag."""
+_LEAST_FALL, _MOST_SHARE, _STEEP_RAD = 0.1, 1.5, 0.35
+"""A package whose weight takes less of the power is not told from gusts; a fall of so many times as much is something else; and a drone that leans further
+fights the wind: most of its power is drag."""
+_SAME_AIRSPEED_MPS, _SAME_CLIMB_MPS = 4.0, 0.5
+"""Airspeeds and climbs further apart are not compared: the model knows them too roughly."""
+_AIRSPEED, _LEAN, _CLIMB_RATE = 2, 3, 4
 
-Points = list[tuple[float, float, float, float]]
-"""Time, power in units of the model, airspeed and lean, a second apart."""
+Points = list[tuple[float, float, float, float, float]]
+"""Time, power in units of the model, airspeed, lean and climb, a second apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,7 @@ class Scale:
     _sums: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
     _was: TelemetrySample | None = None
     _newest_s: float = -math.inf
-    _steady: deque[tuple[float, float, float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
+    _steady: deque[tuple[float, float, float, float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
 
     def take_off(self, time_s: float) -> None:
         """Begin to weigh: it has left the ground."""
@@ -91,7 +96,7 @@ class Scale:
             return
         rise = -(s.vel_down_mps - was.vel_down_mps) / (s.time_s - was.time_s)
         climb = -s.vel_down_mps
-        if not abs(rise) < _STEADY_MPS2 or not climb > _DESCENT_MPS or s.power_w == self._last_power:
+        if not abs(rise) < _STEADY_MPS2 or s.power_w == self._last_power:
             return
         airspeed = math.hypot(s.vel_north_mps - wind[0], s.vel_east_mps - wind[1])
         lean = math.cos(s.roll_rad) * math.cos(s.pitch_rad)
@@ -100,11 +105,12 @@ class Scale:
         self._last_power = s.power_w
         lift = (1.0 + rise / GRAVITY_MPS2) / lean
         after_s = s.time_s - self.took_off_s
-        if BEGIN_S <= after_s <= END_S:
+        if climb > _DESCENT_MPS and BEGIN_S <= after_s <= END_S:
             self._sums.setdefault(int(after_s), []).append((s.power_w, self._units(lift, airspeed, climb)))
-        if s.time_s >= self._newest_s + 1.0 and abs(climb) < 0.5:
+        if s.time_s >= self._newest_s + 1.0:
             self._newest_s = s.time_s
-            self._steady.append((s.time_s, s.power_w / self._units(lift, airspeed, climb), airspeed, math.acos(lean)))
+            power = s.power_w / self._units(lift, airspeed, climb)
+            self._steady.append((s.time_s, power, airspeed, math.acos(lean), climb))
 
     _last_power: float = math.nan
 
@@ -115,8 +121,13 @@ class Scale:
         return float(load**self.kappa * factor + _CLIMB * max(climb_mps, 0.0) * load)
 
     def gain(self) -> tuple[float, float, int] | None:
-        """Mean of power over the model since the take-off, its standard error (relative), and seconds; None for too few."""
+        """Mean of power over the model since the take-off, its standard error (relative), and seconds; None for too few.
+
+        The quarter of the seconds that is farthest from the median does not count: there the drone ends its climb, or meets a gust.
+        """
         seconds = [sum(power for power, _ in pairs) / sum(units for _, units in pairs) for pairs in self._sums.values()]
+        middle = median(seconds) if seconds else 0.0
+        seconds = sorted(seconds, key=lambda one: abs(one - middle))[: math.ceil(_KEPT_SHARE * len(seconds))]
         if len(seconds) < _LEAST_S:
             return None
         mean = sum(seconds) / len(seconds)
@@ -159,7 +170,7 @@ class Scale:
         return share * self.kappa + (1.0 - share)
 
     def lost(self) -> float | None:
-        """Return when the package left in level flight, POSIX seconds: power fell at once, and stayed so; None where not."""
+        """Return when the package left on the way, POSIX seconds: power fell at once, and stayed so; None where not."""
         points = list(self._steady)
         if len(points) < 2 * STEP_S or not self.package_kg > 0.0:
             return None
@@ -173,15 +184,16 @@ class Scale:
     def _fell(self, before: Points, after: Points, steady_share: float, alike: tuple[Points, Points]) -> bool:
         """Whether power fell between two stretches, each as steady as a share of the fall; in `alike` the drone flew alike before and after."""
         if after[-1][0] - before[0][0] > len(before) + len(after) + 2 + _STEP_WAIT_S:
-            return False  # not one stretch of level flight
-        airspeeds = [airspeed for some in alike for _, _, airspeed, _ in some]
-        if max(airspeeds) - min(airspeeds) > _SAME_AIRSPEED_MPS:
-            return False
-        leans = [fmean(lean for *_, lean in some) for some in alike]
-        if leans[1] < leans[0] - _SAME_LEAN_RAD:
-            return False
-        old, new = (fmean(one for _, one, _, _ in some) for some in (before, after))
-        spread = max(pstdev(one for _, one, _, _ in some) for some in (before, after))
+            return False  # not one stretch of steady flight
+        for column, most in ((_AIRSPEED, _SAME_AIRSPEED_MPS), (_CLIMB_RATE, _SAME_CLIMB_MPS)):
+            found = [point[column] for some in alike for point in some]
+            if max(found) - min(found) > most:
+                return False
+        speeds, leans = ([fmean(point[column] for point in some) for some in alike] for column in (_AIRSPEED, _LEAN))
+        explained = max(_PER_RAD * (leans[0] - leans[1]), _PER_MPS * abs(speeds[1] - speeds[0]))
+        old, new = (fmean(one for _, one, *_ in some) for some in (before, after))
+        spread = max(pstdev(one for _, one, *_ in some) for some in (before, after))
         wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
         fell = 1.0 - new / old
-        return fell > _STEP_SHARE * wanted and spread < steady_share * fell * old
+        told = wanted >= _LEAST_FALL and max(leans) < _STEEP_RAD and fell < _MOST_SHARE * wanted
+        return told and fell - explained > _STEP_SHARE * wanted and spread < steady_share * fell * old

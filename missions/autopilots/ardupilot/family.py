@@ -30,6 +30,7 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base.formatting import duration
+from skyway.models.composition.release import WINCH_MPS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -89,6 +90,7 @@ class ArduPilot(Family):
     """ArduPilot's way with missions: item 0 is home, in uploads too, so its numbers are ours plus one."""
 
     name = "ardupilot"
+    places_payloads = True
     firmware = 3
     system_id_names = ("MAV_SYSID", "SYSID_THISMAV")
     calibrations = CALIBRATIONS
@@ -212,6 +214,11 @@ class ArduPilot(Family):
             ]
         if needs.uses_gripper:
             found.append(of["gripper"].need("equal", 1, "the release is a gripper"))
+        if needs.uses_winch:
+            found.append(of["winch"].need("at-least", 1, "the release is a winch"))
+            found.append(
+                of["winch-rate"].need("at-least", WINCH_MPS, "the line must be out before it is taken in again")
+            )
         return tuple(found)
 
 

@@ -64,5 +64,7 @@ SETTINGS = Settings(
         Setting("mission-options", "how missions go on", (Name("MIS_OPTIONS"),)),
         Setting("disarm-delay", "when it disarms on the ground, s", (Name("DISARM_DELAY"),)),
         Setting("gripper", "whether it has a gripper", (Name("GRIP_ENABLE"),)),
+        Setting("winch", "which winch it has", (Name("WINCH_TYPE"),)),
+        Setting("winch-rate", "line a second of its winch", (Name("WINCH_RATE_MAX"),)),
     )
 )

@@ -38,12 +38,12 @@ _KEPT_PARAMS = kept_params(
         (): "NAV_RETURN_TO_LAUNCH",
         (1,): "COMPONENT_ARM_DISARM",
         (4,): "NAV_TAKEOFF NAV_VTOL_TAKEOFF NAV_VTOL_LAND",
-        (1, 2): "DO_JUMP DO_GRIPPER DO_WINCH",
+        (1, 2): "DO_JUMP DO_GRIPPER",
         (2, 4): "NAV_LAND",
         (3, 4): "NAV_LOITER_UNLIM",
         (1, 2, 3): "DO_CHANGE_SPEED",
         (1, 2, 4): "NAV_WAYPOINT NAV_LOITER_TO_ALT",
-        (1, 2, 3, 4): "NAV_LOITER_TIME NAV_DELAY",
+        (1, 2, 3, 4): "NAV_LOITER_TIME NAV_DELAY DO_WINCH",
     }
 )
 """Which of parameters 1 to 4 PX4 keeps of commands whose others are a place, or unused."""

@@ -205,6 +205,20 @@ class ArduPilot(ArduPilotFailsafes):
         """GRIP_ENABLE."""
         return self.parameters["GRIP_ENABLE"] == 1.0
 
+    @property
+    def has_winch(self) -> bool:
+        """WINCH_TYPE: 1 by pulses, 2 a Daiwa, which tells how much line is out."""
+        return self.parameters["WINCH_TYPE"] >= 1.0
+
+    @property
+    def tells_winch(self) -> bool:
+        """Whether there is a winch."""
+        return self.has_winch
+
+    def winch_mps(self, rate_mps: float) -> float:  # noqa: ARG002  by length it goes as fast as it may
+        """WINCH_RATE_MAX."""
+        return self.parameters.clamped("WINCH_RATE_MAX", 0.05, 10.0)
+
     def take_off(self, height_m: float, by: str) -> Result:
         """Only armed, on the ground, in GUIDED; the height is above home."""
         if self.mode != Mode.GUIDED or not self.armed or not self.landed:

@@ -36,7 +36,7 @@ _P1_WHOLE = frozenset(
     }
 )
 _DONE_ELSEWHERE = (
-    # Cameras, servos, relays, winches: kept, and nothing that moves the vehicle.
+    # Cameras, servos, relays: kept, and nothing that moves the vehicle.
     182,  # DO_REPEAT_RELAY
     184,  # DO_REPEAT_SERVO
     195,  # DO_SET_ROI_LOCATION
@@ -55,7 +55,6 @@ _DONE_ELSEWHERE = (
     2001,  # IMAGE_STOP_CAPTURE
     2500,  # VIDEO_START_CAPTURE
     2501,  # VIDEO_STOP_CAPTURE
-    42600,  # DO_WINCH
 )
 _KEPT: dict[int, tuple[int, ...]] = {
     # Which of p1..p4 are stored at all; the rest come back as 0.
@@ -69,6 +68,7 @@ _KEPT: dict[int, tuple[int, ...]] = {
     Command.LAND: (1,),
     Command.TAKEOFF: (1,),
     Command.DELAY: (1, 2, 3, 4),
+    Command.PAYLOAD_PLACE: (1,),
     Command.CONDITION_DELAY: (1,),
     Command.CONDITION_DISTANCE: (1,),
     Command.CONDITION_YAW: (1, 2, 3, 4),
@@ -79,6 +79,7 @@ _KEPT: dict[int, tuple[int, ...]] = {
     Command.DO_SET_ROI: (1,),
     Command.DO_FENCE_ENABLE: (1,),
     Command.DO_GRIPPER: (1, 2),
+    Command.DO_WINCH: (1, 2, 3, 4),
     181: (1, 2),  # DO_SET_RELAY
     183: (1, 2),  # DO_SET_SERVO
     **dict.fromkeys(_DONE_ELSEWHERE, (1, 2, 3, 4)),

@@ -42,6 +42,7 @@ _PLAIN = frozenset(
     {
         Command.DO_JUMP,
         Command.DO_GRIPPER,
+        Command.DO_WINCH,
         Command.DO_CHANGE_SPEED,
         Command.DO_SET_HOME,
         Command.DO_LAND_START,
@@ -72,7 +73,6 @@ _PLAIN = frozenset(
         2500,  # VIDEO_START_CAPTURE
         2501,  # VIDEO_STOP_CAPTURE
         3000,  # DO_VTOL_TRANSITION
-        42600,  # DO_WINCH
     }
 )
 _LOOK_AT = frozenset({80, 195, Command.DO_SET_ROI, 212})

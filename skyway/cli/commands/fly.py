@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 from zoneinfo import ZoneInfo
 
 import typer
@@ -19,6 +19,7 @@ from skyway.cli.seen_options import Seen
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
+from skyway.models.composition.release import Release
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -76,7 +77,10 @@ def fly(
         str, typer.Option("--planner", hidden=True, help="No longer used: one online policy decides.")
     ] = "",
     no_replan: Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")] = False,
-    release: Annotated[Literal["gripper", "operator"], typer.Option(help="How the package is released.")] = "gripper",
+    release: Annotated[
+        Release | None,
+        typer.Option(help="How the package is released. Without it: as planned; in the air only where planned so."),
+    ] = None,
     elevation: Annotated[
         list[str] | None, typer.Option(help="STATION=METRES: ground height that the plan lacks; repeatable.")
     ] = None,
@@ -178,13 +182,17 @@ def fly(
     who = seen.remote_id(region.remote_id)
     how["health"] = HealthBook(link.record, ZoneInfo(region.timezone))
     if yes:
-        _refuse_questions(composition, pads, release)
+        _refuse_questions(composition, pads, flying.release_of(composition, release))
     _check_words(planner, wind, forecast)
     request = flying.request_of(composition, region)
     flying.refuse_closed(region, composition.destination)
     if forecast:
         check_files(region, forecast, composition.depart)
-    made_with = MissionOptions(release=release, elevation_m=flying.heights(region, elevation), over=region.network.over)
+    made_with = MissionOptions(
+        release=flying.release_of(composition, release),
+        elevation_m=flying.heights(region, elevation),
+        over=region.network.over,
+    )
 
     def job(now: datetime, vehicle: Vehicle) -> DeliveryJob:  # noqa: ARG001  any vehicle flies a plan
         winds = _observed(region, observed, now, wind)
@@ -378,8 +386,8 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
             f"--yes and --pads manual exclude each other: nobody could confirm the charging at {', '.join(charges)}"
         )
         raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes")
-    if release == "operator":
-        problem = "--yes and --release operator exclude each other: nobody could confirm that the package was taken off"
+    if release == "hand":
+        problem = "--yes and --release hand exclude each other: nobody could confirm that the package was taken off"
         raise InputError(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +14,7 @@ from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import stored_degrees
+from skyway.models.composition.release import Release
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -41,8 +42,9 @@ def mission(
     ] = False,
     width: Annotated[float, typer.Option(help="Width of the fenced corridor, m; 0 writes no fence.")] = 400.0,
     release: Annotated[
-        Literal["gripper", "operator"], typer.Option(help="How the package is released at the end.")
-    ] = "gripper",
+        Release | None,
+        typer.Option(help="How the package is released. Without it: as planned; in the air only where planned so."),
+    ] = None,
     undelivered: Annotated[
         bool,
         typer.Option("--undelivered", help="The way on with the package still aboard, of a plan --if-undelivered."),
@@ -73,7 +75,7 @@ def mission(
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
       skyway mission plan.json -o delivery.plan --zones national.json
     """
-    from skyway.flying import heights, terrain_of, zone_files
+    from skyway.flying import heights, release_of, terrain_of, zone_files
     from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
@@ -84,9 +86,9 @@ def mission(
         raise InputError("one leg and all legs exclude each other", field=f"--leg, {other}")
     composition, flown_by = load(plan), family_named(autopilot)
     if undelivered:
-        composition, release = _with_the_package(composition), "operator"
+        composition, release = _with_the_package(composition), "hand"
     how = MissionOptions(
-        cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation),
+        cruise_height, climb, descent, max_speed, width or None, release_of(composition, release), elevation_m=heights(None, elevation),
         over=terrain_of(composition, terrain, obstacles),
     )  # fmt: skip
     files = zone_files(composition, zones or ())

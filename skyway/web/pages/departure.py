@@ -52,7 +52,7 @@ class DepartureForm:
         )
         Field(
             "Package released by", self._set("release"), kind="select",
-            options=[("gripper", "the gripper"), ("operator", "a person, who says so")], value="gripper",
+            options=[("", "as planned"), ("gripper", "the gripper"), ("hand", "a person, who says so")], value="",
         )  # fmt: skip
         Field(
             "Ground heights", self._set("elevation"), hint="Where the plan lacks one: target=34, metres above sea level"

@@ -57,7 +57,7 @@ def test_the_last_leg_lands_releases_and_disarms(two_legs):
 
 
 def test_where_a_person_releases_the_vehicle_is_disarmed_before(two_legs):
-    by_hand = MissionOptions(release="operator")
+    by_hand = MissionOptions(release="hand")
     export = leg_mission(two_legs, 1, PX4, by_hand)
     assert names(only(export))[-2:] == ["LAND", "COMPONENT_ARM_DISARM"]
     assert "confirm it in skyway" in export.warnings[0]

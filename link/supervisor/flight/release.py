@@ -1,0 +1,93 @@
+"""Release in the air: the mission lowers or places the package over the target and flies on; here it is watched, and evidence taken.
+
+Nothing is commanded: with a lost link the vehicle does the same. Which item it is at says where in the release it is; what a winch tells of its line, and what ArduPilot
+says of a payload place, is evidence. From the last of these items on the drone is on its way back, and is weighed.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import ReleaseNote
+from skyway.link.supervisor.onward import flies_on
+from skyway.missions.builder.release_items import release_range
+from skyway.models.base.errors import LinkError
+from skyway.models.composition.release import WINCH_HEIGHT_M, WINCH_SETTLE_S, hovers, winch_s
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+
+_OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.IGNORECASE)
+_KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
+LINE_M = 0.5
+"""A line that is so much shorter than the hover is high has not brought the package down."""
+
+
+@dataclass(slots=True)
+class ReleaseWatch:
+    """How far the release of one leg is; written by `watch_release` alone."""
+
+    begun_s: float | None = None
+    """By the clock, when its first item was seen to be flown."""
+    line_m: float | None = None
+    """Line out, as the winch told it when it was to be all out; None was not told."""
+    asked: bool = False
+
+
+def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
+    """Look where in the release the vehicle is; once it is over, the drone is on its way back."""
+    leg = ctx.delivery.leg
+    if leg is None or not hovers(ctx.job.options.release) or not ctx.delivers_at(leg.destination):
+        return
+    items, number = release_range(leg.mission.document.mission.items), _item(ctx)
+    if items is None or number is None or number < items[0]:
+        return
+    now_s = ctx.clock.now_s()
+    if number <= items[1]:
+        if watch.begun_s is None:
+            watch.begun_s = now_s
+            ctx.say(ReleaseNote(), f"over {leg.destination}: the package is released by {ctx.job.options.release}")
+        if (
+            ctx.job.options.release == "winch"
+            and not watch.asked
+            and now_s >= watch.begun_s + winch_s() - 0.5 * WINCH_SETTLE_S
+        ):
+            watch.asked = True
+            watch.line_m = _line_m(ctx)
+        return
+    acknowledged, how = _said(ctx, watch)
+    ctx.note(ReleaseNote(), how)
+    ctx.proof.released(ctx, acknowledged=acknowledged, how=how)
+    ctx.proof.leaves(ctx)
+    flies_on(ctx, leg, delivered=acknowledged is not False, why=how)
+
+
+def _item(ctx: Context) -> int | None:
+    """Number of the item that it flies, as we count; None where it has not told."""
+    said = ctx.vehicle.peer.latest.get("MISSION_CURRENT")
+    return None if said is None else int(said["seq"]) - ctx.vehicle.family.home_items
+
+
+def _line_m(ctx: Context) -> float | None:
+    try:
+        return ctx.vehicle.winch_line_m()
+    except LinkError:
+        return None
+
+
+def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
+    """What the vehicle says of the release: true, false, or nothing; and in words."""
+    since_s = ctx.status.entered_s if watch.begun_s is None else watch.begun_s - 1.0
+    if ctx.job.options.release == "place":
+        if kept := ctx.texts.saying(_KEPT, since_s):
+            return False, f"the package was not placed: {kept}"
+        if opened := ctx.texts.saying(_OPENED, since_s):
+            return True, f"the package was placed: {opened}"
+        return None, "the payload place is over, and the drone has not said what became of it"
+    if watch.line_m is None:
+        return None, "the winch has told nothing"
+    if watch.line_m < WINCH_HEIGHT_M - LINE_M:
+        return False, f"the winch let out {watch.line_m:.1f} m of line, and the drone hovered at {WINCH_HEIGHT_M:g} m"
+    return True, f"the winch let out {watch.line_m:.1f} m of line"
