@@ -14,6 +14,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import InfeasibleError, NoRouteError
+from skyway.models.base.formatting import share
 from skyway.models.composition.composition import Composition, State, WayBack
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.objective import Objective
@@ -96,7 +97,16 @@ def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
         undelivered_to=None if carried is None else stations[carried].id,
         undelivered=undelivered,
     )
-    return replace(result, composition=replace(c, way_back=way))
+    return replace(result, composition=replace(c, way_back=way, notes=(*c.notes, *_of_way_out(result, back))))
+
+
+def _of_way_out(result: PlanResult, back: Composition | None) -> tuple[str, ...]:
+    """Say so where the probability of success does not count the flight on: only the planner robust counts it."""
+    c = result.composition
+    if back is None or c.success is None or result.outcome.p_onward is not None or not result.problem.needs_escape:
+        return ()
+    own = "" if back.success is None else f"; on the way back, from the typical schedule: {share(back.success)}"
+    return (f"The share of the deliveries that keep the reserve is that of the way out alone{own}",)
 
 
 def _first(result: PlanResult, compose: Compose, ends: list[str], payload_kg: float) -> Composition:

@@ -16,8 +16,8 @@ from skyway.link.supervisor.job import nobody_observes
 from skyway.link.supervisor.operators import Said
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.signing import Signing
-from skyway.missions.examples import NEW_YORK
 from skyway.missions.builder.mission_options import MissionOptions
+from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.estimation.field import WindObservation

@@ -62,6 +62,52 @@ def test_from_a_target_without_pads_the_drone_goes_on_to_the_nearest_pad(planner
     # The flight that was begun with the package takes more energy a metre than the one without it.
     out, on = c.services[-1], back.plan.services[0]
     assert on.energy_j / on.distance_m < out.energy_j / out.distance_m
+    of_way_out = [note for note in c.notes if "of the way out alone" in note]
+    assert bool(of_way_out) is (planner == "pfs-charge-aware")
+
+
+@pytest.mark.parametrize("target", ["b", ""])
+@pytest.mark.parametrize("planner", ["exact", "robust"])
+def test_where_the_package_is_released_in_the_air_the_drone_flies_on_with_charge_for_the_hover_and_the_package(
+    planner, target
+):
+    scenario = line(0.0, 9.0, 15.0, target=target)
+    forecast = calm(scenario)
+    landed = plan(scenario, ask("b", undelivered_to="back"), planner=planner, forecast=forecast).composition
+    c = plan(scenario, ask("b", release="winch"), planner=planner, forecast=forecast).composition
+    back = c.way_back
+    assert (back.release, back.dwell_s, back.station) == ("winch", 52.0, "c")
+    out, on = c.services[-1], back.plan.services[0]
+    assert on.depart == c.arrive + timedelta(seconds=52.0)
+    hover_soc = out.soc_arrive - on.soc_depart
+    assert hover_soc == pytest.approx(52.0 * (out.soc_depart - out.soc_arrive) / out.flight_time_s, rel=0.15)
+    assert landed.way_back.release == "gripper"
+    assert from_json(json.dumps(to_json(c))).way_back.release == "winch"
+    with pytest.raises(InputError, match="does not land"):
+        ask("b", release="winch", dwell_s=60.0)
+    with pytest.raises(InputError, match="does not land"):
+        plan(scenario, ask("b", release="place", return_to="none"), planner=planner, forecast=forecast)
+
+
+def test_a_hover_counts_where_no_battery_is_enough():
+    forecast = calm(line(0.0, 9.0, target="b", reach_km=17.0))
+    farthest = {}
+    for release in ("gripper", "winch"):
+        near, far = 6.0, 17.0
+        while far - near > 0.1:
+            middle = 0.5 * (near + far)
+            near, far = (middle, far) if _there(middle, release, forecast) else (near, middle)
+        farthest[release] = near
+    assert 6.5 < farthest["winch"] < farthest["gripper"] - 0.3
+
+
+def _there(away_km, release, forecast):
+    scenario = line(0.0, away_km, target="b", reach_km=17.0)
+    try:
+        plan(scenario, ask("b", release=release), planner="exact", forecast=forecast)
+    except NoRouteError:
+        return False
+    return True
 
 
 @pytest.mark.parametrize("planner", ["exact", "robust"])

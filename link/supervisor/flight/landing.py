@@ -100,6 +100,7 @@ def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
 def _deliver(ctx: Context) -> After:
     """The package is released, by the gripper or by a person who says so."""
     destination = ctx.job.request.destination
+    ctx.proof.before_release(ctx)
     if ctx.proof.lost:
         return after_failure(ctx, f"at {destination} without the package: {ctx.proof.verdict[1]}", loaded=False)
     if hovers(ctx.job.options.release):

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.IGNORECASE)
 _KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
+HANGS_S = 9.0
+"""After the release has begun the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
 LINE_M = 0.5
 """A line that is so much shorter than the hover is high has not brought the package down."""
 
@@ -34,6 +36,7 @@ class ReleaseWatch:
     line_m: float | None = None
     """Line out, as the winch told it when it was to be all out; None was not told."""
     asked: bool = False
+    weighed: bool = False
 
 
 def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
@@ -48,7 +51,11 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
     if number <= items[1]:
         if watch.begun_s is None:
             watch.begun_s = now_s
+            ctx.proof.begins_release()
             ctx.say(ReleaseNote(), f"over {leg.destination}: the package is released by {ctx.job.options.release}")
+        if not watch.weighed and now_s >= watch.begun_s + HANGS_S:
+            watch.weighed = True
+            ctx.proof.before_release(ctx)
         if (
             ctx.job.options.release == "winch"
             and not watch.asked

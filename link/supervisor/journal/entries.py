@@ -336,6 +336,8 @@ class Proved(Entry, frozen=True, kw_only=True, tag="proof"):
     acknowledged: bool | None = None
     by_person: bool | None = None
     how: str | None = None
+    before: float | None = None
+    before_sigma: float | None = None
     lost_s: float | None = None
     share: float | None = None
     sigma: float | None = None

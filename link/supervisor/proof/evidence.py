@@ -13,6 +13,9 @@ ABOARD, SURE_SIGMAS, WEIGHABLE = 0.3, 1.0, 0.25
 """A share of the package above this counts as aboard; a weight nearer to that than so many standard deviations says nothing, nor does
 one whose standard deviation is above the last."""
 
+GONE, GONE_SIGMAS = 0.6, 2.0
+"""Less than this share of it aboard before the release, by so many standard deviations, is a package that was lost on the way."""
+
 
 class Verdict(StrEnum):
     """What became of the package."""
@@ -34,9 +37,18 @@ class Evidence:
     """What a winch or a payload place was seen to do, where the release was in the air."""
     lost_s: float | None = None
     """It left the drone on the way, at this instant, POSIX seconds."""
+    before: Weight | None = None
+    """How much of it was aboard just before the release: in the last seconds of slow descent, or hover."""
     weight: Weight | None = None
     """How much of it was aboard after the next take-off."""
     package_kg: float = 0.0
+
+    @property
+    def lost(self) -> bool:
+        """Whether it left the drone on the way."""
+        b = self.before
+        light = b is not None and b.share + GONE_SIGMAS * b.sigma < GONE
+        return self.lost_s is not None or light
 
     @property
     def tried(self) -> bool:
@@ -52,6 +64,12 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     """
     if e.lost_s is not None:
         return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in steady flight"
+    if e.lost and e.before is not None:
+        figure = f"{max(e.before.share, 0.0) * e.package_kg:.2f} ± {e.before.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"
+        return (
+            Verdict.NOT_DELIVERED,
+            f"the package left the drone on the way: {figure} aboard by the power before the release",
+        )
     said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
     if e.acknowledged is False:
         return Verdict.NOT_DELIVERED, e.how or "the release was not acknowledged"

@@ -28,6 +28,8 @@ class Proof:
     _scale: Scale | None = None
     _gains: list[float] = field(default_factory=list)
     _down: bool = True
+    _releasing: bool = False
+    """It hovers to release the package: power falls when that stands on the ground."""
     _open: bool = False
     """A take-off is being weighed."""
 
@@ -39,7 +41,7 @@ class Proof:
     @property
     def lost(self) -> bool:
         """Whether the package left the drone on the way."""
-        return self.evidence.lost_s is not None
+        return self.evidence.lost
 
     def hear(self, ctx: Context, s: TelemetrySample) -> None:
         """Weigh by a sample of the flight; tell and write down what it shows."""
@@ -58,7 +60,7 @@ class Proof:
         if self._down:
             return
         self._scale.hear(s, ctx.wind.here(s))
-        if not self.evidence.tried:
+        if not (self.evidence.tried or self._releasing):
             self._watch_loss(ctx, self._scale)
         if self._open and s.time_s > self._scale.took_off_s + END_S:
             self._open = False
@@ -90,6 +92,16 @@ class Proof:
         kg = ctx.job.request.payload_kg
         self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, how=how, package_kg=kg))
 
+    def before_release(self, ctx: Context) -> None:
+        """It is about to release the package: weigh what is aboard."""
+        found = None if self._scale is None or self.lost else self._scale.before_release()
+        if found is not None:
+            self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
+
+    def begins_release(self) -> None:
+        """It hovers to release the package."""
+        self._releasing = True
+
     def leaves(self, ctx: Context) -> None:
         """It leaves the place where it hovered to release the package: weigh it from now on."""
         if self._scale is not None:
@@ -100,13 +112,15 @@ class Proof:
         before = judge(self.evidence)[0] if self.evidence.tried or self.lost else None
         self.evidence = evidence
         verdict, reason = judge(evidence)
-        w = evidence.weight
+        b, w = evidence.before, evidence.weight
         entry = Proved(
             verdict=str(verdict), acknowledged=evidence.acknowledged, by_person=evidence.by_person or None,
-            how=evidence.how or None, lost_s=evidence.lost_s, share=None if w is None else w.share, sigma=None if w is None else w.sigma,
+            how=evidence.how or None, lost_s=evidence.lost_s,
+            before=None if b is None else b.share, before_sigma=None if b is None else b.sigma,
+            share=None if w is None else w.share, sigma=None if w is None else w.sigma,
         )  # fmt: skip
         ctx.note(entry, f"proof of delivery: {verdict}: {reason}")
-        if verdict is not before or w is not None:
+        if (verdict is not before or w is not None) and (evidence.tried or evidence.lost):
             ctx.tell(f"proof of delivery: {verdict}: {reason}")
 
     def restore(self, records: Iterable[Record], package_kg: float) -> None:
@@ -118,7 +132,11 @@ class Proof:
             if told.gain_w is not None:
                 self._gains.append(told.gain_w)
                 continue
-            weight = None if told.share is None or told.sigma is None else Weight(told.share, told.sigma, 0)
             self.evidence = Evidence(
-                told.acknowledged, bool(told.by_person), told.how or "", told.lost_s, weight, package_kg
-            )
+                told.acknowledged, bool(told.by_person), told.how or "", told.lost_s,
+                _weight(told.before, told.before_sigma), _weight(told.share, told.sigma), package_kg,
+            )  # fmt: skip
+
+
+def _weight(share: float | None, sigma: float | None) -> Weight | None:
+    return None if share is None or sigma is None else Weight(share, sigma, 0)

@@ -49,6 +49,8 @@ fights the wind: most of its power is drag."""
 _SAME_AIRSPEED_MPS, _SAME_CLIMB_MPS = 4.0, 0.5
 """Airspeeds and climbs further apart are not compared: the model knows them too roughly."""
 _AIRSPEED, _LEAN, _CLIMB_RATE = 2, 3, 4
+_SLOW_CLIMB_MPS, _SLOW_MPS, _SLOW_S, _SLOW_SIGMA, _IDLE_SHARE = 1.0, 2.0, 14.0, 0.035, 0.4
+"""What it weighs before the release: by the last seconds of slow descent, or hover; there power knows the mass to so much, relative. It is idle below that share."""
 
 Points = list[tuple[float, float, float, float, float]]
 """Time, power in units of the model, airspeed, lean and climb, a second apart."""
@@ -88,6 +90,7 @@ class Scale:
         self.took_off_s, self._was = time_s, None
         self._sums.clear()
         self._steady.clear()
+        self._slow.clear()
 
     def hear(self, s: TelemetrySample, wind: tuple[float, float]) -> None:
         """Take a sample in flight, and the wind there, (north, east), m/s."""
@@ -104,6 +107,7 @@ class Scale:
             return
         self._last_power = s.power_w
         lift = (1.0 + rise / GRAVITY_MPS2) / lean
+        self._hear_slow(s, lift, airspeed, climb)
         after_s = s.time_s - self.took_off_s
         if climb > _DESCENT_MPS and BEGIN_S <= after_s <= END_S:
             self._sums.setdefault(int(after_s), []).append((s.power_w, self._units(lift, airspeed, climb)))
@@ -113,6 +117,29 @@ class Scale:
             self._steady.append((s.time_s, power, airspeed, math.acos(lean), climb))
 
     _last_power: float = math.nan
+    _slow: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=400))
+    """Time, and power in units of hover, of slow descent and hover."""
+
+    def _hear_slow(self, s: TelemetrySample, lift: float, airspeed_mps: float, climb_mps: float) -> None:
+        slow = abs(climb_mps) < _SLOW_CLIMB_MPS and math.hypot(s.vel_north_mps, s.vel_east_mps) < _SLOW_MPS
+        units = s.power_w / self._units(lift, airspeed_mps, 0.0)
+        if slow and self.gains and units > _IDLE_SHARE * fmean(self.gains):
+            self._slow.append((s.time_s, units))
+
+    def before_release(self) -> Weight | None:
+        """Weigh what is aboard by the last seconds of slow descent or hover; None where there were too few, or nothing was flown under the package."""
+        if not self._slow or not self.gains or not self.package_kg > 0.0:
+            return None
+        seconds: dict[int, list[float]] = {}
+        for time_s, units in self._slow:
+            if time_s > self._slow[-1][0] - _SLOW_S:
+                seconds.setdefault(int(time_s), []).append(units)
+        if len(seconds) < _LEAST_S:
+            return None
+        ratio = median(fmean(found) for found in seconds.values()) / fmean(self.gains)
+        mass = (self.drone_kg + self.package_kg) * ratio ** (1.0 / self.kappa)
+        sigma = mass * _SLOW_SIGMA / self.kappa
+        return Weight((mass - self.drone_kg) / self.package_kg, sigma / self.package_kg, len(seconds))
 
     def _units(self, lift: float, airspeed_mps: float, climb_mps: float) -> float:
         """Power by the model with the whole package, in units of that of hover without it."""

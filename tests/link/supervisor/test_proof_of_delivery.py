@@ -73,6 +73,28 @@ def test_power_that_falls_in_level_flight_is_a_package_lost_unless_it_brakes_or_
         assert lost_s == pytest.approx(38.0, abs=3.0)
 
 
+@pytest.mark.parametrize(("aboard_kg", "lost"), [(1.2, False), (0.0, True), (0.1, True)])
+def test_before_the_release_it_is_weighed_by_the_last_seconds_of_its_descent(aboard_kg, lost):
+    scale = Scale(4.7, 1.2)
+    scale.take_off(0.0)
+    fly_level(scale, 0.0, 20, 5.0, 900.0, 0.0)
+    assert scale.before_release() is None  # nothing is known of the drone yet
+    scale.keep()
+    power_w = 900.0 * ((4.7 + aboard_kg) / 5.9) ** scale.kappa
+    for begin_s, seconds, watts in ((40.0, 15, power_w), (55.0, 2, 90.0)):  # and then it idles on the ground
+        for k in range(2 * seconds):
+            sample = TelemetrySample(
+                time_s=begin_s + 0.5 * k, vel_north_mps=0.0, vel_east_mps=0.0, vel_down_mps=0.5, roll_rad=0.0,
+                pitch_rad=0.0, power_w=watts + 0.5 * (k % 2),
+            )  # fmt: skip
+            scale.hear(sample, (0.0, 0.0))
+    found = scale.before_release()
+    assert found.share == pytest.approx(aboard_kg / 1.2, abs=0.02)
+    evidence = Evidence(acknowledged=True, before=found, package_kg=1.2)
+    assert evidence.lost is lost
+    assert (judge(evidence)[0] is N) is lost
+
+
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 @pytest.mark.parametrize("failure", ["", "stuck", "half", "early"])
 def test_a_gripper_that_lies_is_found_out_within_twenty_seconds_of_the_take_off(failure, autopilot):

@@ -82,5 +82,3 @@ def test_after_a_crash_of_the_program_the_flight_is_taken_up_where_it_is(moment,
     assert (outcome.state, outcome.station) == (D, stage.composition.way_back.station), outcome
     assert outcome.flights == 1
     assert stage.craft.body.payload_kg == 0.0
-
-
