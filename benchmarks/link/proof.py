@@ -122,7 +122,8 @@ class Stage:
                     if s.height_m > 0.3:
                         self.scale.take_off(s.time_s)
                     continue
-                self.scale.hear(s, tuple(true + off for true, off in zip(self.craft.true_wind, self.off, strict=True)))
+                north, east = self.craft.true_wind
+                self.scale.hear(s, (north + self.off[0], east + self.off[1]))
                 if math.isnan(begun_s):
                     self.lost_s = self.lost_s or self.scale.lost()
                 self._keep(s.time_s, took_off_s)
