@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import with_unit
+
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
 
@@ -58,5 +60,5 @@ class Winch:
         above_m = vehicle.body.alt_m - vehicle.ground_m
         if self.line_m > _HANGS_M and self.line_m >= above_m - _STANDS_M and not vehicle.autopilot.package_let_go:
             vehicle.autopilot.package_let_go = True
-            vehicle.event(f"the package stands on the ground, {self.line_m:.1f} m of line out")
+            vehicle.event(f"the package stands on the ground, {with_unit(self.line_m, 'm')} of line out")
             vehicle.autopilot.let_go(1.0 - faults.value("gripper-stuck"))

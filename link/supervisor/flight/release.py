@@ -14,6 +14,7 @@ from skyway.link.supervisor.journal.entries import ReleaseNote
 from skyway.link.supervisor.onward import flies_on
 from skyway.missions.builder.release_items import release_range
 from skyway.models.base.errors import LinkError
+from skyway.models.base.formatting import with_unit
 from skyway.models.composition.release import WINCH_HEIGHT_M, WINCH_SETTLE_S, hovers, winch_s
 
 if TYPE_CHECKING:
@@ -96,5 +97,8 @@ def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
     if watch.line_m is None:
         return None, "the winch has told nothing"
     if watch.line_m < WINCH_HEIGHT_M - LINE_M:
-        return False, f"the winch let out {watch.line_m:.1f} m of line, and the drone hovered at {WINCH_HEIGHT_M:g} m"
-    return True, f"the winch let out {watch.line_m:.1f} m of line"
+        return (
+            False,
+            f"the winch let out {with_unit(watch.line_m, 'm')} of line, and the drone hovered at {WINCH_HEIGHT_M:g} m",
+        )
+    return True, f"the winch let out {with_unit(watch.line_m, 'm')} of line"
