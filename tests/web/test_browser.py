@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 QUESTION = "/?start=siuh-north&to=white-plains&depart=2013-07-10T14%3A00-04%3A00"
 
+PAGES = (QUESTION, "/missions", "/recharge", "/fly", "/fleet", "/replay", "/history")
+
 pytestmark = pytest.mark.slow
 
 
@@ -197,7 +199,7 @@ def test_a_station_is_hit_where_it_is_seen_on_every_screen(opened, width, height
 @pytest.mark.parametrize(
     ("width", "height", "scheme"), [(1024, 768, "light"), (3840, 2160, "dark"), (820, 1180, "light")]
 )
-@pytest.mark.parametrize("path", [QUESTION, "/missions", "/fly", "/replay", "/history"])
+@pytest.mark.parametrize("path", PAGES)
 def test_nothing_is_cut_off_at_any_width_dark_or_light(opened, path, width, height, scheme, tmp_path):
     tab = opened(path, width, height, scheme)
     if path == QUESTION:
@@ -233,13 +235,15 @@ _PLAN = {
 }  # fmt: skip
 
 
-def test_accessibility_as_axe_judges_it(opened):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_accessibility_as_axe_judges_it(opened, scheme):
     if not Path(AXE).is_file():
         pytest.skip("axe-core is not here: npm install axe-core")
-    for path in (QUESTION, "/missions", "/fly", "/replay", "/history"):
-        tab = opened(path)
+    for path in PAGES:
+        tab = opened(path, scheme=scheme)
         if path == QUESTION:
             tab.wait_for_selector("dl.figures")
+        tab.locator(".map-key summary").evaluate_all("(found) => found.forEach((one) => one.click())")
         tab.wait_for_timeout(1500)
         tab.evaluate(Path(AXE).read_text())
         found = tab.evaluate(

@@ -61,12 +61,13 @@ def test_the_command_that_is_shown_says_all_that_was_asked():
         wind="6@250",
         payload="0,5",
         swap="90",
+        packs="3",
         reorder=True,
         level_ground=True,
         put=(Put("x", 1.0, 2.0),),
     )
     words = shlex.split(asked.command(None, "pads.csv", "out"))
-    assert words == ["skyway", "recharge", "a b.plan", "--pads", "pads.csv", "--wind", "6@250", "--swap", "90", "--payload", "0.5", "--level-ground",
+    assert words == ["skyway", "recharge", "a b.plan", "--pads", "pads.csv", "--wind", "6@250", "--swap", "90", "--packs", "3", "--payload", "0.5", "--level-ground",
                      "--reorder", "-o", "out"]  # fmt: skip
     assert shlex.split(Cut(mission="a.plan").command(None, OF_SCENARIO, "out"))[3:5] == ["--pads", "newyork"]
     with pytest.raises(InputError, match="whole number"):

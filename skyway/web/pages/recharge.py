@@ -82,8 +82,11 @@ class RechargePage:
             self._field("soc", "Charge", unit="%", inputmode="decimal")
             self._field("reserve", "Reserve", unit="%", inputmode="decimal")
         with ui.element("div").classes("pair"):
-            self._field("swap", "Battery changed in", unit="s", hint="Empty: it is charged", inputmode="numeric")
+            self._field("swap", "Changed in", unit="s", hint="Empty: it is charged", inputmode="numeric")
             self._field("laps", "Laps", hint="Of a patrol", inputmode="numeric")
+        with ui.element("div").classes("pair"):
+            self._field("packs", "Batteries", hint="Where they are changed", inputmode="numeric")
+            self._field("chargers", "Chargers", hint="For them", inputmode="numeric")
         with ui.element("div").classes("pair"):
             self._field("home", "Home", hint="lat,lon, where the file has none")
             self._field("home_elevation", "Ground of home", unit="m", hint="Above the sea", inputmode="decimal")

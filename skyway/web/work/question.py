@@ -133,6 +133,8 @@ class Cut(msgspec.Struct, frozen=True, kw_only=True):
     soc: str = "100"
     reserve: str = "20"
     swap: str = ""
+    packs: str = ""
+    chargers: str = ""
     laps: str = "1"
     home: str = ""
     home_elevation: str = ""
@@ -144,7 +146,7 @@ class Cut(msgspec.Struct, frozen=True, kw_only=True):
         words = ["skyway", "recharge", self.mission]
         named = {
             "--pads": (scenario or "newyork") if pads == OF_SCENARIO else pads, "--vans": self.vans, "--drone": self.drone,
-            "--autopilot": self.autopilot, "--wind": self.wind, "--depart": self.depart, "--swap": self.swap, "--home": self.home,
+            "--autopilot": self.autopilot, "--wind": self.wind, "--depart": self.depart, "--swap": self.swap, "--packs": self.packs, "--chargers": self.chargers, "--home": self.home,
             "--home-elevation": self.home_elevation,
         }  # fmt: skip
         for option, value in named.items():

@@ -35,9 +35,6 @@ MOST_PADS = 2000
 
 def _asked(question: Cut, scenario: str | None, pads: Path | None) -> Asked:
     """Return it as ``skyway recharge`` has it."""
-    laps = number(question.laps, "--laps")
-    if laps != int(laps):
-        raise InputError("is no whole number", field="--laps", value=question.laps)
     return Asked(
         pads=Path(scenario or "newyork") if question.pads == OF_SCENARIO else pads,
         vans=Path(question.vans) if question.vans else None,
@@ -52,10 +49,20 @@ def _asked(question: Cut, scenario: str | None, pads: Path | None) -> Asked:
         home_elevation_m=number(question.home_elevation, "--home-elevation")
         if question.home_elevation.strip()
         else None,
-        laps=int(laps),
+        laps=_whole(question.laps, "--laps"),
+        packs=_whole(question.packs, "--packs") if question.packs.strip() else None,
+        chargers=_whole(question.chargers, "--chargers") if question.chargers.strip() else None,
         swap_s=number(question.swap, "--swap") if question.swap.strip() else None,
         reorder=question.reorder,
     )
+
+
+def _whole(text: str, option: str) -> int:
+    """Return a whole number as typed."""
+    value = number(text, option)
+    if value != int(value):
+        raise InputError("is no whole number", field=option, value=text)
+    return int(value)
 
 
 def places(scenario: str | None, told: dict[str, Any]) -> list[dict[str, Any]]:

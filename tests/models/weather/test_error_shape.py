@@ -95,7 +95,9 @@ def test_errors_between_the_nodes_of_a_lattice_are_as_large_as_was_learnt(rows, 
                 near = max(1.0 - abs(row[place] - i), 0.0) * max(1.0 - abs(column[place] - j), 0.0)
                 at[place, i * columns + j] = near
     off = np.stack((made.north, made.east)) @ at.T
-    alone = (2.0 / 3.0) ** ((rows > 1) + (columns > 1))  # of what is of one place alone: the mean of the squared weights, and no more
+    alone = (2.0 / 3.0) ** (
+        (rows > 1) + (columns > 1)
+    )  # of what is of one place alone: the mean of the squared weights, and no more
     assert (off**2).mean() == pytest.approx(1.5**2 * (0.65 + 0.35 * alone), rel=0.07)
 
 
