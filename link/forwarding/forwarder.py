@@ -36,6 +36,7 @@ _GARBAGE_BYTES = 4096
 _MAX_SENDERS, _MAX_NOTES, _MAX_TOLD = 64, 200, 256
 _DENIED, _MISSION_DENIED = 2, 14
 _INVALID_AUTOPILOT = 8
+_LOGS, _ASKS_FOR_LOGS = frozenset(("LOG_ENTRY", "LOG_DATA")), frozenset(("LOG_REQUEST_LIST", "LOG_REQUEST_DATA"))
 _UPLOADS = frozenset(("MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST"))
 
 
@@ -82,6 +83,7 @@ class Forwarder:
         self._vehicles: dict[int, float] = {}
         self._to_clients, self._to_vehicles = SeenFrames(), SeenFrames()
         self._muted: dict[Client, float] = {}
+        self._wants_logs: Client | None = None
         self._signs = signing() is not None
         try:
             for text in addresses:
@@ -117,7 +119,10 @@ class Forwarder:
         system, component = fields.get("target_system", 0), fields.get("target_component", 0)
         if (system, component) == self.own:
             return
+        for_one = message is not None and message.name in _LOGS
         for client in self.clients():
+            if for_one and client is not self._wants_logs:
+                continue  # pieces of a log name no target: they are for the one who asked last
             if system == 0 or _hears(client, system, component):
                 client.put(frame)
 
@@ -152,6 +157,8 @@ class Forwarder:
 
         Messages that begin with `busy` are kept back: a transfer of our own of that kind is under way.
         """
+        if busy and any(name.startswith(busy) for name in _LOGS):
+            self._wants_logs = None
         for endpoint in self.endpoints:
             for client, data in endpoint.poll(now_s):
                 if not self._within(client, len(data), now_s):
@@ -199,6 +206,8 @@ class Forwarder:
         target: int = message.fields.get("target_system", 0)
         if passes(does, self.permission):
             self._to_vehicles.fresh(frame, now_s)
+            if message.name in _ASKS_FOR_LOGS:
+                self._wants_logs = client
             if does is not Effect.READ:
                 said = f"client {client.name} (system {sender[0]}) sends {order(message)}{_to(target)}: passed on"
                 self._note(client, sender, "passed", order(message), said, now_s)

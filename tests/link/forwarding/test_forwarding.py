@@ -14,6 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim_serving import free_port, served
 from wires import FAMILIES, Scene, a_mission
 
+from skyway.link.files.aboard import LogStore
+from skyway.link.files.fetching import fetch
 from skyway.link.forwarding.clients import BURST_BYTES
 from skyway.link.forwarding.forwarder import Forwarder
 from skyway.link.forwarding.permission import Permission
@@ -167,6 +169,21 @@ def test_a_station_does_not_disturb_a_transfer_of_ours(shared):
     link = shared.client()
     shared.connection.listeners.append(lambda *_: link.mav.mission_request_list_send(1, 1, 0))
     assert shared.craft.upload(a_mission(30)).verified
+
+
+@pytest.mark.parametrize("shared", [{"logs": (20_000,)}, {"family": "ardupilot", "logs": (20_000,)}], indirect=True)
+def test_a_log_goes_to_the_one_who_asked_for_it_and_to_nobody_else(shared, tmp_path):
+    asks, watches = shared.client(255, 190), shared.client(254, 190)
+    asks.mav.log_request_list_send(1, 1, 0, 0xFFFF)
+    assert "LOG_ENTRY" in names(shared.heard(asks))
+    asks.mav.log_request_data_send(1, 1, int(shared.family == "ardupilot"), 0, 20_000)
+    pieces = [message for message in shared.heard(asks, 3.0) if message.get_type() == "LOG_DATA"]
+    assert sum(piece.count for piece in pieces) == 20_000
+    assert not names(shared.heard(watches, 0.1)) & {"LOG_ENTRY", "LOG_DATA"}
+    store = LogStore(shared.craft, "requests")
+    fetch(store, store.logs()[0], tmp_path)  # ours goes to no client
+    for client in (asks, watches):
+        assert not names(shared.heard(client, 0.1)) & {"LOG_ENTRY", "LOG_DATA"}
 
 
 def frames_of(system, component, count):
