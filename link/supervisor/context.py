@@ -152,11 +152,11 @@ class Context:
         return self.clock.posix_s()
 
     def tick(self, duration_s: float = TICK_S) -> list[Change]:
-        """Let time pass, listening, and return what became different about the vehicle.
+        """Let time pass, listening, and return what became different about the vehicle; what others change ends it at once.
 
         Whatever takes the delivery to another state is raised as a `Turn`.
         """
-        for sample in self.vehicle.samples(duration_s):
+        for sample in self.vehicle.samples(duration_s, undisturbed=True):
             self.observed.hear(sample)
             self.battery.hear(self, sample)
             self.wind.hear(sample, math.nan if self.delivery.leg is None else self.delivery.leg.home_ground_m)

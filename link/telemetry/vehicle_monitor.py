@@ -317,13 +317,23 @@ class VehicleMonitor:
         ready, self._new = self._new, []
         return ready
 
-    def samples(self, duration_s: float = math.inf) -> Iterator[TelemetrySample]:
-        """Yield telemetry as it comes; ends after the time, or when the vehicle falls silent for 10 s."""
+    @property
+    def disturbed(self) -> bool:
+        """Whether somebody else has changed something since `changes` was asked last."""
+        return any(not change.ours for change in self._changes)
+
+    def samples(self, duration_s: float = math.inf, *, undisturbed: bool = False) -> Iterator[TelemetrySample]:
+        """Yield telemetry as it comes.
+
+        Ends after the time, when the vehicle falls silent for 10 s, or, where that is asked for, when it is `disturbed`.
+        """
         clock = self.connection.clock
         end = clock.now_s() + duration_s
         while clock.now_s() < end:
             ready = self.take_samples()
             yield from ready
+            if undisturbed and self.disturbed:
+                return
             if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
                 return
 

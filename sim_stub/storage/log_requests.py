@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 _DATA_BYTES = 90
 _FRAME_BYTES = 112
 _TICK_S, _PER_TICK = 0.01, 80
+_PER_TICK_BLIND = 10
+"""ArduPilot on a link without flow control: one piece each millisecond (``handle_log_sending``: num_sends 1)."""
 
 
 @dataclass(slots=True)
@@ -112,7 +114,9 @@ class LogServer:
     def tick(self) -> None:
         """Send what the link takes now."""
         self.next_s = self.vehicle.wall_s + _TICK_S
-        for _ in range(_PER_TICK):
+        busy = self._busy
+        blind = busy is not None and busy.port.paced_byteps > 0.0 and self.vehicle.autopilot.LOGS_WHEN_DISARMED
+        for _ in range(_PER_TICK_BLIND if blind else _PER_TICK):
             busy = self._busy
             if busy is None or busy.port.closed or "log-stall" in self.vehicle.faults.active:
                 self._busy = None

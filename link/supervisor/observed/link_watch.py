@@ -21,7 +21,7 @@ SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
 ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
 """A question without an answer is asked again after so long, for so long."""
-FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
+FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 2.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2, 24: 0.5}
 """Messages a second on the ground, before a take-off and after a landing."""
 RESTING_RATES: Mapping[int, float] = dict.fromkeys((*GROUND_RATES, 31, 32, 65, 141, 147, 230, 242), 0.2)

@@ -88,6 +88,41 @@ def test_what_another_station_changes_in_flight_is_noticed_within_two_seconds_an
     assert any(shown in line for line in stage.operator.lines), stage.operator.lines[-8:]
 
 
+class Between(Other):
+    """The same between two looks of the supervisor, so long after one."""
+
+    def __init__(self, stage, deed, later_s):
+        super().__init__(stage, lambda _: None)
+        self.later, self.later_s, self.at_s = deed, later_s, None
+
+    def tick(self, context):
+        super().tick(context)
+        if self.done_s is not None and self.at_s is None:
+            self.at_s = self.done_s + self.later_s
+            context.vehicle.connection.listeners.append(self.hear)
+
+    def hear(self, *_):
+        now_s = self.stage.lockstep.clock.posix_s
+        if self.later is not None and now_s() >= self.at_s:
+            deed, self.later = self.later, None
+            deed(self.craft)
+            self.done_s = now_s()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize("deed", [without_fence, other_rally_point])
+@pytest.mark.parametrize("later_s", [0.05, 0.35, 0.65, 0.95])
+def test_the_moment_at_which_it_is_changed_makes_no_difference(deed, autopilot, later_s, tmp_path):
+    stage, _ = beside(tmp_path, deed, autopilot=autopilot)
+    other = Between(stage, deed, later_s)
+    stage.fly(on_tick=other.tick)
+    what = DEEDS[deed][0]
+    records = read_journal(stage.journal_path).records
+    noticed = [r for r in records if r.event == "change" and r.data["what"].startswith(what) and not r.data["ours"]]
+    assert noticed[0].time_s - other.done_s <= NOTICED_S
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_a_flight_that_nobody_disturbs_notices_nothing(autopilot, tmp_path):
