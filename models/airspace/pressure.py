@@ -100,6 +100,11 @@ def split_pressure(path: Path) -> tuple[Path, Pressure]:
     return Path(head), _typed(told, head)
 
 
+def resolved(path: Path) -> str:
+    """Name of an airspace file as other processes find it, and of the METARs that are named behind it."""
+    return str(path.resolve()) if METAR not in str(path) else named_in(str(path), Path.cwd())
+
+
 def named_in(text: str, folder: Path) -> str:
     """Name of an airspace file in a folder, and of the METARs that are named behind it."""
     head, mark, file = text.rpartition("@" + METAR)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.missions.autopilots import NAMES
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.files.mission_file import read
-from skyway.models.airspace.pressure import split_pressure
+from skyway.models.airspace.pressure import resolved, split_pressure
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes, read_text
@@ -95,7 +95,7 @@ def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str])
         "schema": SCHEMA,
         "asked": plain({name: _plain(value) for name, value in typed.items()}),
         "autopilot": made_of.autopilot,
-        "zones": [str(path.resolve()) for path in made_of.zones],
+        "zones": [resolved(path) for path in made_of.zones],
         "authorized": list(made_of.authorized),
         "scenario_sha256": None if region is None else region.sha256,
         "inputs": inputs,

@@ -1,12 +1,13 @@
 """Flight levels on a day: against the hydrostatic equation, integrated, and as they are handed over."""
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.models.airspace.pressure import Pressure, split_pressure
+from skyway.models.airspace.pressure import Pressure, resolved, split_pressure
 from skyway.models.airspace.reading import read_airspace
 from skyway.models.base.errors import InputError
 
@@ -104,6 +105,16 @@ def test_what_is_no_pressure_is_one_clear_line(tmp_path, told, said):
     with pytest.raises(InputError, match=said) as caught:
         read_airspace([tmp_path / f"zones.txt@{told}"])
     assert len(caught.value.faults) == 1
+
+
+def test_names_are_found_from_anywhere(tmp_path, monkeypatch):
+    (tmp_path / "zones.txt").write_text(ZONE)
+    (tmp_path / "m.txt").write_text("KJFK 231351Z 22010KT 10SM CLR 24/18 A2992")
+    monkeypatch.chdir(tmp_path)
+    names = [resolved(Path(one)) for one in ("zones.txt", "zones.txt@Q1013", "zones.txt@metar=m.txt")]
+    monkeypatch.chdir("/")
+    assert [split_pressure(Path(one))[0] for one in names] == [tmp_path / "zones.txt"] * 3
+    assert split_pressure(Path(names[2]))[1].qnh_hpa[0] == pytest.approx(1013.2, abs=0.05)
 
 
 def test_reports_without_a_pressure_are_said(tmp_path):
