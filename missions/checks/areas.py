@@ -62,11 +62,8 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
     yield from _check_rally(document, route, allowed, forbidden)
 
 
-def leaves_fence(ends: NDArray[np.float64], fence: Geofence, *, every: bool) -> NDArray[np.bool_]:
-    """Whether straight ways leave a fence, whose ends are (lon, lat), shape (ways, 2, 2); result of shape (ways,).
-
-    `every`: several inclusion areas mean all of them at once, otherwise any of them.
-    """
+def fence_shapes(fence: Geofence, *, every: bool) -> tuple[shapely.Geometry | None, shapely.Geometry | None]:
+    """Return where a fence lets a vehicle be, and where not; None for either where it says nothing."""
     import shapely
 
     inside = [_shape(area) for area in fence.areas if area.inclusion]
@@ -74,7 +71,15 @@ def leaves_fence(ends: NDArray[np.float64], fence: Geofence, *, every: bool) -> 
     allowed = None
     if inside:
         allowed = shapely.intersection_all(inside) if every else shapely.union_all(inside)
-    forbidden = shapely.union_all(outside) if outside else None
+    return allowed, shapely.union_all(outside) if outside else None
+
+
+def leaves_fence(ends: NDArray[np.float64], fence: Geofence, *, every: bool) -> NDArray[np.bool_]:
+    """Whether straight ways leave a fence, whose ends are (lon, lat), shape (ways, 2, 2); result of shape (ways,).
+
+    `every`: several inclusion areas mean all of them at once, otherwise any of them.
+    """
+    allowed, forbidden = fence_shapes(fence, every=every)
     return _outside(_lines(ends), allowed) | _crossing(_lines(ends), forbidden)
 
 

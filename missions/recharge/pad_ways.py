@@ -1,14 +1,15 @@
 """Ways between the work and the pads: how high they are, which of them may be flown, and what they take.
 
-A way to a pad climbs where the work is left to a height that is safe all along, is straight and level, and comes down on the pad; the
+A way to a pad climbs where the work is left to a height that is safe all along, is level, and comes down on the pad; the
 way back is the same the other way round. Safe is the greatest height of the mission, the height above the pad's ground that is asked
-for, and what a terrain model says. A way that leaves the fence, or comes into a zone, is none.
+for, and what a terrain model says. It is straight; where that leaves the fence or comes into a zone, it bends around that, or there is none.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,19 +17,21 @@ import numpy as np
 from skyway.missions.checks.areas import leaves_fence
 from skyway.missions.checks.hops import SAME_PLACE_M, Hops
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
+from skyway.missions.recharge.bent_ways import BentWays
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.flight.rules import STEP_MPS2
 from skyway.models.flight.way_heights import level_over_m
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.items.document import MissionDocument
+    from skyway.missions.recharge.bent_ways import Via
     from skyway.missions.recharge.work import Work
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import Over
@@ -55,7 +58,7 @@ class TransitRules:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PadWays:
-    """Pads, and the straight ways between them and the points of the work."""
+    """Pads, and the ways between them and the points of the work."""
 
     pads: tuple[Station, ...]
     ground_m: tuple[float, ...]
@@ -66,6 +69,10 @@ class PadWays:
     """Likewise, of the way back, which may lead to another place (`WorkPoint.resume_share`)."""
     between_level_m: NDArray[np.float64]
     """Shape (pads, pads)."""
+    via: Mapping[tuple[int, int], Via]
+    back_via: Mapping[tuple[int, int], Via]
+    between_via: Mapping[tuple[int, int], Via]
+    """By point and pad, and by pad and pad, the bends of ways that are not straight, in the order in which they are flown."""
     above_terrain: bool
     """Whether they are flown at a height above terrain, as the mission is."""
 
@@ -114,35 +121,75 @@ def pad_ways(
     floor = np.array([max(highest, rules.height_m or 0.0, ground + LOWEST_M) for ground in ground_m])
     home_m = 0.0 if work.mission.home is None else work.mission.home.altitude_m or 0.0
 
-    def levels(places: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of the ways from places to all pads; `least` has the shape (places, pads)."""
+    def shut_ways(ends: NDArray[np.float64]) -> NDArray[np.bool_]:
+        shut = np.zeros(len(ends), dtype=bool)
+        for every in {family.within_every_inclusion_area for family in families}:
+            shut |= leaves_fence(ends, document.fence, every=every)
+        if rules.zones is not None:
+            shut |= _in_zones(ends, rules.zones)
+        return shut
+
+    strict = any(family.within_every_inclusion_area for family in families)
+
+    all_places = np.array([*((point.lat, point.lon) for point in work.points), *((pad.lat, pad.lon) for pad in pads)])
+    bent = BentWays(document.fence, rules.zones, shut_ways, every=strict, places=all_places)
+
+    def top_m(chain: Sequence[tuple[float, float]], least_m: float) -> float:
+        """Height that a terrain model asks for on a way that bends; NaN where the ground is not known."""
+        if rules.over is None:
+            return least_m
+        tops = [
+            level_over_m(one, np.array([other[0]]), np.array([other[1]]), rules.over)[0] - home_m
+            for one, other in pairwise(chain)
+        ]
+        return float(np.max([least_m, *tops]))
+
+    def levels(
+        places: NDArray[np.float64], least: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], dict[tuple[int, int], Via]]:
+        """Height of the ways from places to all pads, and their bends; `least` has the shape (places, pads)."""
         found = least.copy()
+        vias: dict[tuple[int, int], Via] = {}
         for number, pad in enumerate(pads):
             if rules.over is not None:
                 top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
                 found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is not known
             ends = np.empty((len(places), 2, 2))
             ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
-            shut = np.zeros(len(places), dtype=bool)
-            for every in {family.within_every_inclusion_area for family in families}:
-                shut |= leaves_fence(ends, document.fence, every=every)
-            if rules.zones is not None:
-                shut |= _in_zones(ends, rules.zones)
+            shut = np.flatnonzero(shut_ways(ends))
             found[shut, number] = np.nan
-        return found
+            ways_around = bent.to(places[shut], (pad.lat, pad.lon))
+            for row, via in zip(shut.tolist(), ways_around, strict=True):
+                if via is not None:
+                    here_at = float(places[row, 0]), float(places[row, 1])
+                    found[row, number] = top_m([here_at, *via, (pad.lat, pad.lon)], float(least[row, number]))
+                    vias[row, number] = via
+        return found, vias
 
     here = np.array([(point.lat, point.lon) for point in work.points])
     heights = np.array([point.height_m for point in work.points])
     back = np.array([work.at(point.step, point.resume_share)[:2] for point in work.points])
     at_pads = np.array([(pad.lat, pad.lon) for pad in pads])
     least = np.maximum(heights[:, None], floor[None, :])
-    level = levels(here, least)
+    level, via = levels(here, least)
     same = np.all(here == back, axis=1)
-    back_level = level.copy()
+    back_level, back_via = level.copy(), {key: one for key, one in via.items() if same[key[0]]}
     if not same.all():
-        back_level[~same] = levels(back[~same], least[~same])
-    between = levels(at_pads, np.maximum(floor[:, None], floor[None, :]))
-    return PadWays(tuple(pads), tuple(ground_m), level, back_level, between, above_terrain)
+        others = np.flatnonzero(~same)
+        back_level[others], more = levels(back[others], least[others])
+        back_via |= {(int(others[row]), pad): one for (row, pad), one in more.items()}
+    between, between_via = levels(at_pads, np.maximum(floor[:, None], floor[None, :]))
+    return PadWays(
+        tuple(pads),
+        tuple(ground_m),
+        level,
+        back_level,
+        between,
+        via,
+        {key: one[::-1] for key, one in back_via.items()},
+        between_via,
+        above_terrain,
+    )
 
 
 def _in_zones(ends: NDArray[np.float64], zones: Airspace) -> NDArray[np.bool_]:
@@ -155,14 +202,14 @@ def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: Fli
     """Hops from every point to every pad, pad by pad within each point."""
     here = np.array([(point.lat, point.lon) for point in work.points])
     heights = np.array([point.height_m for point in work.points])
-    return _hops(here, heights, ways, ways.level_m, rules, conditions, back=False)
+    return _hops(here, heights, ways, ways.level_m, ways.via, rules, conditions, back=False)
 
 
 def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
     """Hops from every pad to where the work of every point goes on, until it is as far as the point; likewise ordered."""
     at = [work.at(point.step, point.resume_share) for point in work.points]
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
-    hops = _hops(here, heights, ways, ways.back_level_m, rules, conditions, back=True)
+    hops = _hops(here, heights, ways, ways.back_level_m, ways.back_via, rules, conditions, back=True)
     again = np.array([_flown_again_s(work, number) for number in range(len(work.points))])
     return hops._replace(hold_s=hops.hold_s + np.repeat(STEADY_S + again, len(ways.pads)))
 
@@ -179,7 +226,50 @@ def _flown_again_s(work: Work, number: int) -> float:
 def hops_between_pads(ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
     """Hops from every pad to every pad."""
     here = np.array([(pad.lat, pad.lon) for pad in ways.pads])
-    return _hops(here, np.array(ways.ground_m), ways, ways.between_level_m, rules, conditions, back=False)
+    return _hops(
+        here, np.array(ways.ground_m), ways, ways.between_level_m, ways.between_via, rules, conditions, back=False
+    )
+
+
+def bent_hops(work: Work | None, ways: PadWays, rules: TransitRules, *, back: bool) -> tuple[Hops, NDArray[np.int64]]:
+    """Return the level pieces of ways that bend, and the number of the way of each, as `hops_to_pads`, or `hops_from_pads`, numbers them.
+
+    Between pads without `work`. Those have the climbs, the descents and the holds of these ways, and no length.
+    """
+    pads = len(ways.pads)
+    at_pads = [(pad.lat, pad.lon) for pad in ways.pads]
+    vias = ways.between_via if work is None else ways.back_via if back else ways.via
+    level_m = ways.between_level_m if work is None else ways.back_level_m if back else ways.level_m
+    ends: list[tuple[float, float, float, float]] = []
+    owner: list[int] = []
+    heights: list[float] = []
+    for (row, pad), via in vias.items():
+        if work is None:
+            here = at_pads[row]
+        else:
+            point = work.points[row]
+            lat, lon, _ = work.at(point.step, point.resume_share if back else point.share)
+            here = lat, lon
+        chain = [at_pads[pad], *via, here] if back else [here, *via, at_pads[pad]]
+        for one, other in pairwise(chain):
+            ends.append((*one, *other))
+            owner.append(row * pads + pad)
+            heights.append(float(level_m[row, pad]))
+    lat1, lon1, lat2, lon2 = np.array(ends, dtype=np.float64).reshape(-1, 4).T
+    length, bearing = geodesy.inverse(lat1, lon1, lat2, lon2)
+    none = np.zeros(len(ends))
+    hops = Hops(
+        *geodesy.midpoint(lat1, lon1, bearing, length),
+        length,
+        bearing,
+        np.full(len(ends), rules.speed_mps),
+        none,
+        none,
+        none,
+        np.ones(len(ends), dtype=bool),
+        np.array(heights),
+    )
+    return hops, np.array(owner, dtype=np.int64)
 
 
 def _hops(
@@ -187,6 +277,7 @@ def _hops(
     height_m: NDArray[np.float64],
     ways: PadWays,
     level_m: NDArray[np.float64],
+    vias: Mapping[tuple[int, int], Via],
     rules: TransitRules,
     conditions: FlightConditions,
     *,
@@ -204,6 +295,8 @@ def _hops(
     speed = min(rules.speed_mps, conditions.drone.max_ground_speed_mps)
     stops = (level - height > 0.0) & (length > SAME_PLACE_M)
     climb, descent = (level - ground, level - height) if back else (level - height, level - ground)
+    length = length.copy()
+    length[[row * pads + pad for row, pad in vias]] = 0.0  # see `bent_hops`
     return Hops(
         *middle,
         length,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Step
+    from skyway.missions.recharge.bent_ways import Via
     from skyway.missions.recharge.pad_ways import PadWays, TransitRules
     from skyway.missions.recharge.spans import Cut, Done, Span
     from skyway.missions.recharge.work import Work, WorkPoint
@@ -110,6 +111,7 @@ class PartBuilder:
             self._over_pad(Command.NAV_TAKEOFF, pad, level, ground),
             self._speed(self.rules.speed_mps),
             self._over_pad(Command.NAV_WAYPOINT, pad, level, ground),
+            *self._bends(self.ways.between_via.get((pad, following), ()), level - ground),
             self._over_pad(Command.NAV_WAYPOINT, following, level, ground),
             self._land(following, ground),
         ]
@@ -139,6 +141,7 @@ class PartBuilder:
         yield self._over_pad(Command.NAV_TAKEOFF, pad, level, ground)
         yield self._speed(self.rules.speed_mps)
         yield self._over_pad(Command.NAV_WAYPOINT, pad, level, ground)
+        yield from self._bends(self.ways.back_via.get((point, pad), ()), level - ground)
         yield self._place(Command.NAV_WAYPOINT, lat, lon, level - ground, self._transit_frame)
 
     def _resumed(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
@@ -185,8 +188,14 @@ class PartBuilder:
         here = self.work.points[point]
         yield self._speed(self.rules.speed_mps)
         yield self._place(Command.NAV_WAYPOINT, here.lat, here.lon, level - ground, self._transit_frame)
+        yield from self._bends(self.ways.via.get((point, pad), ()), level - ground)
         yield self._over_pad(Command.NAV_WAYPOINT, pad, level, ground)
         yield self._land(pad, ground)
+
+    def _bends(self, via: Via, height_m: float) -> Iterator[MissionItem]:
+        """Fly around what closes the straight way."""
+        for lat, lon in via:
+            yield self._place(Command.NAV_WAYPOINT, lat, lon, height_m, self._transit_frame)
 
     def _written(self, taken: int, ground: float) -> Iterator[MissionItem]:
         """Yield an item of the work as a flight from a ground has it."""

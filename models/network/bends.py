@@ -129,6 +129,51 @@ class Bends:
             obstacles = obstacles | met
         return None
 
+    def to_one(
+        self, places: NDArray[np.float64], goal: tuple[float, float]
+    ) -> list[tuple[tuple[float, float], ...] | None]:
+        """Return the bends of the shortest ways from many places (latitude, longitude) to one, around all volumes at any height.
+
+        None where there is none of at most `max_detour` times the length, or there are too many corners to look at.
+        """
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+
+        every = frozenset(range(len(self.airspace.volumes)))
+        names = [one for volume in sorted(every) for one in self._outline(volume)]
+        if not names or len(names) > MAX_CORNERS:
+            return [None] * len(places)
+        corners = np.array([self._at[one] for one in names])
+        nodes = np.vstack((corners, goal))
+        north, east = geodesy.local_offsets_m(nodes[:, 0], nodes[:, 1], *goal)
+        here_north, here_east = geodesy.local_offsets_m(places[:, 0], places[:, 1], *goal)
+        apart = np.hypot(north[:, None] - north, east[:, None] - east)
+        first, last = np.triu_indices(len(nodes), k=1)
+        free = self._free(np.column_stack((nodes[first], nodes[last])), every)
+        first, last = first[free], last[free]
+        graph = csr_array((np.maximum(apart[first, last], 1e-3), (first, last)), shape=apart.shape)
+        left, before = dijkstra(  # type: ignore[call-overload]
+            graph, directed=False, indices=len(corners), return_predecessors=True
+        )
+        to = np.hypot(here_north[:, None] - north[:-1], here_east[:, None] - east[:-1])
+        whole = to + left[None, :-1]
+        most = self.airspace.max_detour * np.hypot(here_north, here_east)
+        found: list[tuple[tuple[float, float], ...] | None] = []
+        for number in range(len(places)):
+            path = None
+            near = np.argsort(whole[number], kind="stable")
+            near = near[whole[number][near] <= most[number]]
+            if len(near):
+                ends = np.column_stack((np.tile(places[number], (len(near), 1)), corners[near]))
+                seen = near[self._free(ends, every)]
+                if len(seen):
+                    at, path = int(seen[0]), []
+                    while at != len(corners):
+                        path.append((float(corners[at, 0]), float(corners[at, 1])))
+                        at = int(before[at])
+            found.append(None if path is None else tuple(path))
+        return found
+
     def _in_band(self, way: Ways, counted: NDArray[np.bool_]) -> frozenset[int]:
         """Volumes that count, and are as high as the way."""
         volumes = np.flatnonzero(counted)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.weather import ForecastWind
-from skyway.missions.recharge.pad_ways import hops_between_pads, hops_from_pads, hops_to_pads
+from skyway.missions.recharge.pad_ways import bent_hops, hops_between_pads, hops_from_pads, hops_to_pads
 from skyway.missions.recharge.work_hops import times_and_charges, work_hops
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import Slots
@@ -158,12 +158,28 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
             np.ascontiguousarray(charges.reshape(len(at_s), *shape)),
         )
 
+    def add_bends(
+        values: tuple[NDArray[np.float64], NDArray[np.float64]], hops: Hops, owner: NDArray[np.int64]
+    ) -> None:
+        if not len(owner):
+            return
+        kg = np.full(len(owner), float(carried.max()))
+        for whole, parts in zip(values, times_and_charges(hops, kg, conditions, at_s), strict=True):
+            for row, more in zip(whole.reshape(len(at_s), -1), parts, strict=True):
+                np.add.at(row, owner, more)
+
     heaviest = np.full(pads * pads, float(carried.max()), dtype=np.float64)
+    to_pads = table(hops_to_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads)
+    from_pads = table(hops_from_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads)
+    between = table(hops_between_pads(ways, transit, conditions), heaviest, pads, pads)
+    add_bends(to_pads, *bent_hops(work, ways, transit, back=False))
+    add_bends(from_pads, *bent_hops(work, ways, transit, back=True))
+    add_bends(between, *bent_hops(None, ways, transit, back=False))
     found = RouteHops(
         *table(on_work, payload, points - 1),
-        *table(hops_to_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads),
-        *table(hops_from_pads(work, ways, transit, conditions), np.repeat(carried, pads), points, pads),
-        *table(hops_between_pads(ways, transit, conditions), heaviest, pads, pads),
+        *to_pads,
+        *from_pads,
+        *between,
         np.arange(points),
     )
     curves = tuple(conditions.drone.charging_curve(pad.recharge_power_w).piecewise() for pad in ways.pads)

@@ -24,7 +24,7 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
     reached, lacking, to_point = _reach(problem, sure_ratio, can_leave)
     if not np.isfinite(ways.level_m[can_leave]).any():
         what = "leaves the fence, enters a zone, or is over unknown ground"
-        return InputError(f"no pad in reach: the straight way from the mission to every pad {what}", field="--pads")
+        return InputError(f"no pad in reach: every way from the mission to a pad {what}", field="--pads")
     hindering = _hindering(problem, sure_ratio, reached)
     if hindering is not None:
         name = work.mission.items[hindering].name

@@ -220,10 +220,11 @@ class SetPlanner:
         conditions, ways = self._conditions(aloft), self.found.problem.ways
         transit = self.found.problem.options.transit
         power = FlightPower.of(conditions.drone, conditions.payload_kg)
-        behind = ways.level_m[self.point_at(aloft.done)]
+        at = self.point_at(aloft.done)
+        behind = ways.level_m[at]
         best: tuple[str, Judgement] | None = None
         for number, pad in enumerate(ways.pads):
-            if not math.isfinite(behind[number]):
+            if not math.isfinite(behind[number]) or (at, number) in ways.via:  # it is flown to straight
                 continue
             own = 0.0 if aloft.span.begin is None else ways.ground_m[aloft.span.begin[1]]
             descent_s = max(aloft.height_m + own - ways.ground_m[number], 0.0) / conditions.descent_rate_mps
