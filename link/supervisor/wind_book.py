@@ -130,6 +130,11 @@ class WindBook:
         return (*self.earlier, *(one.at_height(self.cruise_height_m, self.exponent) for one in measured))
 
     @property
+    def measured_s(self) -> float:
+        """When the wind was measured in flight last, POSIX seconds; NaN where it never was."""
+        return max((one.time_s for one in self.observations), default=math.nan)
+
+    @property
     def roughness(self) -> float:
         """How much the wind changed along the flights so far: see `models.wind.estimation.roughness`."""
         return roughness(self.observations, self._field)

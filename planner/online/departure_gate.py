@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -17,9 +17,13 @@ from skyway.models.base.formatting import distance_text, percent, probability, s
 from skyway.models.base.units import from_posix
 from skyway.planner.online.options import along_way
 from skyway.planner.reach.diverts import divert_cover
+from skyway.planner.reach.reach import SOC_SD
+from skyway.planner.robust.free_capacity import no_place_probability
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from skyway.planner.online.following import Step
     from skyway.planner.online.information import Information
@@ -51,11 +55,36 @@ class Gated:
     """With the charge of the step the end of the leg most probably breaks the reserve: it would land before."""
 
 
+class _Taken(NamedTuple):
+    """Charge that a leg takes, each of shape (members, 1)."""
+
+    cost: NDArray[np.float64]
+    """Without what is not known of the wind ahead."""
+    doubt: NDArray[np.float64]
+    """Standard deviation of that."""
+    rest: NDArray[np.float64]
+    """The same of its second half alone, halfway."""
+    energy_soc: float
+    """Standard deviation halfway of what the second half takes in a known wind, and of the charge that is told then."""
+
+
+def _least(reach: Reach, below: tuple[NDArray[np.float64], float, NDArray[np.float64]], share: float) -> float | None:
+    """Least charge with which something is below with no greater probability than a share; None: there is none."""
+    low, high = 0, STEPS + 1
+    while low < high:
+        middle = (low + high) // 2
+        if float(reach.p_below(middle / STEPS, *below)[0]) <= share:
+            high = middle
+        else:
+            low = middle + 1
+    return low / STEPS if low <= STEPS else None
+
+
 class DepartureGate:
     """Checks legs before they are begun, from what is known on the ground."""
 
-    def __init__(self, policy: OnlinePolicy, info: Information) -> None:
-        self._policy, self._info = policy, info
+    def __init__(self, policy: OnlinePolicy, info: Information, p: Problem) -> None:
+        self._policy, self._info, self._problem = policy, info, p
         self._reserve = policy.request.reserve_soc
         """What the landing at the end of the leg that is checked keeps."""
 
@@ -66,18 +95,54 @@ class DepartureGate:
             roughness=self._info.roughness,
         )  # fmt: skip
 
-    def check(self, step: Step, p: Problem, time_s: float | None = None) -> Gated:
+    def p_turned(self, step: Step) -> float:
+        """Probability that a watched leg which is begun as a step says is turned before the first station where it can land."""
+        sure, reach, taken = self._leg(step)
+        return float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
+
+    def charges(self, step: Step) -> list[float]:
+        """Charges with which a watched leg is turned with some probabilities, the greatest probability first; those that a battery has."""
+        sure, reach, taken = self._leg(step)
+        below = self._turned_below(taken, self._kept_at(sure[-1]))
+        found = (_least(reach, below, share) for share in self._policy.parameters.turned_shares)
+        return [one for one in found if one is not None]
+
+    def _leg(self, step: Step) -> tuple[tuple[str, ...], Reach, _Taken]:
+        """Stations of a leg as far as it must be sure of it, what can be flown there, and what that takes."""
+        sure, at_s = self._sure(step, self._names(step)), self._take_off_s(step)
+        way, reach = self._way(sure, at_s)
+        return sure, reach, self._taken(reach, way, at_s)
+
+    def _kept_at(self, station: str) -> float:
+        """Charge that a landing keeps: the reserve, and what the way on from there takes."""
+        return self._policy.request.reserve_soc + self._policy.way_on_soc(self._info, station)
+
+    def _names(self, step: Step) -> tuple[str, ...]:
+        """Stations of a whole leg, from where it stands."""
+        network = self._problem.network
+        stations = network.stations
+        return stations[self._problem.origin].id, *(stations[int(network.head[one])].id for one in step.segments)
+
+    @staticmethod
+    def _sure(step: Step, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Those to the first at which it can land if need be."""
+        return names[: 1 + (step.sure or len(step.segments))]
+
+    def _way(self, names: tuple[str, ...], at_s: float) -> tuple[list[Place], Reach]:
+        """A way over stations, and what can be flown where the wind lets it be flown."""
+        way = self._reach.way(names[0], names[1:-1], names[-1])
+        reach, measured_s = self._reach.where_flown(way, at_s), self._info.wind_measured_s
+        return way, reach.measured_before(at_s - measured_s) if math.isfinite(measured_s) else reach
+
+    def check(self, step: Step, time_s: float | None = None) -> Gated:
         """Check the leg of a step as far as it must be sure of it: to the first station where it can land if need be."""
-        network, at_s = p.network, self._take_off_s(step, p) if time_s is None else time_s
-        names = (
-            network.stations[p.origin].id,
-            *(network.stations[int(network.head[one])].id for one in step.segments),
-        )
-        sure = names[: 1 + (step.sure or len(step.segments))]
-        way = self._reach.way(sure[0], sure[1:-1], sure[-1])
-        reach = self._reach.where_flown(way, at_s)
-        self._reserve = self._policy.request.reserve_soc + self._policy.way_on_soc(self._info, sure[-1])
-        least = self._keeps_reserve(reach, way, at_s)
+        at_s = self._take_off_s(step) if time_s is None else time_s
+        names = self._names(step)
+        sure = self._sure(step, names)
+        way, reach = self._way(sure, at_s)
+        self._reserve = self._kept_at(sure[-1])
+        taken = self._taken(reach, way, at_s)
+        least = self._keeps_reserve(reach, taken)
         if least is None:
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
             on = " (the reserve, and the way on from there)" if self._reserve > self._policy.request.reserve_soc else ""
@@ -90,56 +155,65 @@ class DepartureGate:
             why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         soc, diverts = covered
-        held, figures = self._not_landed_at(p, step, at_s) or self._held(way, at_s, sure[-1])
+        held, figures = self._not_landed_at(step, at_s) or self._held(way, at_s, sure[-1])
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
         return Gated(names, soc, diverts, held=held, figures=figures, hopeless=hopeless)
 
-    def _take_off_s(self, step: Step, p: Problem) -> float:
+    def _take_off_s(self, step: Step) -> float:
         """When it is charged as the step says, POSIX seconds."""
+        p = self._problem
         charges = p.has_pads(p.origin) and step.charge > self._info.soc
         return self._info.time_s + (p.charge_time_s(p.origin, self._info.soc, step.charge) if charges else 0.0)
 
     def _hopeless(self, names: tuple[str, ...], at_s: float, soc: float) -> bool:
         """Whether a whole leg most probably breaks the reserve."""
-        way = self._reach.way(names[0], names[1:-1], names[-1])
-        reach = self._reach.where_flown(way, at_s)
+        way, reach = self._way(names, at_s)
         return self._p_below_reserve(reach, way, at_s, soc) > self._policy.parameters.p_hopeless
 
     def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
         flown = reach.to_the_end(way, at_s, climbs=True)
         return float(reach.p_below(soc, flown.soc[:, None], self._reserve, flown.doubt[:, None])[0])
 
-    def later(self, step: Step, p: Problem) -> float | None:
+    def later(self, step: Step) -> float | None:
         """How much later a leg can be begun by the forecast, s; None where never."""
         for wait_s in self._policy.parameters.later_s:
-            gated = self.check(step, p, self._info.time_s + wait_s)
+            gated = self.check(step, self._info.time_s + wait_s)
             if gated.soc is not None:
                 return wait_s
         return None
 
-    def _keeps_reserve(self, reach: Reach, way: list[Place], at_s: float) -> float | None:
+    def _keeps_reserve(self, reach: Reach, taken: _Taken) -> float | None:
         """Least charge that is enough; None: no charge is.
 
-        It keeps the reserve but for epsilon. A watched leg is most probably not turned: halfway, where it is turned last, what is still unknown of
-        the wind then must not break the reserve but for epsilon; what is known of it by then, the rest of the doubt now, may be worse.
+        It keeps the reserve but for epsilon, or, where the leg is watched, is turned with no greater probability than may be.
         """
-        parameters, reserve = self._policy.parameters, self._reserve
-        share = parameters.p_begin if self._info.watched else parameters.epsilon
+        parameters = self._policy.parameters
+        if self._info.watched:
+            return _least(reach, self._turned_below(taken, self._reserve), parameters.p_begin)
+        return _least(reach, (taken.cost, self._reserve, taken.doubt), parameters.epsilon)
+
+    def _taken(self, reach: Reach, way: list[Place], at_s: float) -> _Taken:
+        """What a leg takes."""
         flown = reach.to_the_end(way, at_s, climbs=True)
         cost, doubt = flown.soc[:, None], flown.doubt[:, None]
-        if self._info.watched:
-            flown_s = 0.5 * float(reach.expected(flown.time_s))
-            rest = reach.to_the_end(second_half(way), at_s + flown_s).doubt[:, None]
-            cost = cost + NormalDist().inv_cdf(1.0 - parameters.epsilon) * rest
-            doubt = np.sqrt(np.maximum(doubt**2 - rest**2, 0.0))
-        low, high = 0, STEPS + 1
-        while low < high:  # least charge that does
-            middle = (low + high) // 2
-            if float(reach.p_below(middle / STEPS, cost, reserve, doubt)[0]) <= share:
-                high = middle
-            else:
-                low = middle + 1
-        return low / STEPS if low <= STEPS else None
+        if not self._info.watched:
+            return _Taken(cost, doubt, np.zeros_like(doubt), 0.0)
+        half_s = 0.5 * float(reach.expected(flown.time_s))
+        by_then = self._reach.where_flown(way, at_s)
+        rest = by_then.to_the_end(second_half(way), at_s + half_s).doubt
+        half_soc = 0.5 * float(reach.expected(flown.soc))
+        then = reach.belief.in_flight(half_soc * reach.belief.mean_ratio, half_soc)
+        return _Taken(cost, doubt, rest[:, None], math.hypot(half_soc * then.sd_between, SOC_SD))
+
+    def _turned_below(self, taken: _Taken, reserve: float) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+        """For `Reach.p_below`: below which charge a leg is turned.
+
+        It is turned where halfway, where that is done last, what is still unknown then breaks the reserve with more than epsilon: that must be
+        left beside it, and what is known of the wind by then, the rest of the doubt now, is the doubt.
+        """
+        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._policy.parameters.epsilon), self._reach.belief.mean_ratio
+        known = np.sqrt(np.maximum(taken.doubt**2 - taken.rest**2, 0.0))
+        return taken.cost + sigmas * np.hypot(taken.rest, taken.energy_soc / ratio), reserve, known
 
     def _covered(
         self, reach: Reach, way: list[Place], at_s: float, least: float, end: str
@@ -149,10 +223,11 @@ class DepartureGate:
         soc, gap_m = least, math.nan
         reserve = self._policy.request.reserve_soc
         floor, kept = reserve * parameters.divert_share, reserve if self._info.watched else 0.0
+        full = self._without_room(reach, way, at_s)
         while soc <= 1.0 + 1e-9:
             cover = divert_cover(
                 reach, way, at_s, soc, floor_soc=floor, epsilon=parameters.epsilon, destination=end,
-                not_at=self._info.unusable, reserve_soc=kept,
+                not_at=self._info.unusable, full=full, reserve_soc=kept,
             )  # fmt: skip
             if cover.gap_m is None:
                 return min(soc, 1.0), cover.stations
@@ -160,9 +235,26 @@ class DepartureGate:
             soc = soc + parameters.more_soc if soc + parameters.more_soc < 1.0 or soc >= 1.0 else 1.0
         return gap_m
 
-    def _not_landed_at(self, p: Problem, step: Step, at_s: float) -> tuple[str, dict[str, Any]] | None:
+    def _without_room(self, reach: Reach, way: list[Place], at_s: float) -> frozenset[str]:
+        """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by who is there now."""
+        info, scenario, epsilon = self._info, self._policy.scenario, self._policy.parameters.epsilon
+        if not info.watched:
+            return frozenset()
+        lands_s = at_s + 0.5 * float(reach.expected(reach.to_the_end(way, at_s).time_s))
+        hover_s = 0.5 * (1.0 - self._reserve) / reach.soc_per_s
+        index, pads = scenario.network.index, scenario.network.pads
+        present = {name: count for name, count in info.busy_pads.items() if pads[index[name]]}
+        if info.station in present:
+            present[info.station] += info.behind
+
+        def chance(name: str) -> float:
+            return no_place_probability(scenario, index[name], present[name], info.time_s, lands_s, hover_s)
+
+        return frozenset(name for name in present if chance(name) > epsilon)
+
+    def _not_landed_at(self, step: Step, at_s: float) -> tuple[str, dict[str, Any]] | None:
         """Why the leg would end, at its fastest, while nobody lands there: before the earliest delivery, or at a station that is closed; else None."""
-        segments = step.segments[: step.sure or len(step.segments)]
+        p, segments = self._problem, step.segments[: step.sure or len(step.segments)]
         node = int(p.network.head[segments[-1]])
         barred, lands_s = p.no_landing(node), at_s + p.fastest_s(segments)
         opens_s = lands_s if barred is None else float(barred.put_off(np.array(lands_s), np.array(lands_s)))

@@ -155,8 +155,8 @@ class Following:
             most_labels=self.parameters.large_labels if self._large else math.inf,
         )  # fmt: skip
 
-    def _follow(self, step: Step, future: Future) -> float:
-        """Arrival in a future after a step, POSIX seconds."""
+    def _follow(self, step: Step, future: Future, turned: float = 0.0) -> float:
+        """Arrival in a future after a step, POSIX seconds; a watched flight is `turned` there with a probability, beside where it must be."""
         p = self.problem
         if not step.segments:
             return self._stay(future)
@@ -166,7 +166,8 @@ class Following:
             if self._measured and off >= self.new_wind_s:
                 return self._stay(future)  # by then it will have thought again
         if step.turn_back is None:
-            return self._through(step, future, off)
+            through = self._through(step, future, off) if turned < 1.0 else 0.0
+            return through if turned == 0.0 else (1.0 - turned) * through + turned * self._back(step, future, off)
         trial = self.turns.trial(step.segments[0], step.turn_back, step.charge, off)
         if trial is None:
             return math.inf
@@ -178,9 +179,15 @@ class Following:
 
     def _through(self, step: Step, future: Future, off: float) -> float:
         """Arrival in a future after a flight that gets as far as it can, taking off at a time."""
+        there_s = self._there(step, future, off)
+        if there_s is not None:
+            return there_s
+        return self._back(step, future, off) if self._watched else self.problem.depart_s + self.parameters.stuck_s
+
+    def _there(self, step: Step, future: Future, off: float) -> float | None:
+        """Arrival in a future after a flight that lands at its end or a station on its way; None where it can do neither."""
         p = self.problem
         head = p.network.head
-        flyable = False
         for count in range(len(step.segments), 0, -1):
             node = int(head[step.segments[count - 1]])
             if count < len(step.segments) and not self.likely_free_at[node]:
@@ -190,7 +197,7 @@ class Following:
             )
             if down >= NEVER:
                 continue
-            off, flyable = begun, True
+            off = begun
             used = self._used(future, step.segments[:count], off, down)
             soc = step.charge - used
             if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
@@ -201,11 +208,17 @@ class Following:
                     self.arrives = True
                     return float(future.queues[node].land_time(down))
                 return self._arrival(future, node, down, soc) + self.parameters.stop_s
-        if self._watched and flyable and not p.in_flight:
-            spent = self.parameters.turned_share * max(step.charge - p.reserve, 0.0)
-            back_s = off + spent / (future.energy * p.soc_per_s)
-            return self._arrival(future, p.origin, back_s, step.charge - spent) + self.parameters.stop_s
-        return p.depart_s + self.parameters.stuck_s
+        return None
+
+    def _back(self, step: Step, future: Future, off: float) -> float:
+        """Arrival in a future after a flight that is turned to where it began."""
+        p = self.problem
+        off, down = flight_in(future, step.segments[: step.sure or 1], off, self.parameters.hold_slots)
+        if p.in_flight or down >= NEVER:
+            return p.depart_s + self.parameters.stuck_s
+        spent = self.parameters.turned_share * max(step.charge - p.reserve, 0.0)
+        back_s = off + spent / (future.energy * p.soc_per_s)
+        return self._arrival(future, p.origin, back_s, step.charge - spent) + self.parameters.stop_s
 
     def _goes_on(self, step: Step, future: Future, off_s: float, soc: float, down_s: float) -> bool:
         """Whether it will fly on over the last station on its way, if that would end at a time with a charge."""

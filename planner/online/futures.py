@@ -66,7 +66,7 @@ class CarefulSpeeds:
     def __init__(self, air: SegmentWind, member: int, slots: int, against: float) -> None:
         self._air, self._member, self._against = air, member, against
         self.slots = slots
-        self._closed: list[int] = []
+        self._closed: list[tuple[int, int]] = []
 
     @cached_property
     def _table(self) -> NDArray[np.float64] | None:
@@ -80,16 +80,18 @@ class CarefulSpeeds:
         """See `Speeds`."""
         table = self._table
         found = self._worked_out(first, last, segments) if table is None else table[first : last + 1][:, segments]
-        found[:, np.isin(segments, self._closed)] = 0.0
+        for segment, end in self._closed:
+            found[: max(end - first, 0), segments == segment] = 0.0
         return found
 
     def fastest_mps(self, first: int, last: int) -> float:
         """See `Speeds`."""
         return TrueSpeeds(self._air, self._member).fastest_mps(first, last)
 
-    def close(self, segment: int) -> None:
-        """No flight leads over a segment any more."""
-        self._closed.append(segment)
+    def close(self, segment: int, until_s: float) -> None:
+        """No flight leads over a segment in slots that begin before a time, POSIX seconds."""
+        end = math.ceil((until_s - self._air.start_s) / self._air.slot_s) if until_s < math.inf else self.slots
+        self._closed.append((segment, min(max(end, 0), self.slots)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -40,6 +40,16 @@ ALIKE = 0.01
 """Charges closer than this are one."""
 MIN_SOC = 0.01
 """Whoever lands counts with this charge at least."""
+
+
+class Turning(Protocol):
+    """How probably watched legs are turned (`planner.online.departure_gate`)."""
+
+    def p_turned(self, step: Step) -> float:
+        """Probability that a leg which is begun as a step says is turned before the first station where it can land."""
+
+    def charges(self, step: Step) -> list[float]:
+        """Charges worth a thought, for they are turned with little probability."""
 
 
 class Hindsight(Following):
@@ -84,17 +94,20 @@ class Hindsight(Following):
         head = self.problem.network.head
         return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
-    def choose(self) -> Step:
-        """The step with the least expected arrival; without segments it is to land here or, on the ground, to stay."""
+    def choose(self, turning: Turning | None = None) -> Step:
+        """The step with the least expected arrival; without segments it is to land here or, on the ground, to stay.
+
+        `turning` tells how probably a watched flight is turned before it can land; by default it is where it breaks the reserve.
+        """
         p = self.problem
-        steps = self._candidates()
+        steps = self._candidates(turning)
         stays = self._measured or not steps
         if p.has_pads(p.origin) if p.in_flight else stays:
             steps.append(Step((), p.soc))
         best: Step | None = None
         kept: Step | None = None
         for step in steps:
-            arrival = self._expected(step)
+            arrival = self._expected(step, turning)
             if step.segments and int(p.network.head[step.segments[-1]]) in self._left:
                 arrival += max(self._clear(arrival - p.depart_s), self.parameters.return_share * (arrival - p.depart_s))
             if best is None or arrival < best.arrival_s - (0.0 if step.segments else self.parameters.min_gain_s):
@@ -113,14 +126,25 @@ class Hindsight(Following):
             return kept
         return best
 
-    def _expected(self, step: Step) -> float:
+    def _expected(self, step: Step, turning: Turning | None = None) -> float:
         """Mean arrival over the futures after a step, POSIX seconds."""
-        return float(np.mean([self._follow(step, future) for future in self.futures]))
+        turned = np.zeros(len(self.futures))
+        if turning is not None and step.segments:
+            order = np.argsort([-self._cost(step, future) for future in self.futures], kind="stable")
+            turned[order] = np.clip(turning.p_turned(step) * len(order) - np.arange(len(order)), 0.0, 1.0)
+        follows = zip(self.futures, turned.tolist(), strict=True)
+        return float(np.mean([self._follow(step, future, share) for future, share in follows]))
 
-    def close(self, segment: int) -> None:
-        """Look for no way over a segment any more."""
+    def _cost(self, step: Step, future: Future) -> float:
+        """Charge that a flight takes in a future to where it must get: where it takes most it is turned first."""
+        sure = step.segments[: step.sure or len(step.segments)]
+        off, down = flight_in(future, sure, self.problem.depart_s, self.parameters.hold_slots)
+        return self._used(future, sure, off, down) if down < NEVER else 0.0
+
+    def close(self, segment: int, until_s: float = math.inf) -> None:
+        """Begin no flight over a segment now, nor count on one before a time, POSIX seconds."""
         for future in self.futures:
-            future.careful.close(segment)
+            future.careful.close(segment, until_s)
         self._closed.add(segment)
 
     def arrival_s(self, station: str, time_s: float, soc: float) -> float:
@@ -147,7 +171,7 @@ class Hindsight(Following):
         after = p.standing_at(node, float(future.queues[node].land_time(down)), soc)
         return self._search(after, future).find() or ()
 
-    def _candidates(self) -> list[Step]:
+    def _candidates(self, turning: Turning | None) -> list[Step]:
         """What the exact planner does first in each future, with charges that are enough for what must be sure."""
         p = self.problem
         charges: dict[tuple[int, ...], list[float]] = {}
@@ -168,6 +192,7 @@ class Hindsight(Following):
                 continue
             wanted = np.quantile(charges[segments], self.parameters.charge_quantiles).tolist()
             wanted += self._takes(segments) if self._watched else [self.need(segments, p.depart_s)]
+            wanted += turning.charges(Step(segments, p.soc, sure)) if turning is not None else []
             levels = np.clip(sorted(wanted), max(least, p.soc), full)
             last = self._last_sure(segments)
             before = -1.0
@@ -221,7 +246,7 @@ class Hindsight(Following):
         """First flight of the best way in a future that leads to or over a station with room."""
         for stops in (None, self._near):
             found = self._search(self.problem, future, stops).find()
-            if found and self.sure_of(found[0].segments):
+            if found and self.sure_of(found[0].segments) and not self._closed & set(found[0].segments):
                 return found[0]
         return None
 

@@ -29,7 +29,7 @@ from skyway.planner.online.options import (
     other_stations,
 )
 from skyway.planner.online.told_plan import segments_of
-from skyway.planner.robust.free_capacity import full_on_arrival
+from skyway.planner.robust.free_capacity import no_place_probability
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -208,10 +208,10 @@ class FlightDecision:
         if present is None:
             return option
 
-        def full_at(time_s: float) -> float:
-            return full_on_arrival(scenario, node, present, info.time_s, time_s)
+        def no_place(lands_s: float, hover_s: float) -> float:
+            return no_place_probability(scenario, node, present, info.time_s, lands_s, hover_s)
 
-        return option.with_room(full_at, reach.soc_per_s, self._floors)
+        return option.with_room(no_place, reach.soc_per_s, self._floors)
 
     def _onward(self, reach: Reach) -> Hindsight:
         """What follows landings, in futures of the newest forecast; energy as for the next flights."""

@@ -63,6 +63,8 @@ class Information:
     """Stations landed at before."""
     roughness: float = 1.0
     """Variance of changes of the wind that it felt, as a multiple of the usual one (`models.wind.estimation.roughness`)."""
+    wind_measured_s: float = math.nan
+    """On the ground: when it measured the wind in flight last, POSIX seconds; NaN: it never did."""
     busy_pads: Mapping[str, int] = field(default_factory=dict)
     """Others on the pads and in line at stations, as the pad services tell; where it stands, those before it."""
     behind: int = 0

@@ -50,10 +50,13 @@ class Option:
         """What is to be small where nothing keeps the reserve: landings below it, those that `HALF` and `EMPTY` weigh more among them."""
         return self.p_reserve + HALF * self.p_half + EMPTY * self.p_empty
 
-    def with_room(self, full_at: Callable[[float], float], soc_per_s: float, floors: Floors) -> Option:
-        """Return the same with the risk of hovering for a place down to the reserve, by the chance that its station is full at a time, POSIX seconds."""
-        full = full_at(self.lands_s + max(self.soc - floors.reserve, 0.0) / soc_per_s)
-        return replace(self, p_reserve=1.0 - (1.0 - self.p_reserve) * (1.0 - full))
+    def with_room(self, no_place: Callable[[float, float], float], soc_per_s: float, floors: Floors) -> Option:
+        """Return the same with the risk of hovering for a place down to the reserve.
+
+        `no_place` is the chance to find none at its station from a time, POSIX seconds, for so many seconds.
+        """
+        waits = no_place(self.lands_s, max(self.soc - floors.reserve, 0.0) / soc_per_s)
+        return replace(self, p_reserve=1.0 - (1.0 - self.p_reserve) * (1.0 - waits))
 
     def as_data(self) -> dict[str, Any]:
         """For the journal."""

@@ -173,30 +173,36 @@ class OnlinePolicy:
             return self._stopped(info, f"{self.request.destination} cannot be used now")
         seen = self.hindsight(info)
         p = seen.problem
-        gate = DepartureGate(self, info)
-        closed: list[tuple[Step, Gated]] = []
-        step = seen.choose()
+        gate = DepartureGate(self, info, p)
+        closed: list[tuple[Gated, float | None]] = []
+        turning = gate if info.watched else None
+        step = seen.choose(turning)
         while step.segments and len(closed) < self.parameters.max_closed:
-            gated = gate.check(step, p)
+            gated = gate.check(step)
             if gated.hopeless and 0 < step.sure < len(step.segments):
                 step = replace(step, segments=step.segments[: step.sure], last=0)
-                gated = gate.check(step, p)
+                gated = gate.check(step)
             full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) else info.soc
             if gated.soc is not None and gated.soc <= max(full, info.soc) + 1e-9:
                 decision = self._leaving(info, seen, step, gated, gated.soc)
+                if info.watched:
+                    p_turned = gate.p_turned(replace(step, charge=max(info.soc, decision.charge_to or 0.0)))
+                    decision = replace(decision, figures={**decision.figures, "p_turned": p_turned})
                 if not tell:
                     return decision
                 first = Step(step.segments, info.soc if decision.charge_to is None else decision.charge_to)
                 plan = told_plan(seen, first, decision.charge_to, self.parameters.epsilon_later)
                 return replace(decision, composition=plan)
+            later_s = gate.later(step) if gated.soc is None else None
             if gated.soc is not None:
                 why = f"the leg needs {percent(gated.soc)}, and there is no pad here"
                 gated = replace(gated, soc=None, why=why)
-            closed.append((step, gated))
-            seen.close(step.segments[(step.sure or len(step.segments)) - 1])
+            closed.append((gated, later_s))
+            until_s = math.inf if later_s is None else info.time_s + later_s
+            seen.close(step.segments[(step.sure or len(step.segments)) - 1], until_s)
             seen.arrives = False
-            step = seen.choose()
-        return self._staying(info, seen, gate, closed)
+            step = seen.choose(turning)
+        return self._staying(info, seen, closed)
 
     def keep_to_plan(self, info: Information, *, charged: bool = False) -> Decision:
         """Return what to do at a station under a plan that is not to be left: leave as it says, with more charge where the leg needs it, or stop.
@@ -215,7 +221,7 @@ class OnlinePolicy:
             return self._stopped(info, f"the network has no way to {service.destination} as planned")
         stop = next((one for one in plan.stops if one.station == here and one.recharge_s > 0.0), None)
         planned = info.soc if stop is None or charged else max(stop.soc_to, info.soc)
-        gated = DepartureGate(self, info).check(Step(segments, planned), p)
+        gated = DepartureGate(self, info, p).check(Step(segments, planned))
         if gated.soc is None:
             return self._stopped(info, gated.why)
         figures = {
@@ -302,13 +308,11 @@ class OnlinePolicy:
         waits = p.has_pads(p.origin) and info.busy_pads.get(info.station or "", 0) >= p.network.pads[p.origin]
         return info.time_s + self.parameters.look_s if waits or not seen.roomy_way else math.inf
 
-    def _staying(
-        self, info: Information, seen: Hindsight, gate: DepartureGate, closed: list[tuple[Step, Gated]]
-    ) -> Decision:
+    def _staying(self, info: Information, seen: Hindsight, closed: list[tuple[Gated, float | None]]) -> Decision:
         """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast, and no other way, lets it leave."""
-        why = closed[0][1].why if closed else ""
+        why = closed[0][0].why if closed else ""
         if closed:
-            later = [wait_s for step, _ in closed if (wait_s := gate.later(step, seen.problem)) is not None]
+            later = [wait_s for _, wait_s in closed if wait_s is not None]
             if not later and not seen.arrives:
                 return self._stopped(info, why)
             why += f"; in {duration(min(later))} the forecast lets it fly on" if later else "; another way may open"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -95,7 +96,7 @@ class Reach:
         self.power = power = FlightPower.of(drone, payload_kg)
         self.soc_per_s = power.soc_per_s
         manoeuvres_s = parameters.manoeuvres_s if watched else 0.0
-        self._ahead = ahead
+        self.ahead = ahead
         self._soc_sd = SOC_SD if watched else 0.0
         self.descent_s = self.rules.descent_s + manoeuvres_s
         self.soc_climb = power.soc_climb(self.rules.climb_s)
@@ -153,7 +154,7 @@ class Reach:
         air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most, factor)
         flight_s = airborne_times(air, time_s, in_turn)
         doubt = np.zeros_like(flight_s)
-        if self.load is None and self._ahead is None:
+        if self.load is None and self.ahead is None:
             return Flown(flight_s, self.soc_per_s * flight_s, doubt)
         half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
         north, east = self.winds(*middle, time_s + half_s)
@@ -162,10 +163,10 @@ class Reach:
         if self.load is not None:  # a drone that must not be faster over the ground flies slower through the air
             speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
             soc_per_s *= self.load.factor(np.hypot(speed - along, across))
-        if self._ahead is not None:
+        if self.ahead is not None:
             away_m = np.cumsum(length_m) - 0.5 * length_m if in_turn else 0.5 * length_m
             whole_s = flight_s.sum(axis=1, keepdims=True) if in_turn else flight_s
-            sd_mps = self._ahead.sd_mps(away_m, np.hypot(factor * north, factor * east), self.expected(whole_s))
+            sd_mps = self.ahead.sd_mps(away_m, np.hypot(factor * north, factor * east), self.expected(whole_s))
             doubt = soc_per_s * slower_s(length_m, (along, across), self.airspeed_mps, most, sd_mps)
         return Flown(flight_s, soc_per_s * flight_s, doubt)
 
@@ -342,6 +343,14 @@ class Reach:
             return self
         same = copy(self)
         same.wind = self.wind.weighted(count.astype(np.float64))
+        return same
+
+    def measured_before(self, age_s: float) -> Reach:
+        """Return the same for a flight before which the wind was measured so long ago."""
+        if self.ahead is None or not age_s > 0.0:
+            return self
+        same = copy(self)
+        same.ahead = replace(self.ahead, age_s=age_s)
         return same
 
     def way(self, origin: str | Place, via: Sequence[str], destination: str) -> list[Place]:

@@ -96,15 +96,21 @@ def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) ->
     return found
 
 
-def full_on_arrival(scenario: Scenario, node: int, present: int, now_s: float, lands_s: float) -> float:
-    """Chance that a station is full for a drone that lands later, from how many others are there now; times are POSIX seconds."""
+def no_place_probability(
+    scenario: Scenario, node: int, present: int, now_s: float, lands_s: float, hover_s: float
+) -> float:
+    """Chance that a drone which comes to a station finds no place to land before it has hovered so long, from how many others are there now.
+
+    Who comes before it is in its way, who comes later is not; who leaves until then makes room. Times are POSIX seconds.
+    """
     station, load = scenario.network.stations[node], scenario.load
     begin_s = now_s % S_PER_H
-    end_s = begin_s + max(lands_s - now_s, 0.0)
+    come_s = begin_s + max(lands_s - now_s, 0.0)
+    end_s = come_s + max(hover_s, 0.0)
     hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
     charging = load.mean_charging_s[node, hours]
     services = np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
-    come, gone = expected(load.arrivals_per_s[node, hours], begin_s, end_s), expected(services, begin_s, end_s)
+    come, gone = expected(load.arrivals_per_s[node, hours], begin_s, come_s), expected(services, begin_s, end_s)
     return float(chance_full(station.pads, station.holding_spots, come, gone, present))
 
 

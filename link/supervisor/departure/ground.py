@@ -120,6 +120,7 @@ def information(ctx: Context) -> Information:
         left=frozenset(ctx.delivery.visited) - {station},
         busy_pads=busy,
         roughness=ctx.wind.roughness,
+        wind_measured_s=ctx.wind.measured_s,
         unusable=frozenset(ctx.delivery.unusable),
         plan=plan,
         planned_soc=_planned(ctx),

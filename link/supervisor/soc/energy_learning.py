@@ -1,10 +1,10 @@
-"""How much energy flights take, learnt from each flight."""
+"""How much energy flights take, learnt from each flight, and again when a pad has measured what they really took."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.link.supervisor.journal.entries import EnergyLearnt
 from skyway.models.base.formatting import percent
@@ -22,11 +22,29 @@ LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 
 
+class _Taught(NamedTuple):
+    """What a flight has taught."""
+
+    used_soc: float
+    modelled_soc: float
+    whole: bool
+    """It was flown to its end; else it tells of its own part too, for the way that was given up."""
+
+    def told(self, belief: EnergyBelief, share: float = 1.0) -> EnergyBelief:
+        """Return a belief after it, where it took so many times what it was told to."""
+        learn = belief.learnt if self.whole else belief.in_flight
+        return learn(share * self.used_soc, self.modelled_soc)
+
+
 @dataclass(slots=True)
 class EnergyLearning:
     """The belief of one delivery, from all flights that have ended."""
 
     belief: EnergyBelief = field(default_factory=EnergyBelief)
+    _before: EnergyBelief | None = None
+    """What was believed when a pad measured the charge last; None where nothing was learnt since."""
+    _since: list[_Taught] = field(default_factory=list)
+    """What flights have taught since, as the vehicle told their charge."""
 
     def now(self, leg: Leg | None, soc: float) -> EnergyBelief:
         """Return the belief with the flight under way counted in, where it has used enough."""
@@ -39,18 +57,48 @@ class EnergyLearning:
 
     def keep(self, leg: Leg | None, soc: float) -> None:
         """Keep what the flight under way has taught so far."""
-        self.belief = self.now(leg, soc)
+        if leg is None or leg.modelled is None or not leg.soc_start - soc > LEARN_SOC:
+            self.belief = self.now(leg, soc)
+        else:
+            self._take(_Taught(leg.soc_start - soc, leg.modelled.total, whole=False))
 
     def learn(self, ctx: Context, leg: Leg) -> None:
         """Learn from a whole flight."""
         used, expected = leg.soc_start - ctx.battery.soc, 0.0 if leg.modelled is None else leg.modelled.total
         if not (used > LEARN_SOC and expected > 0.0):
             return
-        self.belief = self.belief.learnt(used, expected)
+        self._take(_Taught(used, expected, whole=True))
+        self._note(
+            ctx, used, expected, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}"
+        )
+
+    def settle(self, ctx: Context, share: float) -> None:
+        """Learn again from the flights since the last pad: a pad has measured that they took so many times what was told.
+
+        A battery that holds less than its nameplate tells too little; what was learnt from it would make the next flights too short of charge.
+        """
+        before, since = self._before, self._since
+        self._before, self._since = None, []
+        if before is None or share == 1.0:
+            return
+        for one in since:
+            before = one.told(before, share)
+        self.belief = before
+        used, expected = share * sum(one.used_soc for one in since), sum(one.modelled_soc for one in since)
+        said = f"by the pad the flights since the last one used {percent(used)} of charge, the model expected {percent(expected)}"
+        self._note(ctx, used, expected, said)
+
+    def _take(self, taught: _Taught) -> None:
+        if self._before is None:
+            self._before = self.belief
+        self._since.append(taught)
+        self.belief = taught.told(self.belief)
+
+    def _note(self, ctx: Context, used: float, expected: float, said: str) -> None:
         learnt = EnergyLearnt(
             used_soc=used, modelled_soc=expected, factor=self.belief.mean_ratio, sigma=self.belief.sd_between
         )
-        ctx.note(learnt, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}")
+        ctx.note(learnt, said)
 
     def restore(self, belief: Mapping[str, float]) -> None:
         """Bring back what a journal says."""

@@ -12,6 +12,7 @@ from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR
 from skyway.models.base.formatting import percent
 from skyway.models.drones.airspeed_load import BLADE_SHARE, INFLOW_MPS
+from skyway.models.drones.energy_belief import SOC_SD
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
+GAUGE_SD, FLIGHT_GAUGE_SD = 0.07, 0.02
+"""Standard deviations of the charge that batteries really use about what they say: from battery to battery (one that has lost a tenth of its
+capacity and counts on all of it says a tenth too little), and from flight to flight."""
 EVERY_S = 0.5
 """Batteries are told of once a second; samples repeat it."""
 CONFIRMING_S = 6.0
@@ -37,6 +41,7 @@ class SocEstimator:
     """Where `soc` comes from, for a person."""
     gauge: float = 1.0
     """Charge really used, for what the vehicle says it used: learnt at pads, which measure."""
+    _gauge_sd: float = GAUGE_SD
     lost_s: float = -math.inf
     """When charge was last lost at once, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
@@ -115,12 +120,18 @@ class SocEstimator:
     def compare(self, ctx: Context, pad_soc: float) -> None:
         """Compare what the vehicle said it used since it was charged with what the pad finds missing."""
         said, used = self._flown_from[0] - self.told_soc, self._flown_from[1] - pad_soc
-        if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
+        believed = self._flown_from[1] - self.soc
+        if not (said > MIN_GAUGE_SOC and believed > MIN_GAUGE_SOC and math.isfinite(used)):
+            ctx.energy.settle(ctx, 1.0)
             return
         ratio = min(max(used / said, 0.7), 1.5)
-        self.gauge += 0.5 * (ratio - self.gauge)
+        noise = math.hypot(FLIGHT_GAUGE_SD, math.sqrt(2.0) * SOC_SD / said)
+        gain = self._gauge_sd**2 / (self._gauge_sd**2 + noise**2)
+        self.gauge += gain * (ratio - self.gauge)
+        self._gauge_sd *= math.sqrt(1.0 - gain)
         reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.told_soc)}"
         ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=self.gauge), reason)
+        ctx.energy.settle(ctx, min(max(used / believed, 0.7), 1.5))
 
     def measured(self, pad_soc: float) -> None:
         """Take what a pad measures."""

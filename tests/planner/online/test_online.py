@@ -18,6 +18,7 @@ from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.forecast import constant_wind
+from skyway.planner.online.departure_gate import DepartureGate
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.options import Floors, Option
@@ -130,6 +131,48 @@ def test_a_drone_held_by_the_wind_charges_meanwhile(policy, composition):
 def test_a_drone_waits_for_wind_that_falls_in_nine_hours(policy, composition):
     decision = policy.on_ground(standing(calming(9), soc=1.0, plan=composition))
     assert decision.action == "wait"
+
+
+def test_a_leg_that_is_closed_is_counted_on_from_when_it_can_be_begun(policy):
+    seen = policy.hindsight(standing(wind()))
+    segment, careful = seen.choose().segments[0], seen.futures[0].careful
+    segments, air = np.array([segment]), seen.problem.air
+    before = careful.over(0, 5, segments)
+    assert np.all(before > 0.0)
+    opens_s = air.start_s + 2.5 * air.slot_s
+    seen.close(segment, opens_s)
+    assert np.all(careful.over(0, 2, segments) == 0.0)
+    assert careful.over(3, 5, segments).tolist() == before[3:].tolist()
+    assert careful.over(1, 4, segments)[:, 0].tolist() == [0.0, 0.0, *before[3:5, 0]]
+    assert segment not in seen.choose().segments
+    seen.close(segment)
+    assert np.all(careful.over(0, 5, segments) == 0.0)
+
+
+def test_the_more_charge_a_leg_begins_with_the_less_probably_it_is_turned(policy, composition):
+    known = standing(wind(6.0, 20.0), EnergyBelief(1.0, 0.05, 0.03), soc=0.6, plan=composition)
+    seen = policy.hindsight(known)
+    gate, step = DepartureGate(policy, known, seen.problem), seen.choose()
+    chances = [gate.p_turned(replace(step, charge=0.4 + 0.02 * k)) for k in range(31)]
+    assert chances == sorted(chances, reverse=True)
+    assert chances[0] > 0.9
+    assert chances[-1] < 0.05
+    wanted = OnlineParameters().turned_shares
+    charges = gate.charges(step)
+    assert charges == sorted(charges)
+    for share, charge in zip(wanted, charges, strict=False):
+        assert gate.p_turned(replace(step, charge=charge)) <= share + 0.01
+        assert gate.p_turned(replace(step, charge=charge - 0.01)) > share - 0.01
+
+
+def test_a_leg_that_may_be_turned_is_not_begun_where_there_is_no_room_to_come_back_to(policy, composition):
+    head = wind(8.0, 20.0)
+    known = standing(head, EnergyBelief(1.0, 0.06, 0.04), plan=composition)
+    decision = policy.on_ground(known)
+    assert decision.station is not None
+    full = {name: 60 for name in known.busy_pads if name != decision.station}
+    crowded = policy.on_ground(replace(known, busy_pads=known.busy_pads | full))
+    assert crowded.station != decision.station or crowded.figures["needed_soc"] >= decision.figures["needed_soc"]
 
 
 def test_charges_of_a_kept_plan_are_what_each_flight_needs(newyork, request_):
@@ -325,11 +368,23 @@ def test_the_rougher_the_air_the_more_charge_a_flight_needs_in_the_air_and_befor
         for rough in (0.1, 1.0, 4.0)
     ]
     assert risk[0] < 0.2 * risk[1] < 0.2 * risk[2]
-    calm, usual = (
-        policy.on_ground(standing(wind(6.0, 20.0), plan=composition, roughness=rough)).figures["needed_soc"]
-        for rough in (0.1, 1.0)
-    )
-    assert calm < usual - 0.005
+    step = policy.hindsight(standing(wind(6.0, 20.0), plan=composition)).choose()
+    least = [
+        DepartureGate(policy, known, policy.problem(known)).check(step).soc
+        for rough in (0.1, 1.0, 4.0)
+        for known in [standing(wind(6.0, 20.0), plan=composition, roughness=rough)]
+    ]
+    assert least[0] < least[1]
+    assert least[2] is None  # even a full battery is too little
+
+
+def test_the_older_a_measured_wind_is_the_more_charge_a_flight_needs(policy, composition):
+    step = policy.hindsight(standing(wind(6.0, 20.0), plan=composition)).choose()
+    least = []
+    for age_s in (math.nan, 0.0, 1800.0, 3600.0, 7200.0):
+        known = standing(wind(6.0, 20.0), plan=composition, wind_measured_s=DEPART.timestamp() - age_s)
+        least.append(DepartureGate(policy, known, policy.problem(known)).check(step).soc)
+    assert least[0] == least[1] < least[2] < least[3] < least[4]
 
 
 def test_a_station_where_all_places_are_taken_is_not_turned_to(policy):
@@ -353,7 +408,7 @@ def test_a_flight_to_a_station_that_filled_up_meanwhile_goes_elsewhere(policy):
 def test_a_small_risk_ahead_is_not_left_for_a_landing_below_the_reserve_elsewhere():
     """A drone turned back to land at 17 % because its own station was full with a chance of one in a hundred."""
     floors = Floors(0.2, 0.1)
-    ahead = Option("ahead", 15.0, 0.0, 0.30, 0.0, 0.0, 0.0, 3000.0).with_room(lambda _: 0.013, 6e-4, floors)
+    ahead = Option("ahead", 15.0, 0.0, 0.30, 0.0, 0.0, 0.0, 3000.0).with_room(lambda *_: 0.013, 6e-4, floors)
     back = Option("back", 15.0, 0.0, 0.17, 1.0, 0.0, 0.0, 9000.0)
     assert ahead.p_reserve == pytest.approx(0.013)
     assert ahead.risk < 0.5 * back.risk

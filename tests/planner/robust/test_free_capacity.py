@@ -13,7 +13,13 @@ from skyway.models.queues.load import PadLoad, hours_of_week
 from skyway.models.queues.sampling import sample_path
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
-from skyway.planner.robust.free_capacity import blocking_probabilities, blocking_probability_after, likely_free, room_at
+from skyway.planner.robust.free_capacity import (
+    blocking_probabilities,
+    blocking_probability_after,
+    likely_free,
+    no_place_probability,
+    room_at,
+)
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, chance_full, expected, is_room
 from tests.planner.worlds import make_request, make_wind, make_world
 
@@ -118,3 +124,35 @@ def test_a_target_without_pads_always_has_room():
     room = room_at(problem, [1, 3], 1e-3)
     assert (room.arrivals_per_s[0] > 0.0).all()
     assert (room.arrivals_per_s[1] == 0.0).all()
+
+
+@given(
+    present=st.integers(0, 14),
+    away_s=st.floats(0.0, 3000.0),
+    hover_s=st.floats(0.0, 3000.0),
+    more=st.floats(0.0, 2000.0),
+)
+def test_the_longer_a_drone_can_hover_the_more_probably_it_finds_a_place(newyork, present, away_s, hover_s, more):
+    node, now_s = newyork.network.index["bellevue"], DEPART.timestamp()
+
+    def chance(count, seconds):
+        return no_place_probability(newyork, node, count, now_s, now_s + away_s, seconds)
+
+    assert 0.0 <= chance(present, hover_s + more) <= chance(present, hover_s) <= 1.0
+    assert chance(present, hover_s) <= chance(present + 1, hover_s) + 1e-12
+
+
+def test_those_who_come_before_a_drone_and_those_who_leave_while_it_hovers_are_counted(newyork):
+    """Against numbers drawn one by one."""
+    node, now_s, draws = newyork.network.index["bellevue"], DEPART.timestamp(), 200_000
+    station, load = newyork.network.stations[node], newyork.load
+    hour = hours_of_week(load.timezone, now_s, 1)[0]
+    rng = np.random.default_rng(1)
+    for present, away_s, hover_s in ((9, 1200.0, 0.0), (9, 1200.0, 600.0), (10, 1800.0, 1500.0)):
+        came = rng.poisson(load.arrivals_per_s[node, hour] * away_s, draws)
+        leaving = min(station.pads, present) / load.mean_charging_s[node, hour]
+        left = rng.poisson(leaving * (away_s + hover_s), draws)
+        share = float(np.mean(came - left >= station.pads + station.holding_spots - present))
+        chance = no_place_probability(newyork, node, present, now_s, now_s + away_s, hover_s)
+        assert chance == pytest.approx(share, abs=0.004)
+        assert 0.0 < chance < 1.0
