@@ -408,7 +408,7 @@ class LogsSeen(Entry, frozen=True, kw_only=True, tag="logs"):
     """The logs aboard before the delivery, and by which protocol they were listed; what is added to them is fetched at its end."""
 
     by: str | None
-    sizes_bytes: Mapping[str, Any]
+    sizes_bytes: dict[str, Any]
 
 
 class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
