@@ -345,7 +345,7 @@ def _solve(
             raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
         summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue), itinerary=itinerary)
         notes = _doubts(problem, typical.schedule, summary)
-        realization = realization_of(same, itinerary, typical)
+        realization = realization_of(same, itinerary, typical, runs)
         composition = _audited(same, itinerary, typical.schedule, summary, realization, planner, spent, notes)
         return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded)
     queues = SampledQueues(problem, 0)
@@ -449,7 +449,7 @@ def _told(answer: RobustAnswer, spent_s: float, labels_expanded: int, rejected: 
     """Tell a robust answer as a composition: its typical schedule."""
     problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
     notes = _doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight))
-    realization = realization_of(problem, itinerary, answer.typical)
+    realization = realization_of(problem, itinerary, answer.typical, answer.out_of_sample)
     composition = _audited(problem, itinerary, answer.typical.schedule, summary, realization, ROBUST, spent_s, notes)
     objective = problem.request.objective
     if objective.deadline is not None:

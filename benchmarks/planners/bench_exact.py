@@ -33,7 +33,7 @@ from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.schedule.itinerary import Itinerary
 

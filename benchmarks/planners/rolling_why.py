@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from benchmarks.cases.instances import Instance
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.online.information import Information
     from skyway.planner.robust.information_kernels import Known
 
@@ -55,9 +55,9 @@ class ToldProblem(Problem):
 
     told: dict[int, QueuePath]
 
-    def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
+    def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
         """Give the true ones."""
-        sampled = super().queue_paths(nodes, sample)
+        sampled = super().queue_paths(nodes, sample, seed)
         mine = None if self.in_flight else self.origin
         return {node: path if node == mine else self.told.get(node, path) for node, path in sampled.items()}
 

@@ -55,3 +55,15 @@ def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64],
     share = np.cumsum(weights[order])
     index = int(np.searchsorted(share, q * share[-1] * (1.0 - 1e-12)))
     return float(values[order][min(index, len(order) - 1)])
+
+
+def drawn_evenly(rng: np.random.Generator, groups: int, each: int) -> NDArray[np.float64]:
+    """Numbers between 0 and 1, one for each of so many draws of every group, in order (group, draw).
+
+    Each is uniform, but together they lie evenly: one in each interval of 1 / each within every group, and one in each of
+    1 / (groups each) over all. Source: McKay, Beckman and Conover, "A comparison of three methods for selecting values of input
+    variables", Technometrics 21 (1979).
+    """
+    interval = np.argsort(rng.random((groups, each)), axis=1)
+    within = np.argsort(rng.random((each, groups)), axis=1)[interval, np.arange(groups)[:, None]]
+    return np.asarray(((interval + (within + rng.random((groups, each))) / groups) / each).ravel())

@@ -136,6 +136,27 @@ class EnergyBelief:
         ratio = self.mean_ratio + self.sd_between * deviate[:, :1] + self.sd_within * deviate[:, 1:]
         return np.maximum(ratio, LEAST_RATIO)
 
+    def ratios(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Ratios of the legs of deliveries from shares of the distributions, 0 to 1: (what persists, shape (deliveries,); shape (deliveries, legs)).
+
+        The shares, shape (deliveries, 1 + legs), are those of the part that persists, and of the part that is fresh on each leg.
+        """
+        from scipy.special import ndtri
+
+        nu = self.degrees_of_freedom
+        z = ndtri(shares) * (8.0 * nu + 3.0) / (8.0 * nu + 1.0)
+        sigmas = np.copysign(np.sqrt(nu * np.expm1(z * z / nu)), z)
+        usual = self.mean_ratio + self.sd_between * sigmas[:, 0]
+        return usual, np.maximum(usual[:, None] + self.sd_within * sigmas[:, 1:], LEAST_RATIO)
+
+    def p_leg_above(self, ratio: NDArray[np.float64], usual: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Probability that a leg of a delivery takes more than a multiple of the model's energy, given what persists of it."""
+        from scipy.special import ndtr
+
+        if self.sd_within == 0.0:
+            return np.asarray(usual > ratio, dtype=np.float64)
+        return np.asarray(ndtr(-self.normal_deviate((ratio - usual) / self.sd_within)))
+
     def learnt(self, used_soc: float, expected_soc: float, soc_sd: float = SOC_SD) -> EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 

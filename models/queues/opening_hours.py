@@ -18,7 +18,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.queues.load import zone
-from skyway.models.queues.sampling import QueuePath
+from skyway.models.queues.paths import QueuePath
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

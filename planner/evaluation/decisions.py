@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.evaluation.realizations import Realizations
     from skyway.planner.online.information import Departure
     from skyway.planner.problem.problem import Problem

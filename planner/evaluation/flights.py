@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.models.queues.paths import pack
 from skyway.planner.schedule.itinerary import fly_as_it_stands, place_nodes, stop_nodes
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.evaluation.realizations import Realizations
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.charge_policy import ChargePolicy
@@ -107,13 +108,13 @@ def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -
 
 def _met(
     realizations: Realizations, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]
-) -> tuple[Disturbance, list[QueuePath]]:
-    """Return what an itinerary meets in some realizations, and the sets of queues that it names, in order (set, place)."""
+) -> tuple[Disturbance, PackedPaths]:
+    """Return what an itinerary meets in some realizations, and the sets of queues that it names, in order (place, set)."""
     nodes = place_nodes(problem, itinerary)
     wanted, position = np.unique(realizations.queue[runs], return_inverse=True)
     sets = [realizations.queues(problem, nodes, queue) for queue in wanted.tolist()]
     disturbance = realizations.disturbance(problem.drone, runs)._replace(queue=position.astype(np.int64))
-    return disturbance, [found[node] for found in sets for node in nodes]
+    return disturbance, pack([found[node] for node in nodes for found in sets])
 
 
 def schedules(

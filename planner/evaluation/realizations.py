@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.drone import Drone
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request

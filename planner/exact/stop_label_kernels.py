@@ -25,8 +25,8 @@ class Grounds(NamedTuple):
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
     delay_s: NDArray[np.float64]
-    """Shape (entries,) each. Queue paths of all nodes, POSIX seconds (`delay_s`: seconds), packed by
-    `models.queues.sampling.pack`."""
+    """Shape (entries,) each. Queue paths of all nodes, POSIX seconds (`delay_s`: seconds), packed:
+    `models.queues.paths.PackedPaths`."""
     curve_of: NDArray[np.int64]
     """Shape (nodes,). Kind of pad."""
     curve_s: NDArray[np.float64]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.exact.subnetwork import Subnetwork
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary

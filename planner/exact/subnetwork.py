@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.jit.compiled import compiled
-from skyway.models.queues.sampling import no_queue, pack
+from skyway.models.queues.paths import no_queue, pack
 from skyway.planner.exact.stop_label_kernels import Grounds
 from skyway.planner.problem.flight_table import FlightTable
 from skyway.planner.problem.mean_value import ExpectedQueues
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.network.network import Network
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.problem.speeds import Speeds
 
@@ -197,9 +197,14 @@ def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[n
         paths = queues.at(wanted, until_s)
     else:
         paths = [queues.get(node) or no_queue() for node in wanted]
+    packed = pack(paths)
     curve_s, curve_soc = problem.padded_curves
     return Grounds(
-        *pack(paths),
+        packed.offset,
+        packed.arrival_s,
+        packed.pad_s,
+        packed.land_s,
+        packed.delay_s,
         curve_of=problem.curve_of[nodes],
         curve_s=curve_s,
         curve_soc=curve_soc,

@@ -11,7 +11,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.flight.kernels import NEVER, slot_end, slot_of
-from skyway.models.queues.sampling import no_queue
+from skyway.models.queues.paths import no_queue
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.online.futures import draw_futures, flight_in
 from skyway.planner.online.turn_back import TurnBacks

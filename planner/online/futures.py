@@ -13,7 +13,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import NEVER
-from skyway.models.queues.sampling import QueuePath
+from skyway.models.queues.paths import QueuePath
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
 from skyway.planner.problem.speeds import TrueSpeeds

@@ -14,12 +14,10 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from skyway.models.network.network import Network
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.itinerary import Itinerary
 
@@ -57,11 +55,11 @@ def check_itinerary(network: Network, itinerary: Itinerary) -> None:
 
 
 def check_runs(
-    members: NDArray[np.int64], count: int, disturbance: Disturbance, paths: Sequence[QueuePath], places: int
+    members: NDArray[np.int64], count: int, disturbance: Disturbance, paths: PackedPaths | None, places: int
 ) -> None:
     """Refuse runs of a member or a set of queues that is not there, and disturbances of other runs or not finite.
 
-    `members` holds one of the `count` members for each run. Paths are in order (set, place), empty where expected waits
+    `members` holds one of the `count` members for each run. Paths are in order (place, set), None where expected waits
     are used; places are the stops before each flight, and the end.
     """
     runs = len(members)
@@ -86,9 +84,9 @@ def check_runs(
                 value=(disturbance.gust_sd, disturbance.gust_time_s),
             )
         )
-    if paths:
+    if paths is not None:
         if len(paths) % places:
-            remedy = f"one for each of {places} places in every set, in order (set, place)"
+            remedy = f"one for each of {places} places in every set, in order (place, set)"
             raise InputError(Fault("does not fit the itinerary", field="paths", value=len(paths), remedy=remedy))
         _check_index("sky.queue", disturbance.queue, len(paths) // places, "sets of queues")
 

@@ -11,14 +11,14 @@ import math
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
-from skyway.models.queues.sampling import expected_paths, no_queue
+from skyway.models.queues.paths import expected_paths, no_queue
 from skyway.planner.problem.sampled_queues import AskedQueues
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
 
 

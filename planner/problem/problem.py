@@ -18,7 +18,8 @@ from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.opening_hours import Closures, closed_path, opening_hours
-from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets, sampled_waits
+from skyway.models.queues.paths import PackedPaths, QueuePath, joined, no_queue, pack
+from skyway.models.queues.sampling import sample_many, sample_sets, sampled_waits
 from skyway.models.queues.waiting_times import STEP_S, TAIL_H, forecast_waits
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
@@ -47,6 +48,7 @@ MIN_EPSILON = 1e-6
 """Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
 MIN_KMH = 30.0
 """An airspeed that no drone flies may be in km/h from here on."""
+_MANY = 0x51
 IN_FLIGHT = "in-flight"
 """Id of the node that stands for a drone in the air."""
 
@@ -323,19 +325,22 @@ class Problem:
         """Expected waits, computed for a station when it is first asked for."""
         return ExpectedWaits(self)
 
-    def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
-        """One sampled realisation of the other drones at each of some stations."""
-        return self.queue_sets(nodes, [sample])[0]
+    def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
+        """One sampled realisation of the other drones at each of some stations; by default of the request's seed."""
+        return self.queue_sets(nodes, [sample], seed)[0]
 
-    def queue_sets(self, nodes: Iterable[int], samples: Sequence[int]) -> list[dict[int, QueuePath]]:
+    def queue_sets(
+        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None
+    ) -> list[dict[int, QueuePath]]:
         """Several sampled realisations of the other drones at each of some stations."""
+        seed = self.request.seed if seed is None else seed
         wanted = list(dict.fromkeys(nodes))
-        kept = [self._paths.setdefault((self.request.seed, sample), {}) for sample in samples]
+        kept = [self._paths.setdefault((seed, sample), {}) for sample in samples]
         missing = [node for node in wanted if any(node not in paths for paths in kept)]
         if missing:
             with_pads = [node for node in missing if self.has_pads(node)]
             lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
-            seeds = [(self.request.seed, samples[number]) for number in lacking]
+            seeds = [(seed, samples[number]) for number in lacking]
             hours, pads = float(HORIZON_H), self.network.pads
             found = sample_sets(
                 self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy, self.pads_free_s
@@ -343,6 +348,32 @@ class Problem:
             for number, paths in zip(lacking, found, strict=True):
                 kept[number].update({node: self.while_open(node, paths.get(node) or no_queue()) for node in missing})
         return [{node: paths[node] for node in wanted} for paths in kept]
+
+    def many_queues(self, nodes: Sequence[int], stream: int, count: int) -> PackedPaths:
+        """So many sampled realisations of the other drones at each of some places, in order (place, realisation).
+
+        Each stream is others than those of `queue_sets` and of the other streams; asked for again, with the same count, it is the same.
+        """
+        kept = self._many.setdefault((self.request.seed, stream, count), {})
+        for node in nodes:
+            if node not in kept:
+                kept[node] = self._sampled_at(node, (self.request.seed, stream), count)
+        return joined([kept[node] for node in nodes])
+
+    def _sampled_at(self, node: int, seed: tuple[int, int], count: int) -> PackedPaths:
+        pads, spots = int(self.network.pads[node]), int(self._spots[node])
+        busy, free_s = self.busy.get(node), self.pads_free_s.get(node, ())
+        found = sample_many(
+            self.load, pads, spots, node, self.depart_s, float(HORIZON_H), (_MANY, *seed), count, busy, free_s
+        )
+        if node not in self.closures and not (node == self.awaiting and math.isfinite(self.earliest_s)):
+            return found
+        return pack([self.while_open(node, found[number]) for number in range(count)])
+
+    @cached_property
+    def _many(self) -> dict[tuple[int, int, int], dict[int, PackedPaths]]:
+        """Sampled queues so far, by seed, stream, count and node."""
+        return {}
 
     @cached_property
     def direct_air(self) -> SegmentWind:
@@ -421,7 +452,7 @@ class Problem:
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
         other = Problem(self.scenario, self.request, drone, ensemble, parameters=self.parameters, waits=self.waits)
-        other.__dict__["_paths"], other.forecast = self._paths, self.forecast
+        other.__dict__["_paths"], other.__dict__["_many"], other.forecast = self._paths, self._many, self.forecast
         return other
 
 

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from skyway.models.queues.sampling import QueuePath
+from skyway.models.queues.paths import QueuePath
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -227,6 +227,7 @@ def fly_by_required_soc(
     """
     count = len(landing)
     runs = len(member)
+    sets = (len(queues.offset) - 1) // (count + 1)
     out = np.full((runs, count, COLUMNS), NEVER)
     energy_ratio = np.zeros((runs, count))
     for run in range(runs):
@@ -235,7 +236,7 @@ def fly_by_required_soc(
         seen = 0.0  # sum of the ratios of the legs so far
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
-            entry = disturbance.queue[run] * (count + 1) + leg
+            entry = leg * sets + disturbance.queue[run]
             # The stop: when there is a pad, and when the rule lets the drone leave.
             pad = NEVER
             if legs.has_pads[leg]:
@@ -255,7 +256,7 @@ def fly_by_required_soc(
                 cost,
                 stop,
                 curve,
-                (room, leg, queues, there, entry + 1),
+                (room, leg, queues, there, entry + sets),
                 tables[member[run], leg],
                 legs.shut,
             )
@@ -267,7 +268,7 @@ def fly_by_required_soc(
             # The flight, in the true wind, with gusts and the vehicle's own energy, and hovering until there is a place.
             ratio = disturbance.energy[run, leg % disturbance.energy.shape[1]]
             now, joined, soc = to_next_stop(
-                disturbance, run, ratio, truth, member[run], segments, off, level, cost, queues, entry
+                disturbance, run, ratio, truth, member[run], segments, off, level, cost, queues, entry + sets
             )
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
             used = ratio * (cost[1] + cost[0] * (joined - off))

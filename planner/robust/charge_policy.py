@@ -13,35 +13,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.queues.sampling import pack
 from skyway.models.wind.estimation.field import ResidualModel
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
+from skyway.planner.robust.calibration import calibrated
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
-from skyway.planner.robust.free_capacity import present_in, room_at
+from skyway.planner.robust.free_capacity import room_at
+from skyway.planner.robust.free_capacity_kernels import Present
 from skyway.planner.robust.information_kernels import Known
 from skyway.planner.robust.out_of_sample import (
     CHOOSING,
     PROMISING,
     OutOfSample,
     left_out,
-    queue_sets,
     simulated_realizations,
 )
 from skyway.planner.robust.required_soc_kernels import required_soc_tables
 from skyway.planner.robust.way_on import fly_on, kept_for_way_on
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
-from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
+from skyway.planner.schedule.itinerary import held_in_the_air, legs_of, place_nodes
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
 from skyway.planner.schedule.typical import typical_schedule
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from skyway.models.base.errors import NoRouteError
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
@@ -112,7 +110,7 @@ class ChargePolicy:
         truth: Problem,
         disturbance: Disturbance,
         member: NDArray[np.int64],
-        paths: Sequence[QueuePath],
+        paths: PackedPaths,
         *,
         share: NDArray[np.float64] | None = None,
         tables: NDArray[np.float64] | None = None,
@@ -120,8 +118,8 @@ class ChargePolicy:
         """Fly it in realizations: (schedule, energy_ratio), see `planner.robust.charge_kernels.fly_by_required_soc`.
 
         `truth` is the same request in the winds that are true; `member` and the disturbance are those of each run.
-        Paths are the sets of queues that the disturbance names, one path for each of
-        `planner.schedule.itinerary.place_nodes`, in order. An `InputError` refuses members and sets that are not there,
+        Paths are those of the sets of queues that the disturbance names, at each of
+        `planner.schedule.itinerary.place_nodes`, in order (place, set). An `InputError` refuses members and sets that are not there,
         and arrays of other shapes.
 
         `share` is the forecast for each member of the truth, shape (members of truth, members); the policy's own for
@@ -133,7 +131,7 @@ class ChargePolicy:
         first_s[0] = self.first_s
         legs = legs_of(truth, self.itinerary)._replace(not_before_s=first_s)
         realizations = len(truth.air.north)
-        if not paths:
+        if not len(paths):
             raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
         told, true = known.air.north.shape[2], truth.air.north.shape[2]
@@ -154,11 +152,11 @@ class ChargePolicy:
             member,
             row,
             legs,
-            Queues(*pack(paths)),
+            Queues.of(paths),
             (float(truth.depart_s), float(truth.soc)),
             (float(truth.soc_per_s), float(truth.soc_fixed)),
             room_at(truth, [int(truth.network.head[leg.segments[-1]]) for leg in self.itinerary], self.most_full),
-            present_in(paths),
+            Present.of(paths),
             tables if tables is not None else required_soc_tables(truth.air, len(self)),
             truth.in_flight,
         )
@@ -175,24 +173,31 @@ class ChargePolicy:
         before: OutOfSample | None = None,
         sample_set: int = CHOOSING,
     ) -> OutOfSample:
-        """Fly it out of sample: each member as the truth, forecast by the others, through the sets of queues.
+        """Fly it out of sample: each member as the truth, forecast by the others, through sampled queues.
 
         There are about `runs` realizations, of at most `max_realizations` members as the truth. `before`, of the same
         flights, lends its tables. `sample_set` is ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in
         the same winds. The best of several routes in some realizations is not as good in others.
         """
         p = self.problem
-        members, disturbance, paths = simulated_realizations(
-            p, self.itinerary, errors, runs, max_realizations, sample_set
-        )
+        found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set)
+        members, disturbance = found.members, found.disturbance
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
         schedule, energy_ratio = self.fly(
-            p, disturbance, members, paths, share=left_out(p.ensemble, p.parameters.robust.apart_days), tables=tables
+            p,
+            disturbance,
+            members,
+            found.paths,
+            share=left_out(p.ensemble, p.parameters.robust.apart_days),
+            tables=tables,
         )
-        weight = p.probability[members]
-        weight = weight / weight.sum()
+        weight, control = calibrated(p, place_nodes(p, self.itinerary), found, schedule)
+        told = OutOfSample(
+            schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
+            np.ascontiguousarray(disturbance.energy[:, : len(self)]), errors.energy_of(p.drone), tables, control,
+        )  # fmt: skip
         if not p.needs_escape:
-            return OutOfSample(schedule, weight, members, disturbance.queue, energy_ratio, tables)
+            return told
         share = left_out(p.ensemble, p.parameters.robust.apart_days)
 
         def fly(
@@ -200,7 +205,7 @@ class ChargePolicy:
             itinerary: Itinerary,
             sky: Disturbance,
             members: NDArray[np.int64],
-            paths: Sequence[QueuePath],
+            paths: PackedPaths,
             needed: float,
         ) -> NDArray[np.float64]:
             on = ChargePolicy(leaving, itinerary, self.known, self.most_full)
@@ -212,8 +217,7 @@ class ChargePolicy:
         onward_soc = np.where(arrives, schedule[:, -1, SOC_LANDING] - taken, np.inf)
         broken = arrives & (onward_soc < p.reserve - 1e-9)
         ratio = np.where(broken, taken / self.way_on_soc, 0.0)
-        energy_ratio = np.column_stack((energy_ratio, ratio))
-        return OutOfSample(schedule, weight, members, disturbance.queue, energy_ratio, tables, onward_soc)
+        return replace(told, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
 
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.
@@ -221,7 +225,8 @@ class ChargePolicy:
         `before` is of the same flights, in the realizations of ``PROMISING``; its tables are used again.
         """
         p = self.problem
-        paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble, p.parameters.robust.apart_days)
+        paths = p.many_queues(place_nodes(p, self.itinerary), PROMISING, before.sets)
+        share = left_out(p.ensemble, p.parameters.robust.apart_days)
 
         def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
             disturbance = no_disturbance(len(members))._replace(queue=queues)

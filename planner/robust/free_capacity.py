@@ -15,14 +15,13 @@ from skyway.models.base import geodesy
 from skyway.models.base.units import S_PER_H
 from skyway.models.queues.load import hours_of_week
 from skyway.planner.problem.problem import HORIZON_H
-from skyway.planner.robust.free_capacity_kernels import FreeCapacity, Present, chance_full, chances, expected
+from skyway.planner.robust.free_capacity_kernels import FreeCapacity, chance_full, chances, expected
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.problem import Problem
 
@@ -50,13 +49,6 @@ def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity
     arrivals, services = _rates(problem, nodes)
     arrivals[pads == 0] = 0.0  # a load of every station is none of theirs
     return FreeCapacity(pads, spots, _begin_s(problem), arrivals, services, most)
-
-
-def present_in(paths: Sequence[QueuePath]) -> Present:
-    """Lay out for kernels who is at the stations of queue paths."""
-    offset = np.cumsum([0, *(len(path.left_s) for path in paths)]).astype(np.int64)
-    at_start = np.array([path.present for path in paths], dtype=np.int64)
-    return Present(at_start, offset, np.concatenate([np.empty(0), *(path.left_s for path in paths)]))
 
 
 def blocking_probabilities(problem: Problem) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from skyway.models.jit.compiled import compiled, compiled_lean
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.schedule.schedule_kernels import Queues
 
 LOOK_S = 120.0
@@ -43,6 +44,11 @@ class Present(NamedTuple):
     offset: NDArray[np.int64]
     left_s: NDArray[np.float64]
     """Departures after that of entry i are ``left_s[offset[i] : offset[i + 1]]``, ascending."""
+
+    @classmethod
+    def of(cls, paths: PackedPaths) -> Present:
+        """Those of packed paths."""
+        return cls(paths.present, paths.left_offset, paths.left_s)
 
 
 @compiled_lean

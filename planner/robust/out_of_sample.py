@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.base.statistics import weighted_quantile
+from skyway.models.base.statistics import drawn_evenly, weighted_quantile
 from skyway.models.wind.ensemble import evenly
 from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.drones.energy_belief import EnergyBelief
+    from skyway.models.queues.paths import PackedPaths
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
@@ -35,14 +36,14 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.typical import Typical
 
 CHOOSING, PROMISING = range(2)
-"""Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in."""
+"""Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in; others with each number of runs."""
 _GUSTS = 0x47
 _NEARLY_NONE = 0.05
-
-
-def _queues(problem: Problem) -> tuple[int, int]:
-    """Sampled sets of queues in each of ``CHOOSING`` and ``PROMISING``."""
-    return problem.parameters.robust.choosing_queues, problem.parameters.robust.promising_queues
+MARGIN_STEP = 2e-4
+"""Margins are told apart to so much."""
+LEAST_SHARE = 1e-4
+"""Of rarer deliveries no simulation tells: only the tail of what is assumed of energies does, which the rule of charging counts on itself."""
+_FIRST_MARGIN, _MOST_MARGIN = 0.05, 4.0
 
 
 def left_out(ensemble: WindEnsemble, apart_days: int = 2) -> NDArray[np.float64]:
@@ -59,6 +60,19 @@ def left_out(ensemble: WindEnsemble, apart_days: int = 2) -> NDArray[np.float64]
     return np.ascontiguousarray(share / share.sum(axis=1, keepdims=True))
 
 
+class SampledTruths(NamedTuple):
+    """Realizations in which routes are tried."""
+
+    members: NDArray[np.int64]
+    """Shape (runs,). Member of the forecast that is the truth of each."""
+    disturbance: Disturbance
+    """Its queues, its energy and its gusts."""
+    paths: PackedPaths
+    """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (place, set)."""
+    usual_ratio: NDArray[np.float64]
+    """Shape (runs,). What persists over the legs of each vehicle's energy as a multiple of the model's."""
+
+
 def simulated_realizations(
     problem: Problem,
     itinerary: Itinerary,
@@ -66,55 +80,48 @@ def simulated_realizations(
     runs: int,
     max_realizations: int | None = None,
     sample_set: int = CHOOSING,
-) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
-    """Realizations in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
+) -> SampledTruths:
+    """Realizations in which routes are tried, the same for all of one request; see `ChargePolicy.simulate`.
 
-    Paths are those of the sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
+    Each has gusts of its own, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
-    members = np.repeat(chosen, max(1, round(runs / len(chosen))))
-    sample = np.arange(len(members)) % _queues(problem)[sample_set]
-    paths = queue_sets(problem, itinerary, sample_set)
+    each = max(1, round(runs / len(chosen)))
+    members = np.repeat(chosen, each)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
     key = rng.integers(0, 2**64, len(members), dtype=np.uint64)
     flights = len(itinerary) + problem.needs_escape  # the way on is one more
-    energy = errors.energy_of(problem.drone).sampled(rng, len(members), flights)
-    return members, Disturbance(sample, energy, key, errors.gust_sd, errors.gust_time_s), paths
+    belief = errors.energy_of(problem.drone)
+    shares = [drawn_evenly(rng, len(chosen), each) for _ in range(1 + flights)]
+    usual, ratio = belief.ratios(np.column_stack(shares))
+    sets = -(-len(members) // problem.parameters.robust.runs_per_queues)
+    paths = problem.many_queues(place_nodes(problem, itinerary), sample_set, sets)
+    queue = np.arange(len(members)) % sets  # those that share one are of different members
+    disturbance = Disturbance(queue, ratio, key, errors.gust_sd, errors.gust_time_s)
+    return SampledTruths(members, disturbance, paths, usual)
 
 
-def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:
-    """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
-    return queues_at(problem, place_nodes(problem, itinerary), sample_set)
-
-
-def queues_at(problem: Problem, nodes: Sequence[int], sample_set: int) -> list[QueuePath]:
-    """Sampled queues at each of some nodes, in order (set, node)."""
-    first = sum(_queues(problem)[:sample_set])
-    sets = problem.queue_sets(nodes, range(first, first + _queues(problem)[sample_set]))
-    return [found[node] for found in sets for node in nodes]
-
-
-def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> Realization:
-    """Return the realization of ``PROMISING`` in which a typical schedule was flown, for its audit."""
+def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, runs: Runs) -> Realization:
+    """Return the realization of ``PROMISING`` in which the typical schedule of runs was flown, for its audit."""
     queues = None
     if typical.queue is not None:
-        sample = sum(_queues(problem)[:PROMISING]) + typical.queue
-        queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
+        nodes = place_nodes(problem, itinerary)
+        queues = {node: problem.many_queues([node], PROMISING, runs.sets)[typical.queue] for node in nodes}
     return Realization(typical.member, queues)
 
 
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
     """Fly an itinerary as it stands in the realizations in which the promises of a `ChargePolicy` are counted."""
-    members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
-    schedule = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
-    weight = problem.probability[members]
-    return Runs(schedule, weight / weight.sum(), members, disturbance.queue)
+    found = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
+    schedule = fly_as_it_stands(problem, itinerary, found.members, found.disturbance, found.paths)
+    weight = problem.probability[found.members]
+    return Runs(schedule, weight / weight.sum(), found.members, found.disturbance.queue)
 
 
 def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
     """Choose the typical schedule of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
-    paths = queue_sets(problem, itinerary, PROMISING)
+    paths = problem.many_queues(place_nodes(problem, itinerary), PROMISING, runs.sets)
 
     def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
         return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members))._replace(queue=queues), paths)
@@ -129,8 +136,16 @@ class OutOfSample(Runs):
     energy_ratio: NDArray[np.float64]
     """Shape (runs, legs), or one more where the way on is one. Energy of each flight as a share of what it was charged for; that of the
     way on 0 where it keeps the reserve."""
+    usual_ratio: NDArray[np.float64]
+    """See `SampledTruths`."""
+    energy: NDArray[np.float64]
+    """Shape (runs, legs). Energy of each leg as a multiple of the model's."""
+    belief: EnergyBelief
+    """What that was drawn from."""
     tables: NDArray[np.float64]
     """See `planner.robust.required_soc_kernels.required_soc_tables`."""
+    control: NDArray[np.float64]
+    """See `planner.robust.calibration.Calibrated.waits_s`."""
     onward_soc: NDArray[np.float64] | None = None
     """Shape (runs,). Charge on landing after the way on from a target without pads; None where none is needed."""
 
@@ -153,6 +168,20 @@ class OutOfSample(Runs):
             return 0.0
         return weighted_quantile(self.schedule[arrives, -1, ROOM], self.weight[arrives], _NEARLY_NONE)
 
+    def p_broken(self, margin: float) -> float:
+        """Share of the deliveries in which a flight takes more energy than is charged for with a margin.
+
+        The chance of each delivery, over what is fresh on each leg (`EnergyBelief`) given all else that happened in it: how windy it
+        was, and what persists of its vehicle. To count those that did break it would be as good as a draw where one of a thousand does.
+        """
+        legs = self.energy.shape[1]
+        took = self.energy_ratio[:, :legs]
+        with np.errstate(divide="ignore"):
+            enough = np.where(took > 0.0, (1.0 + margin) * self.energy / took, np.inf)
+        breaks = self.belief.p_leg_above(enough, self.usual_ratio[:, None])
+        kept = (1.0 - breaks).prod(axis=1) * (self.energy_ratio[:, legs:] <= 1.0 + margin).all(axis=1)
+        return float(self.weight @ (1.0 - kept))
+
     @property
     def charging(self) -> NDArray[np.float64]:
         """Share of the runs that charge at the stop before each flight, shape (legs,); the first one counts always."""
@@ -171,19 +200,35 @@ class OutOfSample(Runs):
 
     def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
         """Sum the runs up; what they spend, too, given the itinerary."""
-        groups = self.member, self.queue
-        return outcome(problem, self.schedule, self.weight, groups, itinerary=itinerary, onward_soc=self.onward_soc)
+        return outcome(
+            problem,
+            self.schedule,
+            self.weight,
+            (self.member, self.queue),
+            itinerary=itinerary,
+            onward_soc=self.onward_soc,
+            control=self.control,
+        )
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:
-    """Least margin with which at most a share epsilon of simulated deliveries would have broken the reserve.
+    """Least margin with which at most a share epsilon of simulated deliveries would break the reserve, to `MARGIN_STEP`; 0 where none is needed.
 
-    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's energy ratio
-    tells; the margin is the energy ratio that a share epsilon of the deliveries exceeds, 0 where that is below 1.
+    See `OutOfSample.p_broken`; of several simulations all deliveries count. No share below `LEAST_SHARE` is calibrated for.
     """
-    worst = np.concatenate([found.energy_ratio.max(axis=1) for found in simulations])
-    weight = np.concatenate([found.weight for found in simulations])
-    order = np.argsort(-worst)
-    above = np.cumsum(weight[order]) / weight.sum()
-    at = int(np.searchsorted(above, epsilon, side="right"))
-    return max(float(worst[order][min(at, len(order) - 1)]) - 1.0, 0.0)
+    epsilon = max(epsilon, LEAST_SHARE)
+
+    runs = [len(found.weight) for found in simulations]
+
+    def is_enough(margin: float) -> bool:
+        return float(np.average([found.p_broken(margin) for found in simulations], weights=runs)) <= epsilon
+
+    low, high = 0.0, _FIRST_MARGIN
+    if is_enough(low):
+        return 0.0
+    while high < _MOST_MARGIN and not is_enough(high):
+        low, high = high, 2.0 * high
+    while high - low > MARGIN_STEP:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
+    return high

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
@@ -63,6 +63,8 @@ class RobustAnswer:
     """All that were compared, best first."""
 
 
+COMPOSED_IN = 0
+"""Seed of the queues in which routes are composed, whatever that of the request: what a seed is to change is the deliveries they are judged by."""
 MIN_HOLD_S = 60.0
 """A shorter wait is not moved to another station."""
 
@@ -145,10 +147,11 @@ class RobustSearch:
         first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
         bold = [one for one in others if one.unsafe and one.loss < first[0].loss][: self.parameters.bold_finalists]
         again = [
-            self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None)[0])
-            for one in first + bold
+            self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0] for one in first + bold
         ]
-        return self._ranked(again) + [one for one in others if one not in bold]
+        # What is to be compared is how they are flown: with a margin. It is much alike for all of them, and that of one would be by chance.
+        margin = margin_for([one.out_of_sample for one in again], self.problem.epsilon)
+        return self._ranked([self._careful(one, margin) for one in again]) + [one for one in others if one not in bold]
 
     def _late(self) -> bool:
         """Whether to be content with what was found."""
@@ -156,11 +159,12 @@ class RobustSearch:
         self.complete = self.complete and not late
         return late
 
-    def _careful(self, one: Candidate) -> Candidate:
-        """Calibrate one that breaks the reserve: with a margin it may still be the best."""
-        if not one.unsafe:
+    def _careful(self, one: Candidate, margin: float) -> Candidate:
+        """Let one charge with a margin; one that breaks the reserve with what it needs itself."""
+        if one.unsafe:
+            margin = max(margin, margin_for([one.out_of_sample], self.problem.epsilon))
+        if margin <= one.policy.known.margin + self.parameters.margin_tolerance:
             return one
-        margin = margin_for([one.out_of_sample], self.problem.epsilon)
         policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
         out_of_sample = policy.simulate(self.errors, self.parameters.finalist_runs, before=one.out_of_sample)
         return self._candidate(policy, out_of_sample)
@@ -175,12 +179,14 @@ class RobustSearch:
             self.errors, self.parameters.final_runs, before=candidates[0].out_of_sample, sample_set=PROMISING
         )
         policy, out_of_sample = self._leaving(policy, out_of_sample)
+        chosen_in = [one for one in (candidates[0].out_of_sample,) if len(one.weight) > 2 * self.parameters.screen_runs]
         for _ in range(1 if self._large else self.parameters.calibrations):
-            extra, margin = margin_for([out_of_sample], self.problem.epsilon), policy.known.margin
-            if extra <= margin + 1e-6:
+            wanted, margin = margin_for([out_of_sample, *chosen_in], self.problem.epsilon), policy.known.margin
+            tolerance = self.parameters.margin_tolerance
+            if margin - tolerance <= wanted <= margin:
                 break
-            policy = replace(policy, known=policy.known._replace(margin=extra))
-            if extra <= margin + self.parameters.margin_tolerance:
+            policy = replace(policy, known=policy.known._replace(margin=wanted))
+            if abs(wanted - margin) <= tolerance:
                 break
             out_of_sample = policy.simulate(
                 self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING
@@ -326,7 +332,7 @@ class RobustSearch:
         for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
-            sampled = p.queue_paths(range(len(p.network)), sample)
+            sampled = p.queue_paths(range(len(p.network)), sample, COMPOSED_IN)
             itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed)
             if itinerary is not None:
                 yield itinerary
@@ -415,22 +421,24 @@ class RobustSearch:
         return self._judged(itinerary, self.parameters.screen_runs, self.parameters.screen_members)[0]
 
     def _judged(
-        self, itinerary: Itinerary, runs: int, realizations: int | None
+        self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None = None
     ) -> tuple[Candidate, NDArray[np.float64]]:
-        """How a route fares, and the share of runs that charge at each stop; worked out once."""
+        """How a route fares, and the share of runs that charge at each stop; worked out once, with what is known from `before`."""
         key = itinerary, runs, realizations
         if key not in self._known:
-            self._known[key] = self._judged_now(itinerary, runs, realizations)
+            self._known[key] = self._judged_now(itinerary, runs, realizations, before)
         return self._known[key]
 
     def _judged_now(
-        self, itinerary: Itinerary, runs: int, realizations: int | None
+        self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
         p = self.problem
         flights = len(itinerary) + p.needs_escape  # the way on counts as one
         known = known_at(p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / flights)
         policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
-        found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
+        known_before = None if before is None else before.out_of_sample
+        simulated = policy.simulate(self.errors, runs, max_realizations=realizations, before=known_before)
+        found = self._candidate(policy, simulated)
         for most_full in self.parameters.fuller:
             if found.outcome.p_arrive >= self.parameters.min_arrival or not found.out_of_sample.waits_for_room:
                 break

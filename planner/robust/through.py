@@ -11,7 +11,7 @@ from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
 

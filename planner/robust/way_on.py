@@ -16,25 +16,24 @@ from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import slot_of
 from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.information_kernels import energy_belief_after
-from skyway.planner.robust.out_of_sample import queues_at
 from skyway.planner.robust.required_soc_kernels import flight_energy
 from skyway.planner.schedule.itinerary import Leg, fly_expected
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from typing import TypeAlias
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.information_kernels import Known
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.itinerary import Itinerary
 
     Fly: TypeAlias = Callable[
-        [Problem, Itinerary, Disturbance, NDArray[np.int64], Sequence[QueuePath], float], NDArray[np.float64]
+        [Problem, Itinerary, Disturbance, NDArray[np.int64], PackedPaths, float], NDArray[np.float64]
     ]
 
 _LATEST_H = 12.0
@@ -122,7 +121,9 @@ def fly_on(
             energy=np.ascontiguousarray(disturbance.energy[runs, -1:]),
             gust_key=disturbance.gust_key[runs] ^ _FRESH_GUSTS,
         )
-        paths = queues_at(problem, [problem.destination, end], sample_set)  # as the way out meets them
+        paths = problem.many_queues(
+            [problem.destination, end], sample_set, int(disturbance.queue.max()) + 1
+        )  # as the way out meets them
         needed = needed if math.isfinite(needed) else 1.0
         landed = fly(leaving, (Leg(way),), sky, members[runs], paths, needed)[:, -1, SOC_LANDING]
         taken[runs] = np.where(np.isfinite(landed), 1.0 - landed, 0.0)

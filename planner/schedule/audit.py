@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from skyway.models.composition.composition import Composition, DroneService, Stop
     from skyway.models.network.network import Station
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary, Leg
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.statistics import weighted_quantile
-from skyway.models.queues.sampling import no_queue, pack
+from skyway.models.queues.paths import no_queue, pack
 from skyway.planner.problem.kernel_inputs import check_itinerary, check_runs
 from skyway.planner.schedule.gust_kernels import no_disturbance
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.queues.paths import PackedPaths, QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.gust_kernels import Disturbance
 
@@ -60,7 +60,7 @@ def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
     members = np.arange(len(problem.probability))
-    return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members)), (), waits)
+    return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members)), None, waits)
 
 
 def fly_sampled(
@@ -68,7 +68,8 @@ def fly_sampled(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly an itinerary in every member with sampled queues: (runs, shape (runs, legs, 7); probability, shape (runs,))."""
     nodes = place_nodes(problem, itinerary)
-    paths = [found[node] for found in problem.queue_sets(nodes, range(samples)) for node in nodes]
+    sets = problem.queue_sets(nodes, range(samples))
+    paths = pack([found[node] for node in nodes for found in sets])
     members = np.repeat(np.arange(len(problem.probability)), samples)
     disturbance = no_disturbance(len(members))._replace(queue=np.tile(np.arange(samples), len(problem.probability)))
     runs = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
@@ -77,7 +78,7 @@ def fly_sampled(
 
 def fly_true(problem: Problem, itinerary: Itinerary, queues: Mapping[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, legs, 7)."""
-    paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
+    paths = pack([queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)])
     return fly_as_it_stands(problem, itinerary, np.zeros(1, dtype=np.int64), no_disturbance(1), paths)
 
 
@@ -97,18 +98,18 @@ def fly_as_it_stands(
     itinerary: Itinerary,
     members: NDArray[np.int64],
     disturbance: Disturbance,
-    paths: Sequence[QueuePath],
+    paths: PackedPaths | None,
     waits: Waits | None = None,
 ) -> NDArray[np.float64]:
     """Fly an itinerary in members, shape (runs, legs, 7).
 
-    With sampled queues: sets that `disturbance` names, paths in order (set, place); without any, with expected waits.
+    With sampled queues: sets that `disturbance` names, paths in order (place, set); without any, with expected waits.
     """
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
     legs = legs_of(problem, itinerary)
     check_runs(members, len(problem.air.north), disturbance, paths, len(itinerary) + 1)
-    queues = Queues(*pack(paths)) if paths else no_queues()
+    queues = no_queues() if paths is None else Queues.of(paths)
     waits = waits or Waits(0.0, 1.0, np.zeros((len(itinerary), 1)))
     schedule = fly_under(disturbance, problem.air, members, legs, queues, waits, start, cost)
     schedule[held_in_the_air(problem, schedule)] = math.inf

@@ -6,7 +6,7 @@ the flight:
 - *flight*: leaving at t it lands at a(t) with s = g(t) - k - c (a(t) - t), where k is the charge that a flight costs
   and c that of a second;
 - *queue*: a drone that arrives at a after the first i others touches down at b = max(a, land_i), hovering until then at
-  the cost c (b - a), and has a pad at w = max(a + delay_i, pad_i) (`models.queues.sampling.QueuePath`);
+  the cost c (b - a), and has a pad at w = max(a + delay_i, pad_i) (`models.queues.paths.QueuePath`);
 - *pad*: there its potential is z = F^-1(s) - w.
 
 Each step takes lines to lines, so a piece stays six numbers: (a0, s0, t0, a1, s1, t1), time and charge at both of its
@@ -225,7 +225,7 @@ def stop_profile(
     margin_soc_per_s, reserve_soc : float
         Least charge on touch-down after T seconds in the air is ``reserve_soc + margin_soc_per_s * T``.
     others_s : ndarray, shape (others,)
-        Arrivals of the queue path, see `models.queues.sampling.QueuePath`.
+        Arrivals of the queue path, see `models.queues.paths.QueuePath`.
     pad_s, land_s, delay_s : ndarray, shape (others + 1,)
         Of that path.
     curve_s, curve_soc : ndarray, shape (points,)

@@ -117,10 +117,11 @@ def outcome(
     *,
     itinerary: Itinerary | None = None,
     onward_soc: NDArray[np.float64] | None = None,
+    control: NDArray[np.float64] | None = None,
 ) -> Outcome:
     """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
 
-    Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
+    `control` is what their weights were calibrated on, see `planner.schedule.precision.Crossed`. Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
     `onward_soc`, shape (runs,), is the charge on landing after the way on from a target without pads.
     """
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
@@ -144,14 +145,24 @@ def outcome(
         p_hold=np.minimum((weight @ (flown & for_wind)) / mass, 1.0),
         p_hold_room=np.minimum((weight @ (flown & for_room)) / mass, 1.0),
         p_success=min(float(weight[arrived & all_kept].sum()) / share, 1.0),
-        p_arrive=min(float(weight[arrived].sum()), 1.0),
+        p_arrive=max(1.0 - float(weight[~arrived].sum()), 0.0),
         spending=spent,
         kept=np.asarray(all_kept[arrived]),
         p_onward=None if onward_soc is None else min(float(weight[arrived & on].sum()) / share, 1.0),
-        crossed=None
-        if groups is None
-        else Crossed(weight[arrived], groups[0][arrived], groups[1][arrived], _full_costs_s(problem)),
+        crossed=None if groups is None else _crossed(problem, arrived, weight, groups, control),
     )
+
+
+def _crossed(
+    problem: Problem,
+    arrived: NDArray[np.bool_],
+    weight: NDArray[np.float64],
+    groups: tuple[NDArray[np.int64], NDArray[np.int64]],
+    control: NDArray[np.float64] | None,
+) -> Crossed:
+    member, queue = groups
+    known = np.zeros((len(weight), 0)) if control is None else control
+    return Crossed(weight[arrived], member[arrived], queue[arrived], _full_costs_s(problem), known[arrived])
 
 
 def _full_costs_s(problem: Problem) -> float:
@@ -167,7 +178,9 @@ def later(one: Outcome, other: Outcome) -> Figure:
         return certain(one.mean_s - other.mean_s)
     same = one.crossed.day.shape == other.crossed.day.shape
     if same and (one.crossed.day == other.crossed.day).all() and (one.crossed.queue == other.crossed.queue).all():
-        return one.crossed.difference(one.arrival_s, other.arrival_s)
+        found = one.crossed.difference(one.arrival_s, other.arrival_s)
+        off = one.mean_s - other.mean_s - found.value  # their deliveries may be weighted otherwise
+        return replace(found, value=found.value + off, low=found.low + off, high=found.high + off)
     a, b = one.delivery, other.delivery
     value, error = one.mean_s - other.mean_s, math.hypot(a.error, b.error)
     return Figure(value, value - 2.0 * error, value + 2.0 * error, error, math.hypot(a.seed_error, b.seed_error))

@@ -19,7 +19,7 @@ runs as independent ones would have the same variance, is carried back through t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,8 @@ class Crossed:
     """Shape (runs,) each. Member of the forecast and set of queues of each."""
     rare_s: float = 0.0
     """What a set of queues in which a station is full costs a delivery, about, s; 0: no others fly."""
+    control: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    """Shape (runs, any). What the weights were calibrated on, less its mean on each day: what of a value goes with it is the same for all seeds."""
 
     def mean(self, values: NDArray[np.float64]) -> Figure:
         """Weighted mean of positive values; its interval is symmetric in the logarithm, as long tails want it."""
@@ -114,10 +116,15 @@ class Crossed:
         return math.sqrt(variance), math.sqrt(by_seed), tail
 
     def _of_a_seed(self, share: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Parts of a sum without what all runs of a day have in common, which another seed would not change."""
+        """Parts of a sum without what another seed would not change: what all runs of a day have in common, and what goes with `control`."""
         within = np.bincount(self.day, weights=part)[self.day]
         mass = np.bincount(self.day, weights=share)[self.day]
-        return part - share * within / np.maximum(mass, 1e-300)
+        rest = part - share * within / np.maximum(mass, 1e-300)
+        if not self.control.size:
+            return rest
+        weighted = self.control * share[:, None]
+        slope = np.linalg.lstsq(weighted.T @ self.control, self.control.T @ rest, rcond=1e-9)[0]
+        return np.asarray(rest - weighted @ slope)
 
     def _rare(self, share: NDArray[np.float64], off: NDArray[np.float64]) -> float:
         """How much a mean is moved by one more set of queues of the rare kind."""

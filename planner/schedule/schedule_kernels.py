@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.flight.rules import SegmentWind
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.schedule.gust_kernels import Disturbance
 
 PAD, TAKE_OFF, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, READY, ROOM = range(COLUMNS := 7)
@@ -45,7 +46,7 @@ class Legs(NamedTuple):
 
 
 class Queues(NamedTuple):
-    """Sets of queue paths, packed by `models.queues.sampling.pack` in order (set, place).
+    """Sets of queue paths, packed (`models.queues.paths.PackedPaths`) in order (place, set).
 
     The places of a set are the stop before each leg and, last, the station where the route ends: one more than legs.
     """
@@ -56,8 +57,13 @@ class Queues(NamedTuple):
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
     delay_s: NDArray[np.float64]
-    """See `models.queues.sampling.QueuePath`, whose arrivals are preceded by one at -inf: row k holds for a drone
+    """See `models.queues.paths.QueuePath`, whose arrivals are preceded by one at -inf: row k holds for a drone
     behind k others."""
+
+    @classmethod
+    def of(cls, paths: PackedPaths) -> Queues:
+        """Those of packed paths."""
+        return cls(paths.offset, paths.arrival_s, paths.pad_s, paths.land_s, paths.delay_s)
 
 
 def no_queues() -> Queues:
@@ -112,6 +118,18 @@ def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
     return max(time_s + queues.delay_s[k], queues.pad_s[k])
 
 
+@compiled
+def waits_at(queues: Queues, entries: NDArray[np.int64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Waits for a pad of drones that arrive at times, each in a queue path of its own, s, shape (drones,).
+
+    Takes paths that are there, and as many as times.
+    """
+    out = np.empty(len(entries))
+    for i in range(len(entries)):
+        out[i] = sampled_pad(queues, entries[i], times_s[i]) - times_s[i]
+    return out
+
+
 @compiled_lean
 def to_next_stop(
     disturbance: Disturbance,
@@ -124,12 +142,12 @@ def to_next_stop(
     soc: float,
     cost: tuple[float, float],
     queues: Queues,
-    entry: int,
+    ends: int,
 ) -> tuple[float, float, float]:
     """Fly a leg, and hover until there is a place to land: touch-down, when it came there, and the charge left.
 
     With gusts and the ratio of its energy to the model's, e: e (k + c T) for a flight of T seconds, e c a second of hovering; (c, k)
-    is `cost`. `entry` is the queue path of the stop before; without sampled paths there is always a place.
+    is `cost`. `ends` is the queue path of the station where it ends; without sampled paths there is always a place.
     """
     come_s = gusty_land(
         air, member, segments, off_s, disturbance.gust_key[run], disturbance.gust_sd, disturbance.gust_time_s
@@ -137,7 +155,7 @@ def to_next_stop(
     soc -= ratio * (cost[1] + cost[0] * (come_s - off_s))
     down_s = come_s  # a drone that hovers for a spot keeps its place in the queue
     if len(queues.offset) > 1:
-        down_s = sampled_spot(queues, entry + 1, come_s)
+        down_s = sampled_spot(queues, ends, come_s)
         soc -= ratio * cost[0] * (down_s - come_s)
     return down_s, come_s, soc
 
@@ -194,12 +212,13 @@ def fly_under(
     count = len(legs.charge_to)
     out = np.full((len(members), count, COLUMNS), NEVER)
     sampled = len(queues.offset) > 1
+    sets = (len(queues.offset) - 1) // (count + 1)
     for run in range(len(members)):
         now, soc = start
         joined = now
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
-            entry = disturbance.queue[run] * (count + 1) + leg
+            entry = leg * sets + disturbance.queue[run]
             # The stop: when there is a pad, and when the drone is ready.
             pad = now
             ready = now
@@ -226,7 +245,7 @@ def fly_under(
             # Landing.
             ratio = disturbance.energy[run, leg % disturbance.energy.shape[1]]
             now, joined, soc = to_next_stop(
-                disturbance, run, ratio, air, members[run], segments, off, soc, cost, queues, entry
+                disturbance, run, ratio, air, members[run], segments, off, soc, cost, queues, entry + sets
             )
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
     return out

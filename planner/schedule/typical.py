@@ -35,6 +35,11 @@ class Runs:
     queue: NDArray[np.int64]
     """Shape (runs,) each. Member of the forecast and set of queues of each."""
 
+    @property
+    def sets(self) -> int:
+        """How many sets of queues there are."""
+        return int(self.queue.max()) + 1
+
 
 class Typical(NamedTuple):
     """The typical schedule."""

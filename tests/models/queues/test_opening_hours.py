@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
 from skyway.models.queues.opening_hours import Closures, OpeningHours, closed_path
-from skyway.models.queues.sampling import QueuePath
+from skyway.models.queues.paths import QueuePath
 
 DAYS = ["Mo", "Tu", "We", "Th", "Fr", "Sa", "Su"]
 BEGIN = datetime(2026, 3, 24, 10, 17, tzinfo=UTC)

@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 
 from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.sampling import (
-    QueuePath,
-    expected_paths,
-    no_queue,
-    pack,
-    sample_path,
-    sample_sets,
-    sampled_waits,
-)
+from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_queue, pack
+from skyway.models.queues.sampling import sample_many, sample_path, sample_sets, sampled_waits
+from skyway.models.queues.sampling_kernels import lived, lived_sets
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 
 NEW_YORK = "America/New_York"
@@ -165,6 +159,42 @@ def test_many_paths_have_the_waits_of_the_forecast(busy):
         )
 
 
+@pytest.mark.parametrize("busy", [None, 8])
+def test_paths_sampled_at_once_have_the_waits_of_the_forecast(busy):
+    load = steady_load(0.8)
+    paths = sample_many(load, 5, 4, 0, START, 12.0, (1, 2), 2000, busy)
+    assert len(paths) == 2000
+    times = START + 600.0 * np.arange(0, 70, 10)
+    waits = np.array([paths[number].pad_time(times) - times for number in range(2000)])
+    grid = START + STEP_S * np.arange(73)
+    expected = forecast_waits(load, FIVE, [0], START, 12.0, {} if busy is None else {0: busy})[0].wait_s
+    error = waits.std(axis=0) / 2000**0.5
+    assert (np.abs(waits.mean(axis=0) - np.interp(times, grid, expected)) < 4.0 * error + 1.0).all()
+
+
+def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviates():
+    load = steady_load(0.9)
+    one, again, other = (sample_many(load, 5, 4, 0, START, 12.0, seed, 20, None) for seed in ((1,), (1,), (2,)))
+    for name in ("offset", "arrival_s", "pad_s", "land_s", "delay_s", "present", "left_offset", "left_s"):
+        assert np.array_equal(getattr(one, name), getattr(again, name))
+    assert not np.array_equal(one.arrival_s, other.arrival_s)
+    draws = np.random.default_rng(3).standard_exponential((4, 400))
+    station = 3, 2, (np.full(20, 3.0 / HOUR), np.full(20, 1.0 / HOUR)), (0.0, 8 * HOUR, 18 * HOUR)
+    present = np.array([0, 2, 3, 9])
+    offset, arrival, pad, land, there, left_offset, left, enough = lived_sets(draws, *station, present, np.empty(0))
+    assert enough
+    for number in range(4):
+        came, pad_s, land_s, begin, later, _ = lived(draws[number], *station, present[number], np.empty(0))
+        part = slice(offset[number], offset[number + 1])
+        assert arrival[part][0] == -math.inf
+        assert np.array_equal(arrival[part][1:], came)
+        assert np.array_equal(pad[part], pad_s)
+        assert np.array_equal(land[part], land_s)
+        assert there[number] == begin
+        assert np.array_equal(left[left_offset[number] : left_offset[number + 1]], later)
+    assert not lived_sets(draws[:, :10].copy(), *station, present, np.empty(0))[-1]
+
+
 def test_others_arrive_at_the_rate_of_each_hour():
     rates = np.array([6.0, 0.0, 30.0, 1.0])
     counts = np.zeros(4)
@@ -200,7 +230,8 @@ def test_packed_paths_answer_as_the_paths_do():
         sampled(seed=2, utilisation=0.1),
         expected_path(8 * HOUR, 600.0, 900.0 + 600.0 * np.sin(np.arange(60))),
     ]
-    offset, arrival, pad, land, delay = pack(paths)
+    packed = pack(paths)
+    offset, arrival, pad, land, delay = packed.offset, packed.arrival_s, packed.pad_s, packed.land_s, packed.delay_s
     assert offset.tolist() == np.cumsum([0, *(len(path.pad_s) for path in paths)]).tolist()
     for i, path in enumerate(paths):
         part = slice(offset[i], offset[i + 1])
@@ -208,7 +239,12 @@ def test_packed_paths_answer_as_the_paths_do():
             entry = np.searchsorted(arrival[part], t, side="right") - 1
             assert max(t + delay[part][entry], pad[part][entry]) == path.pad_time(t)
             assert max(t, land[part][entry]) == path.land_time(t)
-    assert pack([])[0].tolist() == [0]
+    assert pack([]).offset.tolist() == [0]
+    twice = joined([packed, pack([]), packed])
+    assert len(twice) == 2 * len(paths)
+    for number, path in enumerate(paths + paths):
+        for name in ("arrival_s", "pad_s", "land_s", "delay_s", "left_s", "present"):
+            assert np.array_equal(getattr(twice[number], name), getattr(path, name))
 
 
 @settings(max_examples=60, deadline=None)

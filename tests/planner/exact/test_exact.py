@@ -10,7 +10,7 @@ from worlds import DEPART, best_time, make_request, make_wind, make_world
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
-from skyway.models.queues.sampling import QueuePath, expected_paths
+from skyway.models.queues.paths import QueuePath, expected_paths
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.problem.flight_table import ground_speeds

@@ -18,6 +18,7 @@ import build_kernels
 from skyway.models.base.errors import InputError
 from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit import library as kernel_library
+from skyway.models.queues.paths import pack
 from skyway.planner.evaluation.evaluate import Realizations
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.plan import plan
@@ -58,7 +59,7 @@ def policy():
 
 def paths_of(policy, sets):
     nodes = place_nodes(policy.problem, policy.itinerary)
-    return [found[node] for found in policy.problem.queue_sets(nodes, range(sets)) for node in nodes]
+    return policy.problem.many_queues(nodes, 0, sets)
 
 
 def test_a_policy_is_flown_with_one_path_for_each_place_and_set(policy):
@@ -67,7 +68,8 @@ def test_a_policy_is_flown_with_one_path_for_each_place_and_set(policy):
     disturbance = no_disturbance(4)._replace(queue=np.array([0, 1, 0, 1]))
     schedule, _ = policy.fly(policy.problem, disturbance, members, paths)
     assert len(schedule) == 4
-    for wrong in (paths[:-1], paths[: len(policy) + 1], [*paths, paths[0]]):
+    each = [paths[number] for number in range(len(paths))]
+    for wrong in map(pack, (each[:-1], each[: len(policy) + 1], [*each, each[0]], [])):
         with pytest.raises(InputError, match=r"paths|sky\.queue"):
             policy.fly(policy.problem, disturbance, members, wrong)
 

@@ -12,7 +12,7 @@ from worlds import make_request, make_wind, make_world
 from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.sampling import QueuePath
+from skyway.models.queues.paths import QueuePath
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.escape import needed_to_land

@@ -163,7 +163,7 @@ def test_waiting_for_room_is_no_waiting_for_wind(newyork):
     )
     leg = plan(newyork, ask("bellevue", "jacobi", drone="m300"), forecast=mixed).composition.services[0]
     assert leg.p_hold == pytest.approx(0.5)
-    assert leg.p_hold_room == 0.0
+    assert leg.p_hold_room < 0.03  # the destination is full in one of a hundred sets of queues
 
 
 def test_the_wind_of_a_leg_is_that_of_the_forecast_where_and_when_it_is_flown(newyork, planned):
