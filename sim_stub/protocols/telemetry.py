@@ -368,7 +368,6 @@ BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
             "SYSTEM_TIME", time_unix_usec=int(v.autopilot.clock_of_day_s() * 1e6), time_boot_ms=v.boot_ms
         ),
         "WIND": _wind,
-        "WINCH_STATUS": _winch_status,
         "WIND_COV": _wind_cov,
         "NAV_CONTROLLER_OUTPUT": _nav_controller,
         "RC_CHANNELS": _rc_channels,
@@ -427,6 +426,7 @@ STREAMED: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     message_id("CONTROL_STATUS"): _control_status,
     message_id("ADSB_VEHICLE"): _aircraft,
+    message_id("WINCH_STATUS"): _winch_status,
     message_id("OPEN_DRONE_ID_ARM_STATUS"): lambda _: None,  # in the name of the module, not of the autopilot
 }
 """The same, with those that nobody asks for."""
@@ -434,6 +434,7 @@ VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCO
 ON_REQUEST: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     VERSION: _version,
+    message_id("WINCH_STATUS"): _winch_status,  # where there is a winch that tells
     PROTOCOL_VERSION: lambda _: message("PROTOCOL_VERSION", version=200, min_version=100, max_version=200),
 }
 """The same, with those that are only asked for."""
