@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import Command, Result
 from skyway.sim_stub.protocols.orders import CommandGroup
-from skyway.sim_stub.protocols.telemetry import BUILDERS, HOME, ON_REQUEST, PROTOCOL_VERSION, VERSION
+from skyway.sim_stub.protocols.telemetry import BUILDERS, HOME, ON_REQUEST, PROTOCOL_VERSION, VERSION, WINCH
 from skyway.sim_stub.wire.messages import message_name
 
 if TYPE_CHECKING:
@@ -81,6 +81,8 @@ class SystemCommands(CommandGroup):
     def _known(self, number: float) -> int | None:
         """Id of a message that this family can send."""
         whole = int(number) if math.isfinite(number) else -1
+        if whole == WINCH:
+            return whole if self._pilot.tells_winch else None
         return whole if whole in BUILDERS and message_name(whole) not in self._pilot.LACKS else None
 
     def _set_interval(self, order: Order) -> Result:

@@ -422,11 +422,13 @@ def _control_status(v: Vehicle) -> Any:
     return v.commands.control.status()
 
 
+WINCH = message_id("WINCH_STATUS")
+"""Sent where there is a winch that tells."""
 STREAMED: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     message_id("CONTROL_STATUS"): _control_status,
     message_id("ADSB_VEHICLE"): _aircraft,
-    message_id("WINCH_STATUS"): _winch_status,
+    WINCH: _winch_status,
     message_id("OPEN_DRONE_ID_ARM_STATUS"): lambda _: None,  # in the name of the module, not of the autopilot
 }
 """The same, with those that nobody asks for."""
@@ -434,7 +436,7 @@ VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCO
 ON_REQUEST: dict[int, Callable[[Vehicle], Any]] = {
     **BUILDERS,
     VERSION: _version,
-    message_id("WINCH_STATUS"): _winch_status,  # where there is a winch that tells
+    WINCH: _winch_status,
     PROTOCOL_VERSION: lambda _: message("PROTOCOL_VERSION", version=200, min_version=100, max_version=200),
 }
 """The same, with those that are only asked for."""
