@@ -6,6 +6,7 @@ says of a payload place, is evidence. From the last of these items on the drone 
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from skyway.link.supervisor.onward import flies_on
 from skyway.missions.builder.release_items import release_range
 from skyway.models.base.errors import LinkError
 from skyway.models.base.formatting import with_unit
-from skyway.models.composition.release import WINCH_HEIGHT_M, WINCH_SETTLE_S, hovers, winch_s
+from skyway.models.composition.release import WINCH_HEIGHT_M, hovers
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -24,6 +25,8 @@ _OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.I
 _KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
 HANGS_S = 9.0
 """After the release has begun the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
+ASK_S, SAME_M = 3.0, 0.1
+"""A winch is asked so often for its line while it lets it out; what differs less is the same."""
 LINE_M = 0.5
 """A line that is so much shorter than the hover is high has not brought the package down."""
 
@@ -35,9 +38,19 @@ class ReleaseWatch:
     begun_s: float | None = None
     """By the clock, when its first item was seen to be flown."""
     line_m: float | None = None
-    """Line out, as the winch told it when it was to be all out; None was not told."""
-    asked: bool = False
+    """Line out, as the winch told it last while it was to be let out; None was not told."""
+    stands: bool = False
+    """It told the same twice: the drum has stopped."""
+    asked_s: float = -math.inf
+    seen_before: bool = False
+    """It was watched as the release began: a program that was begun again over the target does not know how long the package hangs."""
     weighed: bool = False
+
+    def take(self, line_m: float | None) -> None:
+        """Take how much line is out."""
+        if line_m is not None:
+            self.stands = self.line_m is not None and abs(line_m - self.line_m) < SAME_M
+            self.line_m = line_m
 
 
 def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
@@ -46,7 +59,10 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
     if leg is None or not hovers(ctx.job.options.release) or not ctx.delivers_at(leg.destination):
         return
     items, number = release_range(leg.mission.document.mission.items), _item(ctx)
-    if items is None or number is None or number < items[0]:
+    if items is None or number is None:
+        return
+    if number < items[0]:
+        watch.seen_before = True
         return
     now_s = ctx.clock.now_s()
     if number <= items[1]:
@@ -54,16 +70,12 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
             watch.begun_s = now_s
             ctx.proof.begins_release()
             ctx.say(ReleaseNote(), f"over {leg.destination}: the package is released by {ctx.job.options.release}")
-        if not watch.weighed and now_s >= watch.begun_s + HANGS_S:
+        if watch.seen_before and not watch.weighed and now_s >= watch.begun_s + HANGS_S:
             watch.weighed = True
             ctx.proof.before_release(ctx)
-        if (
-            ctx.job.options.release == "winch"
-            and not watch.asked
-            and now_s >= watch.begun_s + winch_s() - 0.5 * WINCH_SETTLE_S
-        ):
-            watch.asked = True
-            watch.line_m = _line_m(ctx)
+        if ctx.job.options.release == "winch" and number == items[0] + 1 and now_s >= watch.asked_s + ASK_S:
+            watch.asked_s = now_s
+            watch.take(_line_m(ctx))
         return
     acknowledged, how = _said(ctx, watch)
     ctx.note(ReleaseNote(), how)
