@@ -34,10 +34,11 @@ def standing(ctx: Context) -> Standing:
 def restore_standing(ctx: Context, told: Standing) -> None:
     """Bring it back."""
     ctx.delivery.restore(told.station, told.visited, told.diverts, told.charge_to)
+    gauge = 1.0 if told.gauge is None else told.gauge
     if told.belief:
-        ctx.energy.restore({key: float(value) for key, value in told.belief.items()})
+        ctx.energy.restore({key: float(value) for key, value in told.belief.items()}, gauge)
     ctx.conversation.allow(once=bool(told.asked_once))
-    ctx.battery.restore(gauge=1.0 if told.gauge is None else told.gauge, lost_soc=told.lost_soc or 0.0)
+    ctx.battery.restore(gauge=gauge, lost_soc=told.lost_soc or 0.0)
     ctx.wind.restore(told.observations)
 
 

@@ -1,10 +1,10 @@
-"""How much energy flights take, learnt from each flight, and again when a pad has measured what they really took."""
+"""How much energy flights take, learnt from each flight, and what a battery takes for it, learnt at pads."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import EnergyLearnt
 from skyway.models.base.formatting import percent
@@ -22,29 +22,27 @@ LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 
 
-class _Taught(NamedTuple):
-    """What a flight has taught."""
-
-    used_soc: float
-    modelled_soc: float
-    whole: bool
-    """It was flown to its end; else it tells of its own part too, for the way that was given up."""
-
-    def told(self, belief: EnergyBelief, share: float = 1.0) -> EnergyBelief:
-        """Return a belief after it, where it took so many times what it was told to."""
-        learn = belief.learnt if self.whole else belief.in_flight
-        return learn(share * self.used_soc, self.modelled_soc)
-
-
 @dataclass(slots=True)
 class EnergyLearning:
-    """The belief of one delivery, from all flights that have ended."""
+    """The belief of one delivery, from all flights that have ended.
 
-    belief: EnergyBelief = field(default_factory=EnergyBelief)
-    _before: EnergyBelief | None = None
-    """What was believed when a pad measured the charge last; None where nothing was learnt since."""
-    _since: list[_Taught] = field(default_factory=list)
-    """What flights have taught since, as the vehicle told their charge."""
+    Flights are learnt from as the vehicle counts their charge, and what a battery takes for what is counted is learnt at pads: one that holds less
+    than its nameplate takes more for the same flight, and that is known as soon as a pad has measured it.
+    """
+
+    counted: EnergyBelief = field(default_factory=EnergyBelief)
+    """Of charge as the vehicle counts it."""
+    gauge: float = 1.0
+    """Charge that the battery takes for what is counted; see `SocEstimator.gauge`."""
+
+    @property
+    def belief(self) -> EnergyBelief:
+        """Of charge of the battery; one that seems to take less than is counted is not trusted to."""
+        return self.counted.times(self._takes)
+
+    @property
+    def _takes(self) -> float:
+        return max(self.gauge, 1.0)
 
     def now(self, leg: Leg | None, soc: float) -> EnergyBelief:
         """Return the belief with the flight under way counted in, where it has used enough."""
@@ -53,54 +51,26 @@ class EnergyLearning:
         used = leg.soc_start - soc
         if leg.modelled is None or not used > LEARN_SOC:
             return self.belief.next_flight()
-        return self.belief.in_flight(used, leg.modelled.total)
+        return self.counted.in_flight(used / self._takes, leg.modelled.total).times(self._takes)
 
     def keep(self, leg: Leg | None, soc: float) -> None:
         """Keep what the flight under way has taught so far."""
-        if leg is None or leg.modelled is None or not leg.soc_start - soc > LEARN_SOC:
-            self.belief = self.now(leg, soc)
-        else:
-            self._take(_Taught(leg.soc_start - soc, leg.modelled.total, whole=False))
+        self.counted = self.now(leg, soc).times(1.0 / self._takes)
 
     def learn(self, ctx: Context, leg: Leg) -> None:
         """Learn from a whole flight."""
         used, expected = leg.soc_start - ctx.battery.soc, 0.0 if leg.modelled is None else leg.modelled.total
         if not (used > LEARN_SOC and expected > 0.0):
             return
-        self._take(_Taught(used, expected, whole=True))
-        self._note(
-            ctx, used, expected, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}"
-        )
-
-    def settle(self, ctx: Context, share: float) -> None:
-        """Learn again from the flights since the last pad: a pad has measured that they took so many times what was told.
-
-        A battery that holds less than its nameplate tells too little; what was learnt from it would make the next flights too short of charge.
-        """
-        before, since = self._before, self._since
-        self._before, self._since = None, []
-        if before is None or share == 1.0:
-            return
-        for one in since:
-            before = one.told(before, share)
-        self.belief = before
-        used, expected = share * sum(one.used_soc for one in since), sum(one.modelled_soc for one in since)
-        said = f"by the pad the flights since the last one used {percent(used)} of charge, the model expected {percent(expected)}"
-        self._note(ctx, used, expected, said)
-
-    def _take(self, taught: _Taught) -> None:
-        if self._before is None:
-            self._before = self.belief
-        self._since.append(taught)
-        self.belief = taught.told(self.belief)
-
-    def _note(self, ctx: Context, used: float, expected: float, said: str) -> None:
+        self.counted = self.counted.learnt(used / self._takes, expected)
         learnt = EnergyLearnt(
             used_soc=used, modelled_soc=expected, factor=self.belief.mean_ratio, sigma=self.belief.sd_between
         )
-        ctx.note(learnt, said)
+        ctx.note(learnt, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}")
 
-    def restore(self, belief: Mapping[str, float]) -> None:
+    def restore(self, belief: Mapping[str, float], gauge: float) -> None:
         """Bring back what a journal says."""
+        self.gauge = gauge
         told = {_FORMER_NAMES.get(name, name): value for name, value in belief.items()}
-        self.belief = replace(self.belief, **{name: told[name] for name in asdict(self.belief) if name in told})
+        known = replace(self.belief, **{name: told[name] for name in asdict(self.counted) if name in told})
+        self.counted = known.times(1.0 / self._takes)

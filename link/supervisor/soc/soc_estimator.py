@@ -120,9 +120,7 @@ class SocEstimator:
     def compare(self, ctx: Context, pad_soc: float) -> None:
         """Compare what the vehicle said it used since it was charged with what the pad finds missing."""
         said, used = self._flown_from[0] - self.told_soc, self._flown_from[1] - pad_soc
-        believed = self._flown_from[1] - self.soc
-        if not (said > MIN_GAUGE_SOC and believed > MIN_GAUGE_SOC and math.isfinite(used)):
-            ctx.energy.settle(ctx, 1.0)
+        if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
             return
         ratio = min(max(used / said, 0.7), 1.5)
         noise = math.hypot(FLIGHT_GAUGE_SD, math.sqrt(2.0) * SOC_SD / said)
@@ -131,7 +129,7 @@ class SocEstimator:
         self._gauge_sd *= math.sqrt(1.0 - gain)
         reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.told_soc)}"
         ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=self.gauge), reason)
-        ctx.energy.settle(ctx, min(max(used / believed, 0.7), 1.5))
+        ctx.energy.gauge = self.gauge
 
     def measured(self, pad_soc: float) -> None:
         """Take what a pad measures."""
