@@ -109,6 +109,8 @@ def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
     if watch.line_m is None:
         return None, "the winch has told nothing"
     if watch.line_m < WINCH_HEIGHT_M - LINE_M:
+        if not watch.stands:
+            return None, "the winch was not heard to the end"
         return (
             False,
             f"the winch let out {with_unit(watch.line_m, 'm')} of line, and the drone hovered at {WINCH_HEIGHT_M:g} m",
