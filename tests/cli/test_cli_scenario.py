@@ -11,7 +11,7 @@ CASES = {
     "plan": 3, "compare": 2, "evaluate": 3, "network": 2, "wind": 2, "mission": 3, "convert": 1, "check": 1, "recharge": 3, "show": 1, "sim": 3,
     "scenario init": 1, "scenario check": 1, "replay": 1, "forecast": 2, "calibrate wind": 1, "calibrate energy": 1,
     "bench planners": 2, "fly": 3, "demo": 2, "report": 3, "upload": 1, "download": 1, "clear": 1, "verify": 1, "watch": 1,
-    "params get": 1, "params set": 1, "params diff": 1, "settings": 2, "airspace": 2, "terrain": 2, "serve": 2,
+    "params get": 1, "params set": 1, "params diff": 1, "settings": 2, "airspace": 2, "terrain": 2, "serve": 2, "health": 1,
 }  # fmt: skip
 
 
