@@ -15,6 +15,8 @@ one whose standard deviation is above the last."""
 
 GONE, GONE_SIGMAS = 0.6, 2.0
 """Less than this share of it aboard before the release, by so many standard deviations, is a package that was lost on the way."""
+STILL = 0.5
+"""More than this share of it aboard before the release, by a standard deviation, and the power fell by a gust, not by its loss."""
 
 
 class Verdict(StrEnum):
@@ -36,7 +38,7 @@ class Evidence:
     how: str = ""
     """What a winch or a payload place was seen to do, where the release was in the air."""
     lost_s: float | None = None
-    """It left the drone on the way, at this instant, POSIX seconds."""
+    """The power fell as if it left the drone on the way, at this instant, POSIX seconds."""
     before: Weight | None = None
     """How much of it was aboard just before the release: in the last seconds of slow descent, or hover."""
     weight: Weight | None = None
@@ -45,10 +47,12 @@ class Evidence:
 
     @property
     def lost(self) -> bool:
-        """Whether it left the drone on the way."""
+        """Whether it left the drone on the way: what was weighed before the release goes before a fall of the power in flight."""
         b = self.before
-        light = b is not None and b.share + GONE_SIGMAS * b.sigma < GONE
-        return self.lost_s is not None or light
+        if b is None:
+            return self.lost_s is not None
+        light, heavy = b.share + GONE_SIGMAS * b.sigma < GONE, b.share - b.sigma > STILL
+        return light or (self.lost_s is not None and not heavy)
 
     @property
     def tried(self) -> bool:
@@ -62,7 +66,7 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     What was weighed goes before what was said: acknowledgements of grippers that did not open are what this is for. A package that
     was lost on the way was not delivered, whatever the gripper says.
     """
-    if e.lost_s is not None:
+    if e.lost and e.lost_s is not None:
         return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in steady flight"
     if e.lost and e.before is not None:
         figure = f"{max(e.before.share, 0.0) * e.package_kg:.2f} ± {e.before.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"

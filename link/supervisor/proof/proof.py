@@ -94,7 +94,7 @@ class Proof:
 
     def before_release(self, ctx: Context) -> None:
         """It is about to release the package: weigh what is aboard."""
-        found = None if self._scale is None or self.lost else self._scale.before_release()
+        found = None if self._scale is None else self._scale.before_release()
         if found is not None:
             self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
 

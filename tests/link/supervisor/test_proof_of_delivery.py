@@ -57,6 +57,17 @@ def fly_level(scale, begin_s, seconds, airspeed_mps, power_w, lean_rad):
 
 
 @pytest.mark.parametrize(
+    ("before", "lost"),
+    [(None, True), (Weight(1.05, 0.2, 12), False), (Weight(0.1, 0.2, 12), True), (Weight(0.6, 0.2, 12), True)],
+)
+def test_what_is_weighed_before_the_release_goes_before_a_fall_of_the_power_on_the_way(before, lost):
+    """The onset of a gust from behind looks like a package that falls off; the package is still there when it is weighed."""
+    known = Evidence(acknowledged=True, lost_s=100.0, before=before, package_kg=0.8)
+    assert known.lost is lost
+    assert judge(known)[0] is (Verdict.NOT_DELIVERED if lost else Verdict.DELIVERED)
+
+
+@pytest.mark.parametrize(
     ("airspeed_mps", "lean_rad", "noticed"),
     [(15.0, 0.25, True), (13.0, 0.185, True), (2.0, 0.02, False), (15.0, 0.12, False), (9.0, 0.2, False)],
 )
