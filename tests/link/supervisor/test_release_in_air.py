@@ -12,7 +12,7 @@ from skyway.sim_stub.faults import parse_fault
 
 STREET = Story(start="bellevue", target=(40.7480, -73.9500), traffic=False, still=True, soc=0.9)
 DAIWA = {"parameters": (("WINCH_TYPE", 2.0),)}
-D, N, U = "delivered", "not delivered", "unsure"
+D, N = "delivered", "not delivered"
 
 
 def story(autopilot, release, fault="", vehicle=None):
@@ -32,7 +32,7 @@ def story(autopilot, release, fault="", vehicle=None):
         ("px4", "winch", "winch-jammed", {}, N, "still aboard"),
         ("ardupilot", "winch", "winch-jammed", DAIWA, N, "3.0 m of line"),
         ("ardupilot", "winch", "winch-jammed", {}, N, "still aboard"),
-        ("px4", "winch", "gripper-stuck=0.5", {}, U, "seem to be aboard"),
+        ("px4", "winch", "gripper-stuck=0.5", {}, N, "in part still aboard"),
         ("ardupilot", "place", "place-blind", {}, N, "maximum descent"),
         ("ardupilot", "place", "gripper-stuck", {}, N, "still aboard"),
     ],
