@@ -9,7 +9,6 @@ such piece is tried.
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -101,20 +100,10 @@ class _PackSearch(StopSearch):
         begin = _Change(
             NOWHERE, NOWHERE, start, _NONE, _NONE, None, self.pool.all_full, math.nan, math.nan, 1.0, math.nan
         )
-        self._go_on_from(begin)
-        while self.queue:
-            bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
-            if bound >= self.best_s - _TIE_S:
-                break
-            self._queue_next(label, ways)
-            if pad == NOWHERE:
-                self._end(label, position)
-                continue
-            for reached in self._landings(label, position, pad):
-                self._go_on_from(reached)
+        self.search_from(begin)
         return None if self.best is None else self._told(*self.best)
 
-    def _landings(self, label: Label, position: int, pad: int) -> list[_Change]:
+    def landings(self, label: Label, position: int, pad: int) -> list[_Change]:
         """Fly to a pad in each piece of time, and change the battery there; leave out what is no better than what is known."""
         if not isinstance(label, _Change):
             return []

@@ -25,7 +25,7 @@ from skyway.planner.fixed_route.way_kernels import NOWHERE, flown, landed, piece
 from skyway.planner.schedule.profile_kernels import covers, interpolate, profile_at
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -153,6 +153,11 @@ class StopSearch:
         self._dive(begin)
         self.known.clear()
         self.reached.clear()
+        self.search_from(begin)
+        return None if self.best is None else self._traced(*self.best)
+
+    def search_from(self, begin: Label) -> None:
+        """Find the best way on from a label."""
         self._go_on_from(begin)
         while self.queue:
             bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
@@ -161,9 +166,14 @@ class StopSearch:
             self._queue_next(label, ways)
             if pad == NOWHERE:
                 self._end(label, position)
-            elif (reached := self._land(label, position, pad)) is not None:
+                continue
+            for reached in self.landings(label, position, pad):
                 self._go_on_from(reached)
-        return None if self.best is None else self._traced(*self.best)
+
+    def landings(self, label: Label, position: int, pad: int) -> Sequence[Label]:
+        """Fly to a pad: the labels there of which more may come than of those that are known."""
+        reached = self._land(label, position, pad)
+        return () if reached is None else (reached,)
 
     def _dive(self, label: Label) -> None:
         """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""

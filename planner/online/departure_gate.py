@@ -85,6 +85,7 @@ class DepartureGate:
 
     def __init__(self, policy: OnlinePolicy, info: Information, p: Problem) -> None:
         self._policy, self._info, self._problem = policy, info, p
+        self._kept: dict[str, float] = {}
         self._reserve = policy.request.reserve_soc
         """What the landing at the end of the leg that is checked keeps."""
 
@@ -115,7 +116,9 @@ class DepartureGate:
 
     def _kept_at(self, station: str) -> float:
         """Charge that a landing keeps: the reserve, and what the way on from there takes."""
-        return self._policy.request.reserve_soc + self._policy.way_on_soc(self._info, station)
+        if station not in self._kept:
+            self._kept[station] = self._policy.request.reserve_soc + self._policy.way_on_soc(self._info, station)
+        return self._kept[station]
 
     def _names(self, step: Step) -> tuple[str, ...]:
         """Stations of a whole leg, from where it stands."""
@@ -131,8 +134,7 @@ class DepartureGate:
     def _way(self, names: tuple[str, ...], at_s: float) -> tuple[list[Place], Reach]:
         """A way over stations, and what can be flown where the wind lets it be flown."""
         way = self._reach.way(names[0], names[1:-1], names[-1])
-        reach, measured_s = self._reach.where_flown(way, at_s), self._info.wind_measured_s
-        return way, reach.measured_before(at_s - measured_s) if math.isfinite(measured_s) else reach
+        return way, self._reach.where_flown(way, at_s).measured_before(at_s - self._info.wind_measured_s)
 
     def check(self, step: Step, time_s: float | None = None) -> Gated:
         """Check the leg of a step as far as it must be sure of it: to the first station where it can land if need be."""

@@ -346,7 +346,7 @@ class Reach:
         return same
 
     def measured_before(self, age_s: float) -> Reach:
-        """Return the same for a flight before which the wind was measured so long ago."""
+        """Return the same for a flight before which the wind was measured so long ago; NaN: it never was."""
         if self.ahead is None or not age_s > 0.0:
             return self
         same = copy(self)

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeOptions
 
-MOST_DRONES = 20
 BESIDE_M = 5.0
 """Drones stand so far beside each other, to the east."""
 

@@ -25,7 +25,7 @@ def standing(ctx: Context) -> Standing:
         diverts=delivery.diverts,
         charge_to=delivery.charge_to,
         asked_once=ctx.conversation.asked_once,
-        gauge=ctx.battery.gauge,
+        gauge=ctx.energy.gauge,
         lost_soc=ctx.battery.lost_soc,
         observations=tuple(Observation(**asdict(one)) for one in ctx.wind.observations),
     )
@@ -34,11 +34,10 @@ def standing(ctx: Context) -> Standing:
 def restore_standing(ctx: Context, told: Standing) -> None:
     """Bring it back."""
     ctx.delivery.restore(told.station, told.visited, told.diverts, told.charge_to)
-    gauge = 1.0 if told.gauge is None else told.gauge
-    if told.belief:
-        ctx.energy.restore({key: float(value) for key, value in told.belief.items()}, gauge)
+    belief = {key: float(value) for key, value in told.belief.items()}
+    ctx.energy.restore(belief, 1.0 if told.gauge is None else told.gauge)
     ctx.conversation.allow(once=bool(told.asked_once))
-    ctx.battery.restore(gauge=gauge, lost_soc=told.lost_soc or 0.0)
+    ctx.battery.restore(lost_soc=told.lost_soc or 0.0)
     ctx.wind.restore(told.observations)
 
 

@@ -69,11 +69,9 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     if e.lost and e.lost_s is not None:
         return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in steady flight"
     if e.lost and e.before is not None:
-        figure = f"{max(e.before.share, 0.0) * e.package_kg:.2f} ± {e.before.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"
-        return (
-            Verdict.NOT_DELIVERED,
-            f"the package left the drone on the way: {figure} aboard by the power before the release",
-        )
+        figure = _weighed_text(e.before, e.package_kg)
+        why = f"the package left the drone on the way: {figure} aboard by the power before the release"
+        return Verdict.NOT_DELIVERED, why
     said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
     if e.acknowledged is False:
         return Verdict.NOT_DELIVERED, e.how or "the release was not acknowledged"
@@ -83,7 +81,7 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
             why = "it was not weighed" if e.how else "the drone has not taken off since, so it was not weighed"
             return Verdict.DELIVERED, f"{said}; {why}"
         return Verdict.UNSURE, f"{e.how or 'nothing was acknowledged'}, and nothing was weighed"
-    figure = f"{max(w.share, 0.0) * e.package_kg:.2f} ± {w.sigma * e.package_kg:.2f} of {e.package_kg:g} kg"
+    figure = _weighed_text(w, e.package_kg)
     if w.sigma > WEIGHABLE or abs(w.share - ABOARD) < SURE_SIGMAS * w.sigma:
         why = "too light to be weighed" if w.sigma > WEIGHABLE else "weighed"
         return Verdict.UNSURE, f"{said}, and the package was {why}: {figure} seem to be aboard"
@@ -94,3 +92,7 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
             f"{said}, but the package is{part} still aboard: {figure} by the power after take-off",
         )
     return Verdict.DELIVERED, f"{said}, and the drone is lighter: {figure} aboard by the power after take-off"
+
+
+def _weighed_text(weight: Weight, package_kg: float) -> str:
+    return f"{max(weight.share, 0.0) * package_kg:.2f} ± {weight.sigma * package_kg:.2f} of {package_kg:g} kg"

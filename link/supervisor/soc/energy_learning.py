@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import EnergyLearnt
 from skyway.models.base.formatting import percent
-from skyway.models.drones.energy_belief import EnergyBelief
+from skyway.models.drones.energy_belief import SOC_SD, EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 _FORMER_NAMES = {"factor": "mean_ratio", "sigma": "sd_between", "leg_sigma": "sd_within"}
 """In journals of version 1 and before."""
+GAUGE_SD, FLIGHT_GAUGE_SD = 0.07, 0.02
+"""Standard deviations of the charge that batteries really use about what they say: from battery to battery (one that has lost a tenth of its
+capacity and counts on all of it says a tenth too little), and from flight to flight."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 
@@ -33,7 +36,8 @@ class EnergyLearning:
     counted: EnergyBelief = field(default_factory=EnergyBelief)
     """Of charge as the vehicle counts it."""
     gauge: float = 1.0
-    """Charge that the battery takes for what is counted; see `SocEstimator.gauge`."""
+    """Charge that the battery takes for what is counted; learnt at pads, which measure."""
+    _gauge_sd: float = GAUGE_SD
 
     @property
     def belief(self) -> EnergyBelief:
@@ -43,6 +47,14 @@ class EnergyLearning:
     @property
     def _takes(self) -> float:
         return max(self.gauge, 1.0)
+
+    def measured(self, used_soc: float, counted_soc: float) -> None:
+        """Learn from a pad: the battery took so much where so much was counted."""
+        ratio = min(max(used_soc / counted_soc, 0.7), 1.5)
+        noise = math.hypot(FLIGHT_GAUGE_SD, math.sqrt(2.0) * SOC_SD / counted_soc)
+        gain = self._gauge_sd**2 / (self._gauge_sd**2 + noise**2)
+        self.gauge += gain * (ratio - self.gauge)
+        self._gauge_sd *= math.sqrt(1.0 - gain)
 
     def now(self, leg: Leg | None, soc: float) -> EnergyBelief:
         """Return the belief with the flight under way counted in, where it has used enough."""

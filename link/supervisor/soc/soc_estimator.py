@@ -12,7 +12,6 @@ from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR
 from skyway.models.base.formatting import percent
 from skyway.models.drones.airspeed_load import BLADE_SHARE, INFLOW_MPS
-from skyway.models.drones.energy_belief import SOC_SD
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
 
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
-GAUGE_SD, FLIGHT_GAUGE_SD = 0.07, 0.02
-"""Standard deviations of the charge that batteries really use about what they say: from battery to battery (one that has lost a tenth of its
-capacity and counts on all of it says a tenth too little), and from flight to flight."""
 EVERY_S = 0.5
 """Batteries are told of once a second; samples repeat it."""
 CONFIRMING_S = 6.0
@@ -39,9 +35,6 @@ class SocEstimator:
     """As the vehicle says, as far as that can be."""
     source: str = "unknown"
     """Where `soc` comes from, for a person."""
-    gauge: float = 1.0
-    """Charge really used, for what the vehicle says it used: learnt at pads, which measure."""
-    _gauge_sd: float = GAUGE_SD
     lost_s: float = -math.inf
     """When charge was last lost at once, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
@@ -85,8 +78,8 @@ class SocEstimator:
         if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
         self.soc, self.source = max(self.told_soc - self._voltage.lost, 0.0), "the vehicle"
-        if leg is not None and math.isfinite(leg.soc_start) and (self.gauge != 1.0 or self._voltage.lost > 0.0):
-            self.soc = max(leg.soc_start - self.gauge * (leg.told_start - self.told_soc), 0.0)
+        if leg is not None and math.isfinite(leg.soc_start) and (ctx.energy.gauge != 1.0 or self._voltage.lost > 0.0):
+            self.soc = max(leg.soc_start - ctx.energy.gauge * (leg.told_start - self.told_soc), 0.0)
             self.source = "the vehicle, corrected"
 
     def _hear_voltage(self, ctx: Context, sample: TelemetrySample, *, flies: bool) -> None:
@@ -122,14 +115,9 @@ class SocEstimator:
         said, used = self._flown_from[0] - self.told_soc, self._flown_from[1] - pad_soc
         if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
             return
-        ratio = min(max(used / said, 0.7), 1.5)
-        noise = math.hypot(FLIGHT_GAUGE_SD, math.sqrt(2.0) * SOC_SD / said)
-        gain = self._gauge_sd**2 / (self._gauge_sd**2 + noise**2)
-        self.gauge += gain * (ratio - self.gauge)
-        self._gauge_sd *= math.sqrt(1.0 - gain)
+        ctx.energy.measured(used, said)
         reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.told_soc)}"
-        ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=self.gauge), reason)
-        ctx.energy.gauge = self.gauge
+        ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=ctx.energy.gauge), reason)
 
     def measured(self, pad_soc: float) -> None:
         """Take what a pad measures."""
@@ -145,9 +133,8 @@ class SocEstimator:
         self._voltage.forget()
         self._reported.forget()
 
-    def restore(self, *, gauge: float, lost_soc: float) -> None:
+    def restore(self, *, lost_soc: float) -> None:
         """Bring back what a journal says."""
-        self.gauge = gauge
         self._voltage.restore(lost_soc)
 
 

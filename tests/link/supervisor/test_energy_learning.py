@@ -38,7 +38,7 @@ class Delivery:
         begun = self.battery.soc
         self.true_soc -= ratio * modelled / self.share
         self.battery.told_soc -= ratio * modelled
-        self.battery.soc -= self.battery.gauge * ratio * modelled
+        self.battery.soc -= self.energy.gauge * ratio * modelled
         leg = SimpleNamespace(soc_start=begun, modelled=SimpleNamespace(total=modelled, per_s=0.001))
         self.energy.learn(self.ctx, leg)
 
@@ -55,7 +55,7 @@ def test_a_battery_that_holds_less_is_known_after_its_first_pad():
     delivery = flown(0.9)
     assert delivery.energy.belief.mean_ratio == pytest.approx(1.0, abs=0.01)
     delivery.charge(1.0)
-    assert delivery.battery.gauge == pytest.approx(1.0 / 0.9, abs=0.02)
+    assert delivery.energy.gauge == pytest.approx(1.0 / 0.9, abs=0.02)
     assert delivery.energy.belief.mean_ratio == pytest.approx(1.0 / 0.9, abs=0.02)
 
 
@@ -69,7 +69,7 @@ def test_the_belief_is_that_of_counted_charge_times_what_the_battery_takes_for_i
         delivery.fly(0.5, 1.03)
         delivery.charge(1.0)
         counted = counted.learnt(1.03 * 0.5, 0.5)
-    takes = max(delivery.battery.gauge, 1.0)
+    takes = max(delivery.energy.gauge, 1.0)
     assert delivery.energy.belief.mean_ratio == pytest.approx(takes * counted.mean_ratio)
     assert delivery.energy.belief.sd_between == pytest.approx(takes * counted.sd_between)
 
@@ -78,7 +78,7 @@ def test_a_battery_that_seems_to_take_less_than_is_counted_is_not_trusted_to():
     delivery = flown(1.1)
     before = delivery.energy.belief.mean_ratio
     delivery.charge(1.0)
-    assert delivery.battery.gauge < 0.95
+    assert delivery.energy.gauge < 0.95
     assert delivery.energy.belief.mean_ratio == before
 
 
@@ -86,7 +86,7 @@ def test_a_journal_brings_back_what_was_known():
     delivery, later = flown(0.9), EnergyLearning(PRIOR)
     delivery.charge(1.0)
     delivery.fly(0.4)
-    later.restore(asdict(delivery.energy.belief), delivery.battery.gauge)
+    later.restore(asdict(delivery.energy.belief), delivery.energy.gauge)
     assert asdict(later.belief) == pytest.approx(asdict(delivery.energy.belief))
     assert asdict(later.counted) == pytest.approx(asdict(delivery.energy.counted))
 
@@ -96,10 +96,10 @@ def test_the_gauge_lies_between_what_it_was_and_what_pads_measured(shares):
     delivery = flown(1.0 / shares[0])
     delivery.charge(1.0)
     for one in shares[1:]:
-        before, delivery.share = delivery.battery.gauge, 1.0 / one
+        before, delivery.share = delivery.energy.gauge, 1.0 / one
         delivery.fly(0.4)
         delivery.charge(1.0)
-        assert min(before, one) - 1e-9 <= delivery.battery.gauge <= max(before, one) + 1e-9
+        assert min(before, one) - 1e-9 <= delivery.energy.gauge <= max(before, one) + 1e-9
 
 
 def test_a_pad_tells_nothing_of_a_flight_whose_beginning_was_not_seen():
@@ -107,5 +107,5 @@ def test_a_pad_tells_nothing_of_a_flight_whose_beginning_was_not_seen():
     delivery.charge(1.0)
     delivery.fly(0.6, seen=False)
     delivery.charge(1.0)
-    assert delivery.battery.gauge == 1.0
+    assert delivery.energy.gauge == 1.0
     assert delivery.energy.belief.mean_ratio == pytest.approx(1.0, abs=0.01)
