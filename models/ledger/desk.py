@@ -1,6 +1,6 @@
 """The desk of a dispatcher, kept with its ledger: orders, drones, flights and pads out of order, each with its state and a document.
 
-Whatever a dispatcher or a worker must not forget lies here, so that one that is started anew finds all of it. What is put down is changed
+Whatever a dispatcher or a worker must not forget lies here, so that one that is started again finds all of it. What is put down is changed
 under a lease alone: by the dispatcher, or by the keeper that the dispatcher has given it to, and only by who has seen the newest version.
 """
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 ROUNDS = 5
-"""How often it is planned anew because another holder has booked a pad meanwhile."""
+"""How often it is replanned because another holder has booked a pad meanwhile."""
 LEASE_S = 600.0
 """How long pads are booked in a holder's name by one process at least, beyond thrice the time of the search."""
 
@@ -43,7 +43,7 @@ def plan_fleet(
 ) -> DispatchPlan:
     """Plan for a fleet; with a ledger, around what others hold there, and booked in it order by order.
 
-    What the holder booked for the same orders before is replaced. Where another one books a pad first, it is planned anew around that.
+    What the holder booked for the same orders before is replaced. Where another one books a pad first, it is replanned around that.
     """
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
@@ -80,7 +80,7 @@ def plan_fleet(
 def _refuse_under_way(book: Ledger, work: Work, holder: str) -> None:
     """Refuse orders whose drone stands on a pad already: their bookings must not be given up."""
     begun = {hold.itinerary for hold in book.holds() if hold.holder == holder and hold.state in ("in use", "late")}
-    remedy = "leave it out: what flies already is not planned anew"
+    remedy = "leave it out: what flies already is not replanned"
     refuse([fault_at(one.source, "id", "is under way", one.id, remedy) for one in work.orders if one.id in begun])
 
 

@@ -116,7 +116,7 @@ class Search:
         return drones, added, position
 
     def lay_out(self, drone: int) -> bool:
-        """Fly a route anew; what the drone does is in `trace`."""
+        """Fly a route again; what the drone does is in `trace`."""
         p = self.problem
         return bool(lay_out(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self.trace, drone))
 

@@ -17,7 +17,7 @@ class DispatchParameters(Parameters):
     max_late_s: float = parameter(1800.0, "an order that would be later is refused", 0, 86_400, unit="s")
     change_s: float = parameter(
         1800.0,
-        "what a promise costs that is changed when the fleet is planned anew around what flies",
+        "what a promise costs that is changed when the fleet is replanned around what flies",
         0,
         1e7,
         unit="s",

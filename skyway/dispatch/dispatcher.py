@@ -1,4 +1,4 @@
-"""The dispatcher: takes orders, plans, books, gives flights to workers, and plans anew around what flies; all it knows lies on the desk."""
+"""The dispatcher: takes orders, plans, books, gives flights to workers, and replans around what flies; all it knows lies on the desk."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Answer
 
 LATE_S = 120.0
-"""A flight that is later by so much than was planned with is planned anew around."""
+"""A flight that is later by so much than was planned with is replanned around."""
 RETRY_S = 600.0
 """Orders that are not promised are tried again so often."""
 SILENT_S = 900.0
@@ -294,7 +294,7 @@ class Dispatcher:
         ]  # fmt: skip
 
     def _plan(self, now_s: float, why: Reasons) -> None:
-        """Plan anew around what flies, and book it; around what others book meanwhile once more."""
+        """Replan around what flies, and book it; around what others book meanwhile once more."""
         self._retried_s = now_s
         self.plans += 1
         self._bring_on(now_s)
@@ -493,7 +493,7 @@ class Dispatcher:
         return True
 
     def _not_composed(self, name: str, drone: DroneRecord, part: PlannedPart, problem: str) -> None:
-        """Plan anew what cannot be flown as it was planned; after some times it is refused, or left to a person."""
+        """Replan what cannot be flown as it was planned; after some times it is refused, or left to a person."""
         drone.route = ()
         self._drone(name, STANDING, drone)
         if part.order is None or part.order not in self.orders:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 RENEWED_S = 6 * S_PER_H
-"""How often the forecast is taken anew."""
+"""How often the forecast is taken again."""
 NEVER_S = 1e6
 
 

@@ -1,4 +1,4 @@
-"""Planning around what is flying: what can be planned anew, with which drones, and which promises that changes, and why."""
+"""Planning around what is flying: what can be replanned, with which drones, and which promises that changes, and why."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WHOLE_DAY_S = 86_400.0
 
 @dataclass
 class Reasons:
-    """Why it is planned anew: sentences, those that concern a drone by its id."""
+    """Why it is replanned: sentences, those that concern a drone by its id."""
 
     general: list[str] = field(default_factory=list)
     of_drone: dict[str, str] = field(default_factory=dict)

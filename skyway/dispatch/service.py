@@ -82,7 +82,7 @@ class Service:
         self._take_lease()
         self.record = self._begun() or self._begin()
         for order in options.orders:
-            if self._desk.get("order", order.id) is None:  # started anew with the same file: it is there already
+            if self._desk.get("order", order.id) is None:  # started again with the same file: it is there already
                 put_order(self._desk, order)
         self.dispatcher = self._dispatcher()
 
@@ -202,7 +202,7 @@ class Service:
             try:
                 self.dispatcher.step(now_s)
             except (TakenError, VersionError) as error:
-                self._say(f"planned again: {error}")
+                self._say(f"replanned: {error}")
                 return
             except LedgerError as error:
                 self._say(f"{error}; waiting for it")

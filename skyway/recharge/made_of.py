@@ -1,4 +1,4 @@
-"""What a cut mission was made of: written beside its flights, so that whoever flies them can plan what is left anew.
+"""What a cut mission was made of: written beside its flights, so that whoever flies them can replan what is left.
 
 The mission, its pads and the fleet are copied; terrain, zones, forecasts and scenarios are named. Of every file there is a digest.
 """

@@ -1,6 +1,6 @@
 """One mission for several drones: its independent parts are shared among them, and so are the pads.
 
-Every drone gets a mission of its own, with windows in which pads are its own: what it then plans anew on the way, alone, can take no pad
+Every drone gets a mission of its own, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
 from another one.
 """
 

@@ -84,7 +84,7 @@ class RechargeSummary:
     end_p50_s: float
     """Half of the rehearsals have ended by then; 95 % by the last of `ends_s`."""
     decided_on_the_way: tuple[str, ...]
-    """What `skyway fly` decides anew, and what it is promised with until then."""
+    """What `skyway fly` decides again, and what it is promised with until then."""
     p_reserve: float
     """Probability that every landing keeps the reserve."""
     runs: int

@@ -91,7 +91,7 @@ def test_the_second_request_of_a_connection_has_no_more_time_than_the_first(hurr
     async def talk(opened):
         reader, writer = await opened()
         writer.write(HEAD + b"\r\n")
-        first = await reader.readuntil(b"ok")
+        first = await reader.readuntil(b"\r\n\r\nok")
         writer.write(HEAD)
         return first, await reader.read()
 
@@ -106,7 +106,7 @@ def test_a_body_that_does_not_come_ends_the_request_and_keeps_nobody_out(hurried
         writer.write(POST)
         other, asking = await opened()
         asking.write(HEAD + b"\r\n")
-        answered = await other.readuntil(b"ok")
+        answered = await other.readuntil(b"\r\n\r\nok")
         return answered, await slow.read()
 
     answered, slow = against(talk)

@@ -2,13 +2,13 @@
 
 How the error of a forecast at one place and hour goes with that at others is told by its members: what they have in common is what one measurement tells of the
 rest. So winds of a season's days go together over the whole region, and the courses of a weather service as far and as long as the errors that were learnt of it. Each member is
-moved by its own distance from what was measured, and that is drawn anew for each within its error, so that members keep as much spread as is left to know.
+moved by its own distance from what was measured, and that is drawn again for each within its error, so that members keep as much spread as is left to know.
 
 The wind where a drone was differs from that which the forecast means by the gusts in it, and by what no forecast knows of a few kilometres
 (`models.wind.field_error`): that is alike nearby and for a while, so that twenty drones in one valley count little more than one.
 
 Sources: G. Evensen, "Sequential data assimilation with a nonlinear quasi-geostrophic model using Monte Carlo methods", J. Geophys. Res. 99 (1994), 10143-10162; G. Burgers,
-P. J. van Leeuwen and G. Evensen, "Analysis Scheme in the Ensemble Kalman Filter", Mon. Wea. Rev. 126 (1998), 1719-1724 (measurements drawn anew).
+P. J. van Leeuwen and G. Evensen, "Analysis Scheme in the Ensemble Kalman Filter", Mon. Wea. Rev. 126 (1998), 1719-1724 (measurements drawn again).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A cut mission as it is flown: its flights for the supervisor, planned anew with what is measured."""
+"""A cut mission as it is flown: its flights for the supervisor, replanned with what is measured."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class SetPlanner:
         number = next((k for k, span in enumerate(spans) if span.begin == begin), None)
         if number is None:
             raise InputError(
-                "the drone stands where no flight of the set begins", remedy="let it plan anew: without --no-replan"
+                "the drone stands where no flight of the set begins", remedy="let it replan: without --no-replan"
             )
         plan = self.found.plan
         stops = plan.stops[number:]

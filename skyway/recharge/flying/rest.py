@@ -1,4 +1,4 @@
-"""What is left of a cut mission, planned anew: from a pad with the work as far as it is done, or from where it flies."""
+"""What is left of a cut mission, replanned: from a pad with the work as far as it is done, or from where it flies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A cut mission is flown battery by battery on both autopilots, planned anew with what is measured; what goes wrong ends in a named safe state."""
+"""A cut mission is flown battery by battery on both autopilots, replanned with what is measured; what goes wrong ends in a named safe state."""
 
 import math
 from dataclasses import replace

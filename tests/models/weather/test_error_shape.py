@@ -1,4 +1,4 @@
-"""How errors of forecasts hang together: found again where it is known, and made anew in the members."""
+"""How errors of forecasts hang together: found again where it is known, and made again in the members."""
 
 import numpy as np
 import pytest

@@ -38,7 +38,7 @@ def mean_value_world(number, *, by_hour=False):
 
 
 def least_by_enumeration(problem, queues, margin, weights):
-    """Loss of every sequence of distinct stops, charged for enough; written down anew, flight by flight."""
+    """Loss of every sequence of distinct stops, charged for enough; written down again, flight by flight."""
     p, network = problem, problem.network
     speeds = MeanSpeeds(p.air, p.probability, 16.0).over(0, 0, np.arange(len(network.head)))[0]
     count = len(network)

@@ -125,7 +125,7 @@ def run(
     ] = None,
     settings: options.Settings = None,
 ) -> None:
-    """Run a fleet: take orders, plan, book the pads, fly, and plan anew around what flies.
+    """Run a fleet: take orders, plan, book the pads, fly, and replan around what flies.
 
     Everything that must not be forgotten is in the ledger: started again with the same ledger and holder, the service goes on where it
     was. Orders come with --orders, skyway orders add, and the HTTP API; skyway dispatch status tells how it stands.
@@ -222,7 +222,7 @@ def close(
     reason: Annotated[str, typer.Option(help="Why, for people.")] = "",
     holder: Holder = "dispatch",
 ) -> None:
-    """Tell a dispatcher that a pad is out of order: it plans anew around it.
+    """Tell a dispatcher that a pad is out of order: it replans around it.
 
     Examples
     --------
