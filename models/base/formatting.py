@@ -62,12 +62,17 @@ def about(figure: Figure) -> str:
 
 
 def between(figure: Figure) -> str:
-    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty where nothing was sampled."""
+    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty where nothing was sampled.
+
+    Each end is rounded as far as it is from the value: the lower end of a long tail is not lost in the step of the upper one.
+    """
     if not _known(figure):
         return ""
-    step = step_for(figure.half_width)
-    low, high = step * math.floor(figure.low / step + 1e-9), step * math.ceil(figure.high / step - 1e-9)
-    return f"{_stepped(low, step)} to {_stepped(high, step)}" if high > low else ""
+    below, above = step_for(figure.value - figure.low), step_for(figure.high - figure.value)
+    low, high = below * math.floor(figure.low / below + 1e-9), above * math.ceil(figure.high / above - 1e-9)
+    low_s, high_s = min(low, rounded_s(figure)), max(high, rounded_s(figure))  # with the value, as `about` says it
+    step = 1 if min(below, above) < 60 else 60
+    return f"{_stepped(low_s, step)} to {_stepped(high_s, step)}" if high_s > low_s else ""
 
 
 def rounded_s(figure: Figure) -> float:

@@ -103,15 +103,41 @@ class RobustSearch:
 
     def solve(self) -> RobustAnswer:
         """Search; a `NoRouteError` says that there is no route even without margin."""
-        candidates = self._with_other_waits(self.finalists(self.candidates()))
+        candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
         try:
             return self._first_to_finish(candidates)
         except NoRouteError:  # shorter flights may
-            found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
-            self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
-            if not _flying(found):
-                raise
-            return self._first_to_finish([*sorted(_flying(found), key=Candidate.order), *candidates])
+            return self._first_to_finish([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
+
+    def _of_short_flights(self) -> list[Candidate]:
+        """Routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
+        found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+        self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
+        return _flying(found)
+
+    def _with_short_flights(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Try short flights where the best route waits long after all: the winds that routes are compared in first may lack the storms."""
+        best = candidates[0]
+        if len(best.out_of_sample.weight) <= 2 * self.parameters.screen_runs and not self._late():
+            best = self._judged(best.policy.itinerary, self.parameters.finalist_runs, None, best)[0]
+        if self._late() or not self._waits_long(best.outcome, len(best.out_of_sample.weight)):
+            return candidates
+        margin = best.policy.known.margin
+        known = {tuple(leg.segments for leg in one.policy.itinerary) for one in candidates}
+        again = [
+            self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0], margin)
+            for one in self._of_short_flights()
+            if tuple(leg.segments for leg in one.policy.itinerary) not in known
+        ]
+        return self._ranked([best, *again, *candidates[1:]])
+
+    def _waits_long(self, outcome: Outcome, runs: int) -> bool:
+        """Whether a route waits so long in some winds that one of short flights is worth a try."""
+        begin = self.problem.depart_s
+        seldom = outcome.mean_s - begin <= self.parameters.long_wait * (outcome.quantile_s(0.5) - begin)
+        # A forecast of the day may be of a storm in all of its members: then half of the deliveries wait long, too.
+        long = not seldom or math.isfinite(self.problem.ensemble.known_until_s)
+        return long or outcome.p_arrive <= 1.0 - self.parameters.chance_runs / runs
 
     def _with_other_waits(self, candidates: list[Candidate]) -> list[Candidate]:
         """Where the package is not to arrive early, let the best routes wait at the origin, too, instead of at the last stop."""
@@ -272,13 +298,9 @@ class RobustSearch:
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
     ) -> None:
         """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
-        best, begin = min(found.values(), key=Candidate.order).outcome, self.problem.depart_s
-        chance = self.parameters.chance_runs / self.parameters.screen_runs
-        seldom = best.mean_s - begin <= self.parameters.long_wait * (best.quantile_s(0.5) - begin)
-        # A forecast of the day may be of a storm in all of its members: then half of the deliveries wait long, too.
-        if best.p_arrive > 1.0 - chance and seldom and not math.isfinite(self.problem.ensemble.known_until_s):
-            return
-        self._add_composed(found, self._short_margin, allowed)
+        best = min(found.values(), key=Candidate.order).outcome
+        if self._waits_long(best, self.parameters.screen_runs):
+            self._add_composed(found, self._short_margin, allowed)
 
     def _add_composed(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], margin: float, allowed: NDArray[np.bool_]

@@ -147,3 +147,31 @@ def test_a_later_quantile_is_never_told_as_an_earlier_time(early, more, half_ear
     assert words.rounded_s(words.no_earlier(second, first)) >= words.rounded_s(first)
     if words.rounded_s(second) >= words.rounded_s(first):
         assert words.no_earlier(second, first) is second
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "told"),
+    [
+        (36_720.0, 17_600.0, 119_765.0, "4 h to 36 h"),  # the lower end was lost in the step of the upper one: 0 min
+        (5400.0, 4800.0, 6000.0, "1 h 20 min to 1 h 40 min"),
+        (5400.0, 5400.0, 5400.0, ""),
+        (1080.0, 1069.0, 1095.0, "17 min 45 s to 18 min 15 s"),
+    ],
+)
+def test_the_ends_of_an_interval_are_as_exact_as_they_are_known(value, low, high, told):
+    assert words.between(Figure(value, low, high)) == told
+
+
+@given(st.floats(60, 1e5), st.floats(0, 1.0), st.floats(0, 1e5))
+def test_an_interval_holds_its_value_as_it_is_told(value, below, above):
+    figure = Figure(value, value * (1.0 - below), value + above)
+    ends = words.between(figure).split(" to ")
+    assert len(ends) == 1 or _seconds(ends[0]) <= words.rounded_s(figure) <= _seconds(ends[1])
+    if len(ends) == 2:
+        assert _seconds(ends[0]) <= figure.low + 1.0
+        assert _seconds(ends[1]) >= figure.high - 1.0
+
+
+def _seconds(text: str) -> float:
+    number = {unit: float(count) for count, unit in re.findall(r"(\d+) (h|min|s)", text)}
+    return 3600.0 * number.get("h", 0.0) + 60.0 * number.get("min", 0.0) + number.get("s", 0.0)
