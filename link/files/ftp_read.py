@@ -1,9 +1,10 @@
 """Reading a file by MAVLink FTP as fast as the link carries it.
 
 Several reads are under way at a time, as many as the link holds: their number grows as long as answers do not come later,
-and shrinks when they queue (as TCP Vegas does). Where the most that vehicles take (some let twenty requests wait) does not
-fill the link, bursts are asked for, and what is lost of them is read singly. A burst that comes slower than reads did (one
-autopilot leaves two thirds of a link without flow control to others) was the last one.
+and shrinks when they queue (as TCP Vegas does). A link that a few do not fill is fast or long: there more are put under way as long as that brings
+more (`wide_window`). No answer lets more than two requests go, as vehicles let few wait (ArduPilot five). Where many do not fill it either, bursts
+are asked for, and what is lost of them is read singly. A burst that comes slower than reads did (one autopilot leaves two thirds of a link without flow
+control to others) was the last one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.files.ftp_words import DATA_BYTES, ERRORS, FtpMessage, Nak, Op, payload, read_payload
 from skyway.link.files.reading import Reading
+from skyway.link.files.wide_window import WideWindow
 from skyway.link.protocol.exchange import RoundTrip
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ UNFILLED = 1.6
 """Answers that take no longer than so many times the shortest, with the most reads under way, do not fill the link."""
 SLOWER = 0.9
 """Bursts that bring less than this share of what reads brought are not asked for again."""
+PER_ANSWER, PER_TICK = 2, 4
+"""So many requests go at most when an answer comes, and when none does: what vehicles let wait is little."""
 _FULL_ROUNDS = 2
 _LEAST_RTT_S = 1e-3
 _BURST_SILENCE_S, _SILENT_PIECES = 1.0, 6.0
@@ -77,6 +81,7 @@ class ReadFtp(Reading):
         self._window, self._least_rtt_s, self._recent_s = float(LEAST_WINDOW * 2), math.inf, 0.0
         self._trip = RoundTrip()
         self._round_s, self._full_rounds = 0.0, 0
+        self._wide: WideWindow | None = None
         self._bursts_help, self._bursting = True, False
         self._burst: int | None = None
         self._burst_first = self._burst_length = 0
@@ -88,10 +93,10 @@ class ReadFtp(Reading):
     def begin(self, now_s: float) -> None:
         """Ask for the first pieces."""
         self._heard_s = self._round_s = now_s
-        self._more(now_s)
+        self._more(now_s, PER_TICK)
 
-    def _more(self, now_s: float) -> None:
-        """Ask for as much as may be under way."""
+    def _more(self, now_s: float, most: int) -> None:
+        """Ask for as much as may be under way, but for no more than so much at once."""
         if self.pieces.end >= self.size_bytes:
             self.finish()
             return
@@ -100,7 +105,7 @@ class ReadFtp(Reading):
             self._again = [hole for hole in self.pieces.holes(DATA_BYTES) if hole[0] not in asked]
             if self._burst is None and self.pieces.top < self.size_bytes:
                 self._ask_burst(self.pieces.top, now_s)
-        while len(self._reads) < int(self._window):
+        for _ in range(min(most, int(self._window) - len(self._reads))):
             if self._again:
                 offset, size = self._again.pop(0)
                 self._ask(offset, size, now_s, again=True)
@@ -171,7 +176,7 @@ class ReadFtp(Reading):
             if not late and not read.again:
                 self._learn(now_s - read.sent_s, now_s)
         if not self.done:
-            self._more(now_s)
+            self._more(now_s, PER_ANSWER)
 
     def _count_passed(self, answered: _Read) -> None:
         """Take for lost what was asked for well before something that has been answered."""
@@ -185,6 +190,8 @@ class ReadFtp(Reading):
     def _give_up(self, number: int) -> None:
         """Ask once more for what is lost; it may come late all the same."""
         read = self._late[number] = self._reads.pop(number)
+        if self._wide is not None:
+            self._wide.lost += 1
         self._again.append((read.offset, read.size))
         while len(self._late) > _LATE:
             del self._late[next(iter(self._late))]
@@ -198,6 +205,9 @@ class ReadFtp(Reading):
         if self._bursting or now_s < self._round_s + self._recent_s:
             return
         self._round_s = now_s
+        if self._wide is not None:
+            self._widen(self._wide, now_s)
+            return
         queued = self._window * (1.0 - self._least_rtt_s / self._recent_s)
         if queued < QUEUE_LOW:
             self._window = min(self._window * 2.0, MOST_WINDOW)
@@ -205,8 +215,14 @@ class ReadFtp(Reading):
             self._window = max(self._window - 1.0, LEAST_WINDOW)
         unfilled = self._window >= MOST_WINDOW and self._recent_s < UNFILLED * self._least_rtt_s
         self._full_rounds = self._full_rounds + 1 if unfilled else 0
-        if self._full_rounds >= _FULL_ROUNDS and self._bursts_help:
-            self._bursting, self._full_rounds = True, 0
+        if self._full_rounds >= _FULL_ROUNDS:
+            self._wide = WideWindow(self._window, now_s, self.came_bytes)
+
+    def _widen(self, wide: WideWindow, now_s: float) -> None:
+        """Put more under way as long as that brings more; bursts where nothing shows that the link is full, or many are lost."""
+        self._window = wide.learn(now_s, self.came_bytes, self._recent_s, self._least_rtt_s)
+        if wide.settled and self._bursts_help and (wide.crowded or not wide.full):
+            self._bursting = True
 
     def _hear_burst(self, told: FtpMessage, now_s: float) -> None:
         if self._burst is None or (told.sequence - self._burst - 1 + _BURST_WINDOW) & 0xFFFF >= 2 * _BURST_WINDOW:
@@ -231,13 +247,13 @@ class ReadFtp(Reading):
         else:
             self._refused(told.error, told.offset)
         if not self.done:
-            self._more(now_s)
+            self._more(now_s, PER_ANSWER)
 
     def _end_burst(self, now_s: float) -> None:
         """Look whether it was faster than reads."""
         self._burst = None
         took_s = max(now_s - self._burst_begun_s, _LEAST_RTT_S)
-        by_reads = MOST_WINDOW * DATA_BYTES / max(self._recent_s, _LEAST_RTT_S)
+        by_reads = 0.0 if self._wide is None else self._wide.best_byteps
         if self.pieces.top < self.size_bytes and self._burst_bytes / took_s < SLOWER * by_reads:
             self._bursts_help = self._bursting = False
             self._ahead = self.pieces.top
@@ -271,4 +287,4 @@ class ReadFtp(Reading):
             for number in [n for n, read in self._reads.items() if now_s > read.sent_s + patience_s]:
                 self._trip.unclear()
                 self._give_up(number)
-        self._more(now_s)
+        self._more(now_s, PER_TICK)

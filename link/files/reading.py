@@ -25,11 +25,14 @@ class Reading(Exchange):
         """Why it ended before all was there; empty where it did not."""
         self.ended_early = False
         """The vehicle says that it ends before its size."""
+        self.came_bytes = 0
+        """Bytes that came, each counted once."""
         self._progress = progress
 
     def _take(self, offset: int, data: bytes) -> int:
         """Keep a piece; returns how many bytes of it were new."""
         new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
+        self.came_bytes += new
         if new and self._progress is not None:
             self._progress(self.pieces.end)
         return new

@@ -1,6 +1,8 @@
 """MAVLink FTP as the families serve it: sessions, bursts at the pace of the link, and their words for what is wrong.
 
-After ``mavlink_ftp.cpp`` of PX4 and ``GCS_FTP.cpp`` of ArduPilot. Only what reads is served.
+After ``mavlink_ftp.cpp`` of PX4 and ``GCS_FTP.cpp`` of ArduPilot. Only what reads is served. ArduPilot's has a thread and a short queue of its own: its main loop
+puts requests there 400 times a second, those for which there is no room are lost, and the thread looks there every 2 ms once it is empty, and
+waits where the link does not take its answer.
 """
 
 from __future__ import annotations
@@ -25,6 +27,9 @@ _HEAD = struct.Struct("<HBBBBBxI")
 _FRAME_BYTES = 280
 _TICK_S, _PER_TICK = 0.01, 40
 _PAYLOAD_BYTES = 251
+_BURST_FRAME_BYTES = 254 + 12
+_LOOP_S, _WAKES_S, _CARD_S, _RETRY_S = 0.0025, 0.002, 0.0005, 0.001
+"""Of the queue: its main loop; how often the thread looks; what one answer takes; when it looks for room again."""
 _ERRNO_NO_ENTRY = 2
 _SKIPPED = b"S\0"
 
@@ -67,8 +72,8 @@ class Habits(NamedTuple):
     """It gives sessions numbers of its own from 1 on; otherwise every session is that of the request."""
     burst_bytes: int
     """A burst ends after so much."""
-    burst_blocks: bool
-    """During a burst nothing else is answered: requests wait."""
+    queues: bool
+    """Requests wait in a queue for a thread, and for the end of a burst; otherwise each is answered as it comes."""
     open_refused: Nak
     """Its answer where no further file can be opened."""
     no_file: Nak
@@ -82,7 +87,7 @@ class Habits(NamedTuple):
     idle_s: float
     """A session that asks nothing for so long is closed."""
     waiting: int
-    """Requests that wait at most."""
+    """Requests that wait there at most; more are lost."""
 
 
 class Request(NamedTuple):
@@ -140,6 +145,7 @@ class FtpServer:
         self._sessions: list[Session] = []
         self._burst: Burst | None = None
         self._waiting: deque[tuple[Partner, Request]] = deque()
+        self._work_s = 0.0
         self._last: tuple[Partner, bytes] | None = None
         self._next_number = 1
 
@@ -154,8 +160,10 @@ class FtpServer:
         self._burst = self._last = None
 
     def next_wall_s(self) -> float:
-        """When a burst goes on."""
-        return math.inf if self._burst is None else self._burst.next_s
+        """When a burst goes on, or the next request is looked at."""
+        if self._burst is not None:
+            return self._burst.next_s
+        return self._work_s if self._waiting else math.inf
 
     def hear(self, port: Port, message: Any) -> None:
         """Answer a request, at once or after a burst."""
@@ -165,11 +173,22 @@ class FtpServer:
         payload = bytes(message.payload)
         request = _request(payload)
         who = Partner.of(port, message)
-        if self._burst is not None and self.habits.burst_blocks:
-            if len(self._waiting) < self.habits.waiting:
-                self._waiting.append((who, request))
-            return
-        self._answer(who, request)
+        if not self.habits.queues:
+            self._answer(who, request)
+        elif len(self._waiting) < self.habits.waiting:
+            if not self._waiting:
+                loop_s = math.ceil(self.vehicle.wall_s / _LOOP_S) * _LOOP_S
+                self._work_s = max(self._work_s, loop_s + _WAKES_S / 2.0)
+            self._waiting.append((who, request))
+
+    def _work(self, now: float) -> None:
+        """Answer what waits, one after the other, where the link takes it."""
+        while self._waiting and self._burst is None and now >= self._work_s:
+            if self._waiting[0][0].port.room() < _FRAME_BYTES:
+                self._work_s = now + _RETRY_S
+                return
+            self._answer(*self._waiting.popleft())
+            self._work_s += _CARD_S
 
     def _answer(self, who: Partner, request: Request) -> None:
         last = self._last
@@ -228,7 +247,7 @@ class FtpServer:
         found = self._session(who, request.session)
         if found is not None:
             self._close(found)
-        elif not self.habits.burst_blocks:
+        elif not self.habits.queues:
             self._nak(who, request, Nak.BAD_SESSION)
             return
         self._ack(who, request)
@@ -317,11 +336,17 @@ class FtpServer:
     def tick(self) -> None:
         """Send the next pieces of the burst, as many as the link takes now."""
         burst, now = self._burst, self.vehicle.wall_s
-        if burst is None or now < burst.next_s:
+        if burst is None:
+            self._work(now)
+            return
+        if now < burst.next_s:
             return
         port = burst.session.who.port
+        frame_bytes = _BURST_FRAME_BYTES - DATA_BYTES + burst.size
         paced_s = (
-            3.0 * (_PAYLOAD_BYTES + 12) / port.paced_byteps if self.habits.burst_blocks and port.paced_byteps else 0.0
+            math.floor(3000 * frame_bytes / port.paced_byteps) / 1e3
+            if self.habits.queues and port.paced_byteps
+            else 0.0
         )
         for _ in range(1 if paced_s else _PER_TICK):
             if port.room() < _FRAME_BYTES:
@@ -330,10 +355,10 @@ class FtpServer:
             if self._burst is not burst:
                 break
         burst.next_s = now + (paced_s or _TICK_S)
-        if not self.habits.burst_blocks and now > burst.session.used_s + self.habits.idle_s:
+        if not self.habits.queues and now > burst.session.used_s + self.habits.idle_s:
             self._close(burst.session)  # PX4 counts requests only
-        while self._waiting and self._burst is None:
-            self._answer(*self._waiting.popleft())
+        if self._burst is None:
+            self._work_s = now
 
     def _piece(self, burst: Burst) -> None:
         session = burst.session
@@ -343,11 +368,11 @@ class FtpServer:
         request = Request(burst.sequence - 1, session.number, Op.BURST, 0, 0, 0, burst.offset, b"")
         burst.sequence = (burst.sequence + 1) & 0xFFFF
         data = self._bytes(session.file, burst.offset, burst.size)
-        if self.habits.burst_blocks:
+        if self.habits.queues:
             session.used_s = self.vehicle.wall_s
         if not data:
             self._burst = None
-            self._nak(session.who, request, Nak.EOF, complete=self.habits.burst_blocks)
+            self._nak(session.who, request, Nak.EOF, complete=self.habits.queues)
             return
         burst.offset += len(data)
         burst.sent += len(data)
@@ -374,7 +399,7 @@ class FtpServer:
             (request.sequence + 1) & 0xFFFF, number, op, len(data), request.op, int(complete), request.offset
         )
         payload = (head + data).ljust(_PAYLOAD_BYTES, b"\0")
-        if len(data) <= 4 or self.habits.burst_blocks:  # what it has said last is said again to the same question
+        if len(data) <= 4 or self.habits.queues:  # what it has said last is said again to the same question
             self._last = replace(who), payload
         self._send(who, payload)
 

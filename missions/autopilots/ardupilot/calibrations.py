@@ -1,4 +1,4 @@
-"""Where ArduPilot keeps calibrations: compasses and accelerometers (``AP_Compass.cpp``, ``AP_InertialSensor.cpp``, 4.3 to 4.8)."""
+"""Where ArduPilot keeps calibrations: compasses, accelerometers and gyros (``AP_Compass.cpp``, ``AP_InertialSensor.cpp``, 4.3 to 4.8)."""
 
 from __future__ import annotations
 
@@ -29,5 +29,6 @@ CALIBRATIONS = (
         Calibration("accelerometer", f"INS_ACC{n}_ID", f"INS_USE{n}", _axes(f"INS_ACC{n}OFFS"), zero_is_none=True)
         for n in _NUMBERS
     ),
+    *(Calibration("gyro", f"INS_GYR{n}_ID", f"INS_USE{n}") for n in _NUMBERS),
 )
-"""The gyro is calibrated each time it is switched on, and keeps nothing that tells of it."""
+"""Gyros are calibrated each time it is switched on (but for INS_GYR_CAL = 0), and by nobody else: an id tells that one was."""

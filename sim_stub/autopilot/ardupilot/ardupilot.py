@@ -109,8 +109,8 @@ class ArduPilot(ArduPilotFailsafes):
         several = version >= (4, 7)
         return Habits(
             sessions=3 if several else 1, numbers_sessions=several, burst_bytes=(2000 if several else 500) * DATA_BYTES,
-            burst_blocks=True, open_refused=Nak.NO_SESSIONS if several else Nak.FAIL, no_file=Nak.NOT_FOUND,
-            empty_is_end=True, lists_skipped=False, reads_asked=True, idle_s=20.0, waiting=20,
+            queues=True, open_refused=Nak.NO_SESSIONS if several else Nak.FAIL, no_file=Nak.NOT_FOUND,
+            empty_is_end=True, lists_skipped=False, reads_asked=True, idle_s=20.0, waiting=5,
         )  # fmt: skip
 
     def log_path(self, number: int, time_s: float) -> str:  # noqa: ARG002  its names are numbers

@@ -68,6 +68,7 @@ _TABLE = (
     ("INS_ACCOFFS_Z", REAL32, 0.001),
     ("INS_ACC_ID", INT32, 2753028),
     ("INS_GYR_CAL", INT8, 1),
+    ("INS_GYR_ID", INT32, 2752772),
     ("INS_USE", INT8, 1),
     ("LAND_ALT_LOW", REAL32, 1000.0),
     ("LAND_SPEED", INT16, 50),

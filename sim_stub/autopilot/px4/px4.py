@@ -152,7 +152,7 @@ class Px4(Px4Failsafes):
     def ftp_habits(self, version: tuple[int, int]) -> Habits:  # noqa: ARG002
         """One file at a time, bursts of 35 kB beside which other requests are answered (``mavlink_ftp.cpp``)."""
         return Habits(
-            sessions=1, numbers_sessions=False, burst_bytes=35_000, burst_blocks=False,
+            sessions=1, numbers_sessions=False, burst_bytes=35_000, queues=False,
             open_refused=Nak.NO_SESSIONS, no_file=Nak.BAD_SESSION, empty_is_end=False, lists_skipped=True,
             reads_asked=False, idle_s=10.0, waiting=0,
         )  # fmt: skip

@@ -13,8 +13,10 @@ from wires import FAMILIES, Scene, bad_radio
 from skyway.link.files.aboard import LogStore
 from skyway.link.files.catalog import known_logs, remember
 from skyway.link.files.fetching import fetch, file_crc32
-from skyway.link.files.ftp_words import crc32
+from skyway.link.files.ftp_words import DATA_BYTES, Op, crc32, payload
 from skyway.link.files.part_file import Pieces
+from skyway.link.files.wide_window import GAINS, GROWS, WideWindow
+from skyway.link.protocol.exchange import Exchange
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.models.base.errors import CommandRefusedError, InputError, LinkError
 from skyway.sim_stub.faults import parse_fault
@@ -87,6 +89,65 @@ def test_a_log_comes_as_fast_as_the_link_carries_it(family, way, rate, flow_cont
     share = found.rate_byteps / rate / (FTP_SHARE if way == "ftp" else REQUEST_SHARE)
     assert share >= 0.8, share
     assert share <= 1.0 + 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "loss"), [("px4", 0.0), ("ardupilot", 0.0), ("ardupilot", 0.02)])
+def test_a_fast_and_long_link_without_flow_control_is_filled_by_many_reads(family, loss, tmp_path):
+    rate = 200_000.0
+    depot = Depot(family, impairment=radio(rate, loss, 0.02, 0.01), logs=(3_000_000,))
+    store = depot.store("ftp")
+    found = fetch(store, store.logs()[-1], tmp_path)
+    assert found.path.read_bytes() == depot.content()
+    assert found.rate_byteps / rate / FTP_SHARE >= 0.8
+
+
+@given(st.floats(8.0, 500.0), st.floats(0.01, 0.3))
+def test_as_many_reads_are_put_under_way_as_fill_a_link(filling, round_s):
+    """An ideal link: what more than `filling` reads ask for waits in it."""
+    now_s, came = 0.0, 0.0
+    wide = WideWindow(16.0, now_s, 0)
+    while not wide.settled and now_s < 1000.0 * round_s:
+        took_s = round_s * max(wide.window / filling, 1.0)
+        now_s += took_s
+        came += wide.window * DATA_BYTES
+        wide.learn(now_s, int(came), took_s, round_s)
+    assert wide.settled
+    assert wide.window == wide.best_window
+    assert wide.best_byteps >= min(filling, 512.0) * DATA_BYTES / round_s / GAINS - 1.0
+    assert wide.best_window <= max(filling * GROWS, 16.0)
+    assert filling > 400.0 or wide.full
+
+
+class AtOnce(Exchange):
+    """So many reads at once; answers are counted for a second."""
+
+    def __init__(self, target, session, reads):
+        super().__init__(target)
+        self.session, self.reads, self.answered = session, reads, 0
+
+    def begin(self, now_s):
+        for n in range(self.reads):
+            asked = payload(5000 + 2 * n, Op.READ, session=self.session, offset=DATA_BYTES * n, size=DATA_BYTES)
+            self.send("FILE_TRANSFER_PROTOCOL", payload=asked)
+        self.next_s = now_s + 1.0
+
+    def hear(self, message, now_s):
+        self.answered += message.name == "FILE_TRANSFER_PROTOCOL"
+
+    def tick(self, now_s):
+        self.finish()
+
+
+@pytest.mark.parametrize(("family", "answered"), [("px4", 20), ("ardupilot", 5)])
+def test_ardupilot_lets_five_requests_wait_and_loses_more(family, answered):
+    """``GCS_FTP.h``: ``ObjectBuffer<Transaction> requests{AP_MAVLINK_FTP_MAX_SESSIONS}``."""
+    depot = Depot(family, logs=(100 * DATA_BYTES,))
+    store = depot.store("ftp")
+    session, _ = store.ftp.open(store.logs()[-1].path)
+    asked = AtOnce(depot.craft.peer.target, session, 20)
+    depot.craft.carry_out(asked)
+    assert asked.answered == answered
 
 
 def test_what_is_lost_is_asked_for_singly(tmp_path):

@@ -1,0 +1,80 @@
+"""How many reads to have under way on a fast or long link: more, as long as more come home.
+
+Answers that come late say little there: where many are under way, the jitter of the link alone makes some late. So what counts is what arrives. A number of
+reads is tried for a few round trips; while a greater one brings more it grows, and then it stays at the best, and is looked at again now and then.
+"""
+
+from __future__ import annotations
+
+from skyway.link.files.ftp_words import DATA_BYTES
+
+MOST = 512
+"""Reads under way at most."""
+GROWS, GAINS = 1.4, 1.07
+"""It grows by so much, and must bring so much more."""
+ROUNDS, LEAST_S = 4.0, 0.15
+"""A number is judged by so many round trips, and so much time."""
+TRIES = 2
+"""A greater number that brought no more so often is too great."""
+WORSE, HOLD = 0.8, 40
+"""Less than this share of the best, so often, and the link has changed; after so many looks it is tried whether more would do now."""
+CROWDED = 0.2
+"""A greater share of reads lost at the best number: they come bundled, and the vehicle lets too few wait."""
+LOSSY, LATER = 0.02, 1.25
+"""A greater share of reads lost, or answers that take longer than so many times the shortest, show that vehicle or link have no room for more."""
+
+
+class WideWindow:
+    """Finds how many reads bring most."""
+
+    def __init__(self, window: float, now_s: float, came_bytes: int) -> None:
+        self.window = self.best_window = window
+        """`window`, `best_window`: reads to have under way; and those that have brought most."""
+        self.best_byteps = 0.0
+        """The most that came, bytes a second."""
+        self.settled = self.full = self.crowded = False
+        """`settled`, `full`, `crowded`: more has brought no more; there was no room for more; and even so many are lost."""
+        self.lost = 0
+        """Reads that were lost since the last look."""
+        self._begun_s, self._begun_bytes, self._fresh = now_s, came_bytes, True
+        self._trying, self._failed, self._held = True, 0, 0
+
+    def learn(self, now_s: float, came_bytes: int, round_s: float, least_s: float) -> float:
+        """Take what has come until now, and how long answers take, and took at least; returns how many reads to have under way."""
+        took_s = now_s - self._begun_s
+        if took_s < max((1.0 if self._fresh else ROUNDS) * round_s, LEAST_S):
+            return self.window
+        came, lost = came_bytes - self._begun_bytes, self.lost
+        self._begun_s, self._begun_bytes, self.lost = now_s, came_bytes, 0
+        if self._fresh:  # what came until now was asked for with the number before
+            self._fresh = False
+        elif self._trying:
+            self._judge(came / took_s, full=lost > LOSSY * came / DATA_BYTES or round_s > LATER * least_s)
+        else:
+            self._hold(came / took_s, crowded=lost > CROWDED * came / DATA_BYTES)
+        return self.window
+
+    def _judge(self, byteps: float, *, full: bool) -> None:
+        """A number was tried."""
+        if byteps > GAINS * self.best_byteps:
+            self.best_byteps, self.best_window, self._failed = byteps, self.window, 0
+            if self.window < MOST:
+                self._put(min(GROWS * self.window, MOST))
+                return
+        self._failed += 1
+        if self._failed >= TRIES or self.window >= MOST:
+            self.settled, self.full = True, full
+            self._trying, self._failed, self._held = False, 0, 0
+            self._put(self.best_window)
+
+    def _hold(self, byteps: float, *, crowded: bool) -> None:
+        """The best number is kept."""
+        self.crowded = crowded
+        self._held += 1
+        self._failed = self._failed + 1 if byteps < WORSE * self.best_byteps else 0
+        if self._failed >= TRIES or self._held >= HOLD:
+            self.best_byteps, self._trying, self._failed = byteps, True, 0
+            self._put(min(GROWS * self.window, MOST))
+
+    def _put(self, window: float) -> None:
+        self.window, self._fresh = window, True
