@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.hops import SAME_PLACE_M, Hops, hop_times
+from skyway.missions.checks.manoeuvres import manoeuvres_s
 from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
@@ -54,6 +55,8 @@ class FlightConditions:
         Where there are pads; empty where nothing is known of pads, then any hold on the ground charges.
     drone_is_assumed : bool
         Nobody named the vehicle: what it cannot do is a warning, not an error.
+    manoeuvres : bool
+        Turns, the gain of speed, and the last metres of landings count (`missions.checks.manoeuvres`).
     """
 
     drone: Drone
@@ -65,6 +68,7 @@ class FlightConditions:
     weather: Weather = field(default_factory=SteadyWind)
     stations: tuple[Station, ...] = ()
     drone_is_assumed: bool = False
+    manoeuvres: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,8 @@ class Flown:
     flyable: NDArray[np.bool_]
     margin_mps: float
     worst_item: int
+    turns_s: float = 0.0
+    """Manoeuvres that are in the time."""
 
 
 def _or_typical(
@@ -233,7 +239,9 @@ def fly_leg(
     if not leg.steps or start is None:
         none = np.zeros(members)
         return Flown(0.0, none, none, np.ones(members, dtype=bool), math.inf, leg.item_to)
-    hops = hops_of_leg(mission, leg, conditions, height_m, ground_m)
+    hops = _straight_hops(mission, leg, conditions, height_m, ground_m)
+    turns_s = _turns_s(hops, leg, conditions, lifts_off=ground_m is None)
+    hops = hops._replace(hold_s=hops.hold_s + turns_s)
     elapsed = np.broadcast_to(clock_s[:, None], (members, len(hops.length_m)))
     for _ in range(2):
         step_s, possible, needed = hop_times(hops, conditions, elapsed)
@@ -257,6 +265,7 @@ def fly_leg(
         flyable,
         float(margin[worst]),
         leg.steps[worst].item,
+        float(turns_s.sum()),
     )
 
 
@@ -264,6 +273,13 @@ def hops_of_leg(
     mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float, ground_m: float | None = None
 ) -> Hops:
     """Return the hops of one leg that begins at a height above home: one to each of its steps; `ground_m` as in `fly_leg`."""
+    hops = _straight_hops(mission, leg, conditions, height_m, ground_m)
+    return hops._replace(hold_s=hops.hold_s + _turns_s(hops, leg, conditions, lifts_off=ground_m is None))
+
+
+def _straight_hops(
+    mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float, ground_m: float | None
+) -> Hops:
     places = [leg.start or leg.steps[0].point, *(step.point for step in leg.steps)]
     lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
     length, bearing = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
@@ -278,6 +294,14 @@ def hops_of_leg(
     hold = hold + np.where(stops, np.minimum(commanded, conditions.drone.max_ground_speed_mps) / STEP_MPS2, 0.0)
     above_ground_m = flown_m - _ground_m(leg, length, height_m if ground_m is None else ground_m)
     return Hops(mid_lat, mid_lon, length, bearing, commanded, hold, climb_s, descent_s, apart, above_ground_m)
+
+
+def _turns_s(hops: Hops, leg: RouteLeg, conditions: FlightConditions, *, lifts_off: bool) -> NDArray[np.float64]:
+    """Manoeuvres at the end of each hop, where they count."""
+    if not conditions.manoeuvres:
+        return np.zeros(len(hops.length_m))
+    most_mps, lands = conditions.drone.max_ground_speed_mps, leg.landing != "none"
+    return manoeuvres_s(hops, most_mps, lifts_off=lifts_off, touches_down=lands)
 
 
 def _vertical_times(

@@ -16,11 +16,11 @@ import numpy as np
 
 from skyway.missions.checks.areas import leaves_fence
 from skyway.missions.checks.hops import SAME_PLACE_M, Hops
+from skyway.missions.checks.manoeuvres import LIFT_OFF_S, TOUCH_DOWN_S, turn_s
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
 from skyway.missions.recharge.bent_ways import BentWays
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.flight.rules import STEP_MPS2
 from skyway.models.flight.way_heights import level_over_m
 
 if TYPE_CHECKING:
@@ -202,7 +202,8 @@ def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: Fli
     """Hops from every point to every pad, pad by pad within each point."""
     here = np.array([(point.lat, point.lon) for point in work.points])
     heights = np.array([point.height_m for point in work.points])
-    return _hops(here, heights, ways, ways.level_m, ways.via, rules, conditions, back=False)
+    hops = _hops(here, heights, ways, ways.level_m, ways.via, rules, conditions, back=False)
+    return hops._replace(hold_s=hops.hold_s + np.repeat(_turns_s(work), len(ways.pads)) + TOUCH_DOWN_S)
 
 
 def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
@@ -211,7 +212,13 @@ def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: F
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
     hops = _hops(here, heights, ways, ways.back_level_m, ways.back_via, rules, conditions, back=True)
     again = np.array([_flown_again_s(work, number) for number in range(len(work.points))])
-    return hops._replace(hold_s=hops.hold_s + np.repeat(STEADY_S + again, len(ways.pads)))
+    stays = STEADY_S + again + _turns_s(work)
+    return hops._replace(hold_s=hops.hold_s + np.repeat(stays, len(ways.pads)) + LIFT_OFF_S)
+
+
+def _turns_s(work: Work) -> NDArray[np.float64]:
+    """Time of braking from the speed of the work, or of gaining it, at each point."""
+    return np.array([turn_s(point.speed_mps) for point in work.points])
 
 
 def _flown_again_s(work: Work, number: int) -> float:
@@ -226,9 +233,10 @@ def _flown_again_s(work: Work, number: int) -> float:
 def hops_between_pads(ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
     """Hops from every pad to every pad."""
     here = np.array([(pad.lat, pad.lon) for pad in ways.pads])
-    return _hops(
+    hops = _hops(
         here, np.array(ways.ground_m), ways, ways.between_level_m, ways.between_via, rules, conditions, back=False
     )
+    return hops._replace(hold_s=hops.hold_s + LIFT_OFF_S + TOUCH_DOWN_S)
 
 
 def bent_hops(work: Work | None, ways: PadWays, rules: TransitRules, *, back: bool) -> tuple[Hops, NDArray[np.int64]]:
@@ -291,9 +299,9 @@ def _hops(
     ends = (pad_lat, pad_lon, lat, lon) if back else (lat, lon, pad_lat, pad_lon)
     length, bearing = geodesy.inverse(*ends)
     middle = geodesy.midpoint(ends[0], ends[1], bearing, length)
-    # straight up or down over a place that is flown through, it brakes and speeds up again
+    # it stands where it begins, and over the pad
     speed = min(rules.speed_mps, conditions.drone.max_ground_speed_mps)
-    stops = (level - height > 0.0) & (length > SAME_PLACE_M)
+    moves = length > SAME_PLACE_M
     climb, descent = (level - ground, level - height) if back else (level - height, level - ground)
     length = length.copy()
     length[[row * pads + pad for row, pad in vias]] = 0.0  # see `bent_hops`
@@ -302,7 +310,7 @@ def _hops(
         length,
         bearing,
         np.full(len(length), rules.speed_mps),
-        np.where(stops, speed / STEP_MPS2, 0.0),
+        np.where(moves, 2.0 * turn_s(speed), 0.0),
         climb / conditions.climb_rate_mps,
         descent / conditions.descent_rate_mps,
         np.ones(len(length), dtype=bool),

@@ -65,18 +65,21 @@ class PartBuilder:
             return (None,) * len(self.flight(span).items)
         return tuple(done for _, done in self._items(span))
 
-    def whole(self, flights: list[Mission]) -> Mission:
-        """Join flights to one mission that lands and disarms on every pad, and goes on when it is armed again.
+    def whole(self, flights: list[Mission]) -> tuple[Mission, tuple[int, ...]]:
+        """Join flights to one mission that lands and disarms on every pad; return it and the item that each flight begins with.
 
-        For an autopilot that stays in its mission then. Heights count from the pad that it was armed on.
+        Heights count from the pad that it was armed on. An autopilot that stays in its mission goes on when it is armed again, without
+        a TAKEOFF; another one begins each flight with its TAKEOFF, when that was made the current item before it was armed.
         """
-        items = list(flights[0].items)
+        items, begins = list(flights[0].items), [0]
         for flight in flights[1:]:
             takeoff, speed, above, *rest = flight.items
-            items += [*self.family.disarm(), above, speed, *rest]
             if takeoff.command != Command.NAV_TAKEOFF:
                 raise ValueError("a flight from a pad begins with a take-off")
-        return replace(flights[0], items=tuple(items))
+            items += self.family.disarm()
+            begins.append(len(items))
+            items += [above, speed, *rest] if self.family.stays_in_mission_after_landing else flight.items
+        return replace(flights[0], items=tuple(items)), tuple(begins)
 
     def ground_m(self, pad: int | None) -> float:
         """Height of the ground that a flight leaves, above the home of the mission."""

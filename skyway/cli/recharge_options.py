@@ -31,6 +31,12 @@ class CrewOptions:
     chargers: Annotated[
         int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Without it: 1.")
     ] = None
+    ground_time: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds on the ground at each stop beside waiting, charging and changing: upload, list, arming. Without it: 20."
+        ),
+    ] = None
     drones: Annotated[
         int,
         typer.Option(help="How many drones share the mission and its pads, at once.", min=1, max=20),

@@ -19,6 +19,7 @@ from skyway.models.network.files import read_stations
 from skyway.models.network.van_stands import read_van_stands
 from skyway.models.scenario.file import FILE
 from skyway.recharge.problem import PadQueues, RechargeOptions
+from skyway.recharge.time_belief import GROUND_S
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ class Asked:
     home_elevation_m: float | None = None
     laps: int = 1
     swap_s: float | None = None
+    ground_s: float = GROUND_S
     packs: int | None = None
     chargers: int | None = None
     single: bool = False
@@ -159,6 +161,8 @@ def options_of(
         raise InputError("is not between 1 and 1000", field="--laps", value=asked.laps)
     if asked.swap_s is not None and not 0.0 <= asked.swap_s <= 36_000.0:
         raise InputError("is not between 0 and 36000 s", field="--swap", value=asked.swap_s)
+    if not 0.0 <= asked.ground_s <= 36_000.0:
+        raise InputError("is not between 0 and 36000 s", field="--ground-time", value=asked.ground_s)
     _check_packs(asked)
     speed = _transit_speed(asked, document, conditions)
     height = asked.transit_height_m
@@ -181,6 +185,7 @@ def options_of(
         asked.seed,
         _windows(asked, stands),
         asked.reorder,
+        asked.ground_s,
     )
 
 

@@ -117,39 +117,46 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     left_out += [f"no missions for {name}: {found[0].problem}" for name, found in faults.items() if found]
     route = work.route
     told = tuple(f"item {number} jumps back for ever: flown {options.laps + 1} times" for number in route.endless_jumps)
-    whole = {}
+    whole: dict[str, MissionDocument] = {}
     if options.single and len(next(iter(fit.values()))) > 1:
-        whole = {
-            family.name: _in_one(fit[family.name], PartBuilder(work, ways, options.transit, family))
-            for family in families
-            if family.name in fit and family.stays_in_mission_after_landing
-        }
-        left_out += [
-            f"no single mission for {name}: it begins its mission again when it disarms; fly the folder with skyway fly, or one file after the other"
-            for name in fit
-            if name not in whole
-        ]
+        for family in families:
+            if family.name in fit:
+                builder = PartBuilder(work, ways, options.transit, family)
+                whole[family.name], begins = _in_one(fit[family.name], builder)
+                left_out += _set_by_hand(family, begins)
     if plan.depart_s >= LATE_S:
         left_out.append(f"the first take-off is {duration(plan.depart_s)} later than it could be: pads are there later")
     found = Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
     if options.swap_s is None or not plan.stops:
         return found
     if options.packs is not None:
-        waits_s = sum(stop.leave_s - options.swap_s - stop.on_pad_s for stop in plan.stops)
+        waits_s = sum(stop.leave_s - options.ground_s - options.swap_s - stop.on_pad_s for stop in plan.stops)
         told_of_packs = f"of {options.packs} batteries, {options.chargers} charged at a time; waits for full ones come to {duration(waits_s)}"
         return replace(found, notes=(*found.notes, told_of_packs))
     packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is out"
     return replace(found, notes=(*found.notes, packs))
 
 
-def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> MissionDocument:
-    """Join flights to one mission; an `InputError` says what its check found."""
-    mission = builder.whole([flight.document.mission for flight in flights])
+def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> tuple[MissionDocument, tuple[int, ...]]:
+    """Join flights to one mission, with the item that each begins with; an `InputError` says what its check found."""
+    mission, begins = builder.whole([flight.document.mission for flight in flights])
     document = replace(flights[0].document, mission=mission)
     errors = [one for one in check(document, dialect=builder.family).findings if one.severity == "error"]
     if errors:
         raise InputError([Fault(f"the single mission: {one.message}", field=one.code) for one in errors])
-    return document
+    return document, begins
+
+
+def _set_by_hand(family: Family, begins: Sequence[int]) -> tuple[str, ...]:
+    """Return what people do before each flight of a single mission, where the autopilot does not go on by itself."""
+    if family.stays_in_mission_after_landing:
+        return ()
+    items = ", ".join(
+        f"{begin + family.home_items} for battery {number}" for number, begin in enumerate(begins[1:], start=2)
+    )
+    return (
+        f"{family.name} goes back to the first item of the single mission when it disarms: before arming, set the current item to {items}",
+    )
 
 
 def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:

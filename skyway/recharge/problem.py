@@ -19,6 +19,7 @@ from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.pad_windows import ALWAYS, NEVER
 from skyway.planner.fixed_route.sharing import on_windows
 from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
+from skyway.recharge.time_belief import GROUND_S
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,7 +54,7 @@ class PadQueues:
 
 @dataclass(frozen=True, slots=True)
 class RechargeOptions:
-    """How a mission is cut."""
+    """How a mission is cut; manoeuvres count."""
 
     conditions: FlightConditions
     transit: TransitRules
@@ -75,6 +76,12 @@ class RechargeOptions:
     """By the id of a pad, when it can be used, seconds after the first take-off; always where nothing is said."""
     reorder: bool = False
     """Independent parts may be flown in another order."""
+    ground_s: float = GROUND_S
+    """At each stop, before the take-off: beside waiting, charging and changing the battery."""
+
+    def __post_init__(self) -> None:
+        if not self.conditions.manoeuvres:
+            object.__setattr__(self, "conditions", replace(self.conditions, manoeuvres=True))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,7 +126,10 @@ class RechargeProblem:
             1.0,
             sure_ratio,
         )
-        return on_windows(route, self.usable) if self.options.windows else route
+        if not self.options.windows:
+            return route
+        ground_s = self.options.ground_s
+        return on_windows(route, [(pad, (first, last - ground_s)) for pad, (first, last) in self.usable])
 
     def stops(self, sure_ratio: float) -> ChargingPlan | None:
         """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""
@@ -127,7 +137,19 @@ class RechargeProblem:
         plan = charging_stops(route) if pool is None else swap_stops(route, pool)
         if plan is None:
             return None
-        stops = tuple(replace(stop, pad=self.usable[stop.pad][0]) for stop in plan.stops)
+        return self.told(plan)
+
+    def told(self, plan: ChargingPlan, first: int = 0) -> ChargingPlan:
+        """Return a plan of `route` with pads of `ways` and points that begin at `first`; in its hops, a way from a pad begins with the time on the ground."""
+        stops = tuple(
+            replace(
+                stop,
+                position=first + stop.position,
+                pad=self.usable[stop.pad][0],
+                leave_s=stop.leave_s + self.options.ground_s,
+            )
+            for stop in plan.stops
+        )
         return replace(plan, stops=stops)
 
 
@@ -175,6 +197,8 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
     add_bends(to_pads, *bent_hops(work, ways, transit, back=False))
     add_bends(from_pads, *bent_hops(work, ways, transit, back=True))
     add_bends(between, *bent_hops(None, ways, transit, back=False))
+    from_pads = from_pads[0] + options.ground_s, from_pads[1]
+    between = between[0] + options.ground_s, between[1]
     found = RouteHops(
         *table(on_work, payload, points - 1),
         *to_pads,

@@ -12,7 +12,7 @@ from skyway.models.base.json_text import json_text
 from skyway.models.base.statistics import weighted_quantile
 from skyway.recharge.made_of import DRONE_MISSION, texts_of
 from skyway.recharge.output import SUMMARY, contents_of, names_of, write_contents
-from skyway.recharge.rehearsal import rehearsed
+from skyway.recharge.simulated import simulated
 from skyway.recharge.summary import RechargeSummary, summary_of
 
 if TYPE_CHECKING:
@@ -61,9 +61,9 @@ class DronesSummary:
     end_s : float
         When the last drone has ended, by the plan.
     ends_s : tuple of float
-        Of the rehearsal in the same winds: mean, 5th and 95th percentile.
+        Of the simulation in the same winds: mean, 5th and 95th percentile.
     end_p50_s : float
-        All have ended by then in half of the rehearsals.
+        All have ended by then in half of the simulated flights.
     p_reserve : float
         Probability that every landing of every drone keeps the reserve.
     alone_s : float or None
@@ -95,13 +95,13 @@ class DronesSummary:
 
 
 def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
-    """Return what is told of shared work, each drone rehearsed in the same winds as the others."""
-    rehearsals = [rehearsed(share.found, drone=number) for number, share in enumerate(work.shares)]
-    ends_s = np.max([one.ends_s for one in rehearsals], axis=0)
-    kept = np.all([one.kept for one in rehearsals], axis=0)
+    """Return what is told of shared work, each drone simulated in the same winds as the others."""
+    runs = [simulated(share.found, drone=number) for number, share in enumerate(work.shares)]
+    ends_s = np.max([one.ends_s for one in runs], axis=0)
+    kept = np.all([one.kept for one in runs], axis=0)
     one = np.ones(len(ends_s))
     drones, stays = [], []
-    for number, (share, rehearsal) in enumerate(zip(work.shares, rehearsals, strict=True), start=1):
+    for number, (share, flown) in enumerate(zip(work.shares, runs, strict=True), start=1):
         home = share.found.problem.work.mission.home
         drones.append(
             DroneTold(
@@ -109,7 +109,7 @@ def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
                 f"drone-{number}",
                 share.units,
                 None if home is None else (home.point.lat, home.point.lon),
-                summary_of(share.found, rehearsal, mission, names_of(share.found)),
+                summary_of(share.found, flown, mission, names_of(share.found)),
             )
         )
         pads = share.found.problem.ways.pads

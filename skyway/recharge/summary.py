@@ -10,9 +10,11 @@ from skyway.recharge.picture_audit import PictureAudit, audited
 
 if TYPE_CHECKING:
     from skyway.missions.recharge.work import WorkPoint
+    from skyway.planner.fixed_route.charging_stops import ChargingStop
     from skyway.recharge.cutting import Recharged
     from skyway.recharge.ordering import OrderTold
-    from skyway.recharge.rehearsal import Rehearsal
+    from skyway.recharge.problem import RechargeOptions
+    from skyway.recharge.simulated import SimulatedFlights
 
 SCHEMA = "skyway.recharge/1"
 
@@ -39,6 +41,9 @@ class Stay:
     """After the first take-off, as all instants."""
     wait_s: float
     charge_s: float
+    """Or changing the battery."""
+    ground_s: float
+    """Upload, list, arming."""
     soc_from: float
     soc_to: float
     leave_s: float
@@ -80,9 +85,9 @@ class RechargeSummary:
     end_s: float
     """By the plan, after the first take-off."""
     ends_s: tuple[float, float, float]
-    """Of the rehearsal: mean, 5th and 95th percentile."""
+    """Of the simulated flights: mean, 5th and 95th percentile."""
     end_p50_s: float
-    """Half of the rehearsals have ended by then; 95 % by the last of `ends_s`."""
+    """Half of the simulated flights have ended by then; 95 % by the last of `ends_s`."""
     decided_on_the_way: tuple[str, ...]
     """What `skyway fly` decides again, and what it is promised with until then."""
     p_reserve: float
@@ -94,7 +99,7 @@ class RechargeSummary:
     """Of ``--reorder``; then items are those of `reordered.plan`, where any part was moved."""
 
 
-def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
+def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
     """Return what is told of a cut mission; `files` has the names by autopilot, one for each flight."""
     problem, plan = found.problem, found.plan
     conditions = problem.options.conditions
@@ -105,13 +110,13 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         legs = flight.report.legs
         stay = None
         if stop is not None:
-            swap_s = problem.options.swap_s
-            on_pad_s = max(stop.on_pad_s, stop.arrive_s) if swap_s is None else stop.leave_s - swap_s
+            wait_s, charge_s, ground_s = phases_of(stop, problem.options)
             stay = Stay(
                 problem.ways.pads[stop.pad].id,
                 stop.arrive_s,
-                min(on_pad_s, stop.leave_s) - stop.arrive_s,
-                max(stop.leave_s - on_pad_s, 0.0),
+                wait_s,
+                charge_s,
+                ground_s,
                 stop.soc_arrive,
                 stop.soc_leave,
                 stop.leave_s,
@@ -141,15 +146,23 @@ def summary_of(found: Recharged, rehearsal: Rehearsal, mission: str, files: dict
         audited(found),
         float(problem.hops.work_s[0].sum()),
         plan.end_s,
-        (rehearsal.end_s, rehearsal.end_early_s, rehearsal.end_late_s),
-        rehearsal.end_p50_s,
+        (flown.end_s, flown.end_early_s, flown.end_late_s),
+        flown.end_p50_s,
         _decided(found),
-        rehearsal.p_reserve,
-        rehearsal.runs,
+        flown.p_reserve,
+        flown.runs,
         tuple(flights),
         found.notes,
         found.order,
     )
+
+
+def phases_of(stop: ChargingStop, options: RechargeOptions) -> tuple[float, float, float]:
+    """Return how long a stop waits for its pad, charges or changes the battery, and is handled on the ground."""
+    ends_s = max(stop.leave_s - options.ground_s, stop.arrive_s)
+    begins_s = max(stop.on_pad_s, stop.arrive_s) if options.swap_s is None else ends_s - options.swap_s
+    begins_s = min(max(begins_s, stop.arrive_s), ends_s)
+    return begins_s - stop.arrive_s, ends_s - begins_s, stop.leave_s - ends_s
 
 
 def _decided(found: Recharged) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """``skyway recharge`` as it is typed."""
 
 import json
+import re
 
 import pytest
 
@@ -70,10 +71,13 @@ def test_a_patrol_becomes_one_mission_a_battery(skyway, patrol):
         )
         assert checked.code == 0
         assert "error" not in checked.out
-    whole = read(patrol / "out/px4/all-batteries.plan").mission
-    lands = [item.command for item in whole.items].count(Command.NAV_LAND)
-    assert lands == len(told["flights"])
-    assert "no single mission for ardupilot" in answer.out
+    whole = {name: read(patrol / f"out/{name}/all-batteries.plan").mission for name in ("px4", "ardupilot")}
+    for mission in whole.values():
+        lands = [item.command for item in mission.items].count(Command.NAV_LAND)
+        assert lands == len(told["flights"])
+    begins = [int(one) for one in re.findall(r"(\d+) for battery", " ".join(answer.out.split()))]
+    items = whole["ardupilot"].items
+    assert [items[one - 1].command for one in begins] == [Command.NAV_TAKEOFF] * (len(told["flights"]) - 1)
     assert "MPC_XY_CRUISE" in (patrol / "out/px4/vehicle.param").read_text()
 
 
@@ -125,7 +129,7 @@ def test_batteries_that_are_changed_take_the_time_that_is_told(skyway, patrol):
     for flight in told["flights"]:
         assert flight["soc_start"] == 1.0
         if before is not None:
-            assert flight["depart_s"] == pytest.approx(before["arrive_s"] + 90.0, abs=0.01)
+            assert flight["depart_s"] == pytest.approx(before["arrive_s"] + 90.0 + before["ground_s"], abs=0.01)
             assert before["charge_s"] == pytest.approx(90.0, abs=0.01)
             assert before["wait_s"] == pytest.approx(0.0, abs=0.01)
         if flight["stay"]:

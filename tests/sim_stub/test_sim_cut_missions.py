@@ -1,6 +1,7 @@
 """Missions that `skyway recharge` cuts fly on both families: pictures where they were, landings on pads, the reserve kept."""
 
 import math
+import re
 from datetime import UTC, datetime
 
 import pytest
@@ -107,16 +108,25 @@ class Vehicle:
         self.camera = Camera(self.vehicle.autopilot)
 
     def fly(self, mission):
-        station, ardupilot = self.station, self.family.name == "ardupilot"
+        self.upload(mission)
+        self.go()
+
+    def upload(self, mission):
         wire = self.family.to_wire(mission)
         items = [(w.frame, w.command, w.param1, w.param2, w.param3, w.param4, w.x, w.y, w.z) for w in wire]
-        assert station.upload(items) == 0
-        self.camera.passed, self.camera.every_m = -1, 0.0
-        if ardupilot:
-            station.command(224, 0, 0)
+        assert self.station.upload(items) == 0
+
+    def go(self, item=0, *, goes_on=False):
+        """Arm and start, on ArduPilot at an item, as people do who set the current one; fly until it disarms. PX4 goes on when it is armed."""
+        station = self.station
+        if not goes_on:
+            self.camera.passed, self.camera.every_m = item - 1, 0.0
+        if self.family.name == "ardupilot":
+            station.command(224, item, 0)
             assert station.command(176, 1, 4) == 0
         assert station.command(400, 1) == 0
-        assert station.command(300) == 0
+        if not goes_on:
+            assert station.command(300) == 0
         station.until(lambda: not self.vehicle.autopilot.armed, 4000.0)
 
 
@@ -163,3 +173,28 @@ def test_a_cut_survey_is_flown_with_every_picture_where_it_was(autopilot):
     )
     assert max(wrong) <= 1.0
     assert max(away) <= 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_single_mission_lands_disarmed_on_every_pad_and_goes_on(autopilot):
+    mission, family = survey(lines=4), missions.family_named(autopilot)
+    pads = (pad("west", -150.0, 700.0, 12.0), pad("east", 620.0, 1500.0, 31.0))
+    conditions = missions.FlightConditions(M200_V2, weather=SteadyWind(5.0, 300.0), soc_start=0.5)
+    options = RechargeOptions(conditions, TransitRules(12.0), single=True)
+    found = recharged(MissionDocument(mission), pads, [family], options)
+    assert found.plan.stops
+    vehicle = Vehicle(autopilot, pads, parameters_of(found, autopilot), soc=0.5)
+    vehicle.upload(found.whole[autopilot].mission)
+    told = " ".join(found.notes)
+    begins = [0, *(int(one) for one in re.findall(r"(\d+) for battery", told))]
+    begins += [0] * (len(found.plan.stops) + 1 - len(begins))  # PX4 goes on by itself
+    for number, (begin, stop) in enumerate(zip(begins, (*found.plan.stops, None), strict=True)):
+        vehicle.go(begin, goes_on=number > 0 and family.stays_in_mission_after_landing)
+        assert vehicle.vehicle.battery.soc >= conditions.reserve_soc
+        at = mission.home.point if stop is None else pads[stop.pad]
+        assert math.hypot(*offset_m(at.lat, at.lon, vehicle.vehicle.body.lat, vehicle.vehicle.body.lon)) < 3.0
+        if stop is not None:
+            vehicle.vehicle.battery.soc = stop.soc_leave
+    lost = len(found.problem.work.pictures) - len(vehicle.camera.pictures)
+    assert lost == (autopilot == "ardupilot"), lost

@@ -206,7 +206,7 @@ def recharge(
         bool,
         typer.Option("--single", help="Also one mission with disarmed stays, where the autopilot flies one (PX4)."),
     ] = False,
-    seed: Annotated[int, typer.Option(help="Random seed of the rehearsal.", min=0, max=2**32 - 1)] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the simulated flights.", min=0, max=2**32 - 1)] = 0,
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
@@ -232,8 +232,9 @@ def recharge(
     from skyway.recharge.cutting import recharged
     from skyway.recharge.made_of import MadeOf, texts_of
     from skyway.recharge.output import names_of, refuse_folder, write_folder
-    from skyway.recharge.rehearsal import rehearsed
+    from skyway.recharge.simulated import simulated
     from skyway.recharge.summary import summary_of
+    from skyway.recharge.time_belief import GROUND_S
 
     refuse_folder(output, force=force)
     asked = Asked(
@@ -263,6 +264,7 @@ def recharge(
         single=single,
         seed=seed,
         reorder=crew.reorder,
+        ground_s=GROUND_S if crew.ground_time is None else crew.ground_time,
     )
     document = with_home(read(mission), asked)
     region = region_of(asked)
@@ -288,7 +290,7 @@ def recharge(
         options.say_written(*files)
         return
     found = recharged(document, pads_of(asked, region, stands), families, chosen)
-    summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
+    summary = summary_of(found, simulated(found), mission.name, names_of(found))
     files = write_folder(
         found, summary, output, force=force, beside=lambda texts: texts_of(made_of, region, texts)
     )  # fmt: skip

@@ -45,11 +45,11 @@ def print_recharge(summary: RechargeSummary) -> None:
         )
     sheet.show()
     say("")
-    mean, _, late = summary.ends_s
+    mean, early, late = summary.ends_s
     stops = len(summary.flights) - 1
     say(
-        f"ends {duration(mean)} after the first take-off (half by {duration(summary.end_p50_s)}, 95 % by {duration(late)}, of {summary.runs}"
-        f" rehearsals); with no stop the work would take {duration(summary.work_s)}"
+        f"ends {duration(mean)} after the first take-off (5 % by {duration(early)}, half by {duration(summary.end_p50_s)}, 95 % by"
+        f" {duration(late)}, of {summary.runs} simulations); with no stop the work would take {duration(summary.work_s)}"
     )
     say(
         f"{stops} stop{'' if stops == 1 else 's'}; every landing keeps the reserve of {percent(summary.reserve_soc)} with"

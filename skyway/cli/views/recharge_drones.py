@@ -50,7 +50,7 @@ def print_drones(summary: DronesSummary) -> None:
     mean, _, late = summary.ends_s
     say(
         f"all have ended {duration(mean)} after the first take-off (half by {duration(summary.end_p50_s)}, 95 % by {duration(late)}, of"
-        f" {summary.runs} rehearsals)"
+        f" {summary.runs} simulations)"
     )
     alone = "" if summary.alone_s is None else f"; one drone alone would end {duration(summary.alone_s)} after it"
     say(f"by the plan {duration(summary.end_s)}; however it is shared, not before {duration(summary.bound_s)}{alone}")

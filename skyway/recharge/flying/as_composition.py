@@ -9,6 +9,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.units import from_posix
 from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
 from skyway.models.wind.summary import Wind, summary_of
+from skyway.recharge.summary import phases_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.spans import Span
     from skyway.recharge.cutting import Flight, Recharged
     from skyway.recharge.flying.places import WorkPlaces
-    from skyway.recharge.rehearsal import Rehearsal
+    from skyway.recharge.simulated import SimulatedFlights
 
 PLANNER = "recharge"
 
 
 def composition_of(
-    found: Recharged, rehearsal: Rehearsal, spans: Sequence[Span], places: WorkPlaces, time_s: float, identity: str
+    found: Recharged, flown: SimulatedFlights, spans: Sequence[Span], places: WorkPlaces, time_s: float, identity: str
 ) -> Composition:
     """Return the flights as the services of a composition, and the stays on pads as its stops; `time_s` is now, POSIX seconds."""
     conditions, transit = found.problem.options.conditions, found.problem.options.transit
@@ -37,18 +38,14 @@ def composition_of(
         Stop(
             places.of(stop.pad, end=True),
             begin + timedelta(seconds=stop.arrive_s),
-            max(min(max(stop.on_pad_s, stop.arrive_s), stop.leave_s) - stop.arrive_s, 0.0),
-            max(stop.leave_s - max(stop.on_pad_s, stop.arrive_s), 0.0),
-            0.0,
+            *phases_of(stop, found.problem.options),
             stop.soc_arrive,
             stop.soc_leave,
         )
         for stop in found.plan.stops
     )
     known = {one.id: Place.of(one) for one in (*places.pads, *places.more)}
-    mean, p50, p95 = (
-        begin + timedelta(seconds=one) for one in (rehearsal.end_s, rehearsal.end_p50_s, rehearsal.end_late_s)
-    )
+    mean, p50, p95 = (begin + timedelta(seconds=one) for one in (flown.end_s, flown.end_p50_s, flown.end_late_s))
     drone = conditions.drone
     heights = [step.height_m for step in found.problem.work.steps]
     return Composition(
@@ -68,10 +65,10 @@ def composition_of(
         stations=known,
         services=services,
         stops=stops,
-        arrival=ArrivalDistribution(mean, p50, p95, runs=rehearsal.runs),
+        arrival=ArrivalDistribution(mean, p50, p95, runs=flown.runs),
         planning_time_s=0.0,
         seed=found.problem.options.seed,
-        success_probability=rehearsal.p_reserve,
+        success_probability=flown.p_reserve,
     )
 
 

@@ -27,7 +27,7 @@ from skyway.recharge.flying import rest
 from skyway.recharge.flying.as_composition import composition_of
 from skyway.recharge.output import parameters_of
 from skyway.recharge.reasons import no_plan
-from skyway.recharge.rehearsal import rehearsed
+from skyway.recharge.simulated import simulated
 
 if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions, RechargeProblem
 
 RUNS = 1000
-MANOEUVRES_S = 25.0
-"""By which flights take longer than their hops say, to gain speed and to brake: `planner.parameters.online`, whatever their length."""
 WHOLE_PERCENT = 100.0
 EARLIER_ROUNDS = 8
 
@@ -109,10 +107,8 @@ class SetPlanner:
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
         """Plan what is left."""
-        options = self._options(known)
-        kept = options.conditions.reserve_soc + MANOEUVRES_S * self._soc_per_s(options.conditions)
-        options = replace(options, conditions=replace(options.conditions, reserve_soc=kept))
-        problem = rest.anew(self.found.problem, options)
+        problem = rest.anew(self.found.problem, self._options(known))
+        options = problem.options
         belief = known.belief.next_flight()
         sure = max(belief.mean_ratio, ROUNDED * belief.quantile(1.0 - options.epsilon))
         planned: RestPlan | None = None
@@ -172,8 +168,7 @@ class SetPlanner:
                 conditions.weather.probability
             )  # nobody takes off in such a wind: the list before says so
         weight = weight / weight.sum()
-        per_s = MANOEUVRES_S * self._soc_per_s(conditions)
-        soc = np.where(flown.flyable, flown.energy_j, 0.0) / conditions.drone.battery_j + per_s
+        soc = np.where(flown.flyable, flown.energy_j, 0.0) / conditions.drone.battery_j
         seconds = np.where(flown.flyable, flown.time_s, 0.0)
         mean = float(weight @ soc)
         spread = math.sqrt(max(float(weight @ soc**2) - mean**2, 0.0))
@@ -287,11 +282,10 @@ class SetPlanner:
             0.0,
         )
         battery_j, belief = conditions.drone.battery_j, aloft.belief
-        manoeuvres_s = MANOEUVRES_S * min(1.0, len(steps) / max(len(leg.steps), 1))
         typical = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0)) / max(
             float(weight @ flown.flyable), 1e-9
         )
-        soc = np.where(flown.flyable, flown.energy_j, typical) / battery_j + manoeuvres_s * self._soc_per_s(conditions)
+        soc = np.where(flown.flyable, flown.energy_j, typical) / battery_j
         seconds = np.where(flown.flyable, flown.time_s, 0.0)
         mean = float(weight @ soc)
         p_below = float(weight @ _below(aloft.soc - conditions.reserve_soc, soc, belief))
@@ -301,9 +295,6 @@ class SetPlanner:
             soc_land=aloft.soc - mean * belief.mean_ratio,
             p_below=p_below,
         )
-
-    def _soc_per_s(self, conditions: FlightConditions) -> float:
-        return FlightPower.of(conditions.drone, conditions.payload_kg).soc_per_s
 
     def _mission(self, family: Family, span: Span) -> tuple[WorkFlight, RouteLeg]:
         """Make a flight; the same one is made once."""
@@ -378,41 +369,41 @@ class SetPlanner:
         problem = replace(problem, options=replace(problem.options, conditions=conditions))
         plan = replace(planned.plan, depart_s=planned.depart_s)
         left = Recharged(problem, plan, planned.cuts, {family.name: flights}, (), {})
-        rehearsal = rehearsed(left, runs=RUNS)
+        flown = simulated(left, runs=RUNS)
         spans = spans_of(planned.cuts, begin)
-        composition = composition_of(left, rehearsal, spans, self.places, known.time_s, self.identity)
-        kept = self.found.problem.options.conditions.reserve_soc
-        composition = replace(composition, reserve_soc=kept)
+        composition = composition_of(left, flown, spans, self.places, known.time_s, self.identity)
         to = self.places.of(None if spans[0].end is None else spans[0].end[1], end=True)
         soc = min(math.ceil(WHOLE_PERCENT * planned.soc_leave - 1e-6) / WHOLE_PERCENT, 1.0)
         if self.found.problem.options.swap_s is not None and begin is not None:
             soc = 1.0
         said = (
             f"to {to} with {percent(soc)}, {len(spans) - 1} more stop{'' if len(spans) == 2 else 's'}; the work ends in"
-            f" {duration(rehearsal.end_s)} ({duration(rehearsal.end_p50_s)} in half of the cases, {duration(rehearsal.end_late_s)} in 95 %),"
-            f" all landings keep the reserve with probability {probability(rehearsal.p_reserve, 1)}"
+            f" {duration(flown.end_s)} ({duration(flown.end_p50_s)} in half of the cases, {duration(flown.end_late_s)} in 95 %),"
+            f" all landings keep the reserve with probability {probability(flown.p_reserve, 1)}"
         )
         figures = {
-            "p_reserve": rehearsal.p_reserve, "end_mean_s": rehearsal.end_s, "end_p50_s": rehearsal.end_p50_s,
-            "end_p95_s": rehearsal.end_late_s, "stops": len(spans) - 1, "charge_to": soc,
+            "p_reserve": flown.p_reserve, "end_mean_s": flown.end_s, "end_p05_s": flown.end_early_s, "end_p50_s": flown.end_p50_s,
+            "end_p95_s": flown.end_late_s, "stops": len(spans) - 1, "charge_to": soc,
         }  # fmt: skip
         return WorkPlan(
             span=spans[0],
             charge_to=soc,
-            leave_s=known.time_s + planned.depart_s - self._charging_s(begin, known.soc, planned.soc_leave),
+            leave_s=known.time_s + planned.depart_s - self._handled_s(begin, known.soc, planned.soc_leave),
             composition=composition,
             said=said,
             figures=figures,
         )
 
-    def _charging_s(self, begin: tuple[int, int] | None, before: float, after: float) -> float:
-        """Return how long it charges on the pad where it stands."""
+    def _handled_s(self, begin: tuple[int, int] | None, before: float, after: float) -> float:
+        """Return how long it takes on the pad where it stands, by the plan: charging, and what comes before a take-off."""
         problem = self.found.problem
-        if begin is None or after <= before or problem.options.swap_s is not None:
+        if begin is None:
             return 0.0
+        if after <= before or problem.options.swap_s is not None:
+            return problem.options.ground_s
         pad = problem.ways.pads[begin[1]]
         curve = problem.options.conditions.drone.charging_curve(pad.recharge_power_w)
-        return float(curve.duration_s(max(before, 0.0), np.float64(after)))
+        return problem.options.ground_s + float(curve.duration_s(max(before, 0.0), np.float64(after)))
 
 
 def _below(budget_soc: float, cost: np.ndarray, belief: EnergyBelief) -> np.ndarray:

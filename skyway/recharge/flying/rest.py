@@ -93,10 +93,8 @@ def from_pad(
     )
     if plan is None or not plan.stops:
         return None
-    first, *others = (
-        replace(stop, position=point + max(stop.position - 1, 0), pad=problem.usable[stop.pad][0])
-        for stop in plan.stops
-    )
+    stops = problem.told(plan, point - 1).stops
+    first, *others = (replace(stop, position=max(stop.position, point)) for stop in stops)
     rest = replace(plan, stops=tuple(others), depart_s=first.leave_s)
     return RestPlan(cuts_of(rest), first.leave_s, first.soc_leave, rest)
 
@@ -106,7 +104,7 @@ def from_start(problem: RechargeProblem, soc: float, ratios: tuple[float, float]
     plan = charging_stops(replace(problem.route(ratios[1]), soc_start=soc, mean_ratio=ratios[0]))
     if plan is None:
         return None
-    plan = replace(plan, stops=tuple(replace(stop, pad=problem.usable[stop.pad][0]) for stop in plan.stops))
+    plan = problem.told(plan)
     return RestPlan(cuts_of(plan), plan.depart_s, soc, plan)
 
 
@@ -141,10 +139,7 @@ def in_air(
     )
     if plan is None:
         return None
-    stops = tuple(
-        replace(stop, position=following + stop.position - 1, pad=problem.usable[stop.pad][0]) for stop in plan.stops
-    )
-    plan = replace(plan, stops=stops)
+    plan = problem.told(plan, following - 1)
     return RestPlan(cuts_of(plan), 0.0, soc, plan)
 
 

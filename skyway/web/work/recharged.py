@@ -22,7 +22,7 @@ from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands
 from skyway.recharge.cutting import Recharged, recharged
 from skyway.recharge.made_of import MadeOf, texts_of
 from skyway.recharge.output import names_of, write_folder
-from skyway.recharge.rehearsal import rehearsed
+from skyway.recharge.simulated import simulated
 from skyway.recharge.summary import RechargeSummary, summary_of
 from skyway.web.work.question import OF_SCENARIO, Cut, number
 
@@ -146,7 +146,7 @@ def _made(
     options = options_of(asked, document, region, zones, stands)
     families = [family_named(name) for name in ((question.autopilot,) if question.autopilot else NAMES)]
     found = recharged(document, pads_of(asked, region, stands), families, options)
-    summary = summary_of(found, rehearsed(found), mission.name, names_of(found))
+    summary = summary_of(found, simulated(found), mission.name, names_of(found))
     return found, summary, MadeOf(asked=asked, mission=mission, autopilot=question.autopilot or None), region
 
 

@@ -71,9 +71,9 @@ def test_a_mission_is_cut_at_a_pad_behind_a_wall_and_every_flight_keeps_to_the_f
         for flight in flights:
             assert not [one for one in flight.report.findings if one.severity == "error"]
             assert flight.report.legs[-1].p_reserve >= 0.999 - 1e-9
-    first = found.plan.stops[0]
-    flown_s = sum(leg.time_s for leg in found.told[0].report.legs)
-    assert flown_s == pytest.approx(first.arrive_s - found.plan.depart_s, rel=0.02)
+    first, flight = found.plan.stops[0], found.told[0]
+    flown_s = sum(leg.time_s for leg in flight.report.legs)
+    assert flown_s == pytest.approx(first.arrive_s - found.plan.depart_s, rel=0.03)
 
 
 def test_a_zone_is_gone_around_likewise():

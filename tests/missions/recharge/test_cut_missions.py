@@ -26,10 +26,11 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
+from skyway.recharge import time_belief
 from skyway.recharge.cutting import recharged
 from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions
-from skyway.recharge.rehearsal import rehearsed
+from skyway.recharge.simulated import simulated
 
 
 def cut(mission, pads, chosen=None, families=FAMILIES):
@@ -307,7 +308,7 @@ def test_the_planner_that_lands_on_lakes_takes_no_less_time_than_we_do(shared_da
     assert found.plan.end_s <= metres / speed + delay
 
 
-def test_few_batteries_are_waited_for_and_the_rehearsal_waits_too():
+def test_few_batteries_are_waited_for_and_the_simulated_flights_wait_too():
     legs = [at(400.0 * (number % 2), 60.0 * number) for number in range(12)]
     mission = mission_of([*legs, at(0, 0, Command.NAV_LAND, 0.0)])
     pads = [pad("barn", -50, 0), pad("shed", 400, 300)]
@@ -317,7 +318,7 @@ def test_few_batteries_are_waited_for_and_the_rehearsal_waits_too():
         found = cut(mission, pads, chosen)
         sure = replace(chosen.conditions.drone, energy_belief=EXACT)
         exact = replace(chosen, conditions=replace(chosen.conditions, drone=sure))
-        told = rehearsed(cut(mission, pads, exact), runs=4)
+        told = simulated(cut(mission, pads, exact), runs=4, times=time_belief.EXACT)
         assert told.end_s == pytest.approx(cut(mission, pads, exact).plan.end_s, rel=0.02)
         assert all(flight.soc_start == 1.0 for flight in found.told)
         ends.append(found.plan.end_s)

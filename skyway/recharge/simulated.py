@@ -1,7 +1,7 @@
-"""The flights of a cut mission rehearsed: when it ends and whether each landing keeps the reserve, over winds, energies and pads.
+"""The flights of a cut mission simulated: when it ends and whether each landing keeps the reserve, over winds, energies, times and pads.
 
-Every flight is flown in every wind of the forecast; what it takes there differs from what the model says as is believed of the drone;
-on a pad it is charged to what the plan says, however long that takes.
+Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
+who handle it (`recharge.time_belief`); on a pad it is charged to what the plan says, however long that takes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import numpy as np
 from skyway.missions.checks.energy import fly_leg
 from skyway.missions.checks.route import fly
 from skyway.models.base.statistics import weighted_quantile
+from skyway.models.flight.energy import FlightPower
 from skyway.planner.fixed_route.pad_windows import ALWAYS
+from skyway.recharge.time_belief import TimeBelief
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +29,7 @@ RUNS = 4000
 
 
 @dataclass(frozen=True, slots=True)
-class Rehearsal:
+class SimulatedFlights:
     """What came of many runs of a cut mission.
 
     Attributes
@@ -55,8 +57,11 @@ class Rehearsal:
     kept: NDArray[np.bool_] = field(compare=False, repr=False)
 
 
-def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, drone: int = 0) -> Rehearsal:
-    """Rehearse a cut mission; the same seed gives the same runs, and several drones the same winds."""
+def simulated(
+    found: Recharged, *, runs: int = RUNS, seed: int | None = None, drone: int = 0, times: TimeBelief | None = None
+) -> SimulatedFlights:
+    """Simulate a cut mission; the same seed gives the same runs, and several drones the same winds."""
+    times = times or TimeBelief()
     options, plan = found.problem.options, found.plan
     conditions = options.conditions
     rng = np.random.default_rng(options.seed if seed is None else seed)
@@ -65,35 +70,40 @@ def rehearsed(found: Recharged, *, runs: int = RUNS, seed: int | None = None, dr
     if drone:
         rng = np.random.default_rng((options.seed if seed is None else seed, drone))
     ratios = conditions.drone.energy_belief.sampled(rng, runs, len(found.told))
+    factors = times.sampled(rng, runs, len(found.told))
     clock = np.full(runs, plan.depart_s)
     soc = np.full(runs, conditions.soc_start)
     kept = np.ones((len(found.told), runs), dtype=bool)
-    pool = _Pool(found, runs)
+    pool, ground_s = _Pool(found, runs), options.ground_s
+    power = FlightPower.of(conditions.drone, conditions.payload_kg)
     for number in range(len(found.told)):
         begin = np.bincount(wind, clock, len(weight)) / np.maximum(np.bincount(wind, minlength=len(weight)), 1)
         begin = np.where(begin > 0.0, begin, clock.mean())
-        time_s, energy_j = _in_each_wind(found, number, begin)
-        soc = soc - ratios[:, number] * energy_j[wind] / conditions.drone.battery_j
+        time_s, energy_j, turns_s = _in_each_wind(found, number, begin)
+        more_s = turns_s * (factors.manoeuvres - 1.0)
+        energy_j = energy_j[wind] + power.cruise_w * more_s
+        soc = soc - ratios[:, number] * energy_j / power.battery_j
         kept[number] = soc >= conditions.reserve_soc
-        clock = clock + time_s[wind]
+        clock = clock + factors.flights[number] * (time_s[wind] - turns_s) + turns_s + more_s
         if number < len(plan.stops):
             stop = plan.stops[number]
             clock = clock + _waits(found, stop.pad, clock, rng)
             first_s, last_s = _window(found, number)
             clock = np.maximum(clock, first_s)
+            handled_s = ground_s * factors.ground[number]
             if options.swap_s is not None:
-                clock, soc = pool.changed(clock, soc), np.ones(runs)
+                clock, soc = pool.changed(clock, soc) + handled_s, np.ones(runs)
                 continue
             curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
             target = np.maximum(soc, stop.soc_leave)
             if math.isfinite(last_s):  # then the van drives on, whoever it has on its roof
-                stay_s = np.maximum(last_s - clock, 0.0)
+                stay_s = np.maximum(last_s - clock - handled_s, 0.0) / factors.charging
                 most = curve.soc(np.asarray(curve.time_from_empty_s(np.maximum(soc, 0.0))) + stay_s)
                 target = np.maximum(soc, np.minimum(target, np.asarray(most)))
-            clock = clock + np.asarray(curve.duration_s(np.maximum(soc, 0.0), target))
+            clock = clock + factors.charging * np.asarray(curve.duration_s(np.maximum(soc, 0.0), target)) + handled_s
             soc = target
     one = np.ones(runs)
-    return Rehearsal(
+    return SimulatedFlights(
         float(clock.mean()),
         weighted_quantile(clock, one, 0.05),
         weighted_quantile(clock, one, 0.5),
@@ -131,12 +141,12 @@ class _Pool:
 
 def _in_each_wind(
     found: Recharged, number: int, begin_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Time and energy of a flight in each wind of the forecast; where a wind forbids it, as on average in the others."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Time and energy of a flight in each wind of the forecast, where one forbids it as on average in the others; and seconds of manoeuvres in it."""
     conditions = found.problem.options.conditions
     mission = found.told[number].document.mission
     route = fly(mission)
-    height_m, time_s, energy_j = 0.0, np.zeros(len(begin_s)), np.zeros(len(begin_s))
+    height_m, time_s, energy_j, turns_s = 0.0, np.zeros(len(begin_s)), np.zeros(len(begin_s)), 0.0
     for leg in route.legs:
         flown = fly_leg(mission, leg, conditions, conditions.payload_kg, begin_s + time_s, height_m)
         share = np.where(flown.flyable, conditions.weather.probability, 0.0)
@@ -144,8 +154,9 @@ def _in_each_wind(
         for sums, values in ((time_s, flown.time_s), (energy_j, flown.energy_j)):
             typical = float(share @ np.where(flown.flyable, values, 0.0)) / total
             np.add(sums, np.where(flown.flyable, values, typical), out=sums)
+        turns_s += flown.turns_s
         height_m = leg.next_ground_m
-    return time_s, energy_j
+    return time_s, energy_j, turns_s
 
 
 def _window(found: Recharged, number: int) -> Window:

@@ -1,0 +1,62 @@
+"""What is believed of the time that work takes which is flown battery by battery, beside its winds, its energy and its queues."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GROUND_S = 20.0
+"""On the ground at each stop, beside waiting and charging: the landing is noticed, the next mission uploaded and read back, the list gone through,
+the motors armed. `skyway fly` takes 6 to 7 s for that with a simulated drone and nobody to ask."""
+
+
+class TimeFactors(NamedTuple):
+    """Of each run: what times are over what is expected of them."""
+
+    flights: NDArray[np.float64]
+    """Shape (flights, runs)."""
+    manoeuvres: NDArray[np.float64]
+    charging: NDArray[np.float64]
+    """Shape (runs,) each."""
+    ground: NDArray[np.float64]
+    """Shape (flights, runs); of the stop behind each flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBelief:
+    """Standard deviations of times, each as a share of what is expected; all of it log-normal."""
+
+    flights_sd: float = 0.015
+    """Of all flights together: how fast this aircraft flies a speed that it is told."""
+    each_flight_sd: float = 0.015
+    """Of each flight by itself: gusts, and winds that are unlike the hour's."""
+    manoeuvres_sd: float = 0.3
+    """Of turns, take-offs and landings (`missions.recharge.manoeuvres`), of all flights together."""
+    charging_sd: float = 0.04
+    """Of all charging: the age of the battery, its warmth, the charger."""
+    ground_sd: float = 0.6
+    """Of each time on the ground."""
+
+    def sampled(self, rng: np.random.Generator, runs: int, flights: int) -> TimeFactors:
+        """Draw what times are over what is expected of them."""
+
+        def drawn(sd: float, *shape: int) -> NDArray[np.float64]:
+            sigma = np.sqrt(np.log1p(sd * sd))
+            return np.asarray(np.exp(sigma * rng.standard_normal(shape) - 0.5 * sigma * sigma))
+
+        together = drawn(self.flights_sd, runs)
+        return TimeFactors(
+            together * drawn(self.each_flight_sd, flights, runs),
+            drawn(self.manoeuvres_sd, runs),
+            drawn(self.charging_sd, runs),
+            drawn(self.ground_sd, flights, runs),
+        )
+
+
+EXACT = TimeBelief(0.0, 0.0, 0.0, 0.0, 0.0)
+"""Everything takes what is expected."""
