@@ -157,7 +157,6 @@ def _on_the_ground(online: Online) -> Iterator[tuple[str, float]]:
     ids = [station.id for station in case.scenario.network.stations]
     begin = case.request.state
     where = begin.station if begin.station is not None and rng.random() < 0.5 else str(rng.choice(ids))
-    some = frozenset(str(one) for one in rng.choice(ids, int(rng.integers(0, 4)))) - {where}
     known = Information(
         time_s=begin.time.timestamp() + float(rng.choice([0.0, 700.0, 20_000.0, 200_000.0])),
         soc=float(rng.choice([1.0, 0.5, 0.21, 0.0, 1.3, -0.2])),
@@ -166,7 +165,6 @@ def _on_the_ground(online: Online) -> Iterator[tuple[str, float]]:
         station=where,
         visited=frozenset(str(one) for one in rng.choice(ids, int(rng.integers(0, 3)))),
         busy_pads=begin.busy_pads,
-        unusable=some,
         plan=_present_plan(online),
         planned_soc=None if rng.random() < 0.5 else 0.8,
     )

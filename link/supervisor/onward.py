@@ -181,7 +181,7 @@ def another_pad(ctx: Context, known: Information) -> bool:
 def _free(station: Station, known: Information) -> bool:
     """Whether a pad is free at a station as far as is known; of those that were not asked nothing is known."""
     seen = known.busy_pads.get(station.id)
-    return seen is not None and seen < station.pads and station.id not in known.unusable
+    return seen is not None and seen < station.pads
 
 
 def stay_until_due(ctx: Context) -> None:

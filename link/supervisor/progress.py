@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 AT_STATION_M = 60.0
-UNUSABLE_S = 900.0
-"""A station that could not be used is not tried again for so long."""
 
 
 @dataclass(slots=True)
@@ -46,8 +44,6 @@ class DeliveryProgress:
     """Charge to leave with."""
     charged: bool = False
     """It has been charged here."""
-    unusable: dict[str, float] = field(default_factory=dict)
-    """Stations that could not be used, and since when, POSIX seconds."""
     called_off: bool = False
     """The plan in force is not flown any more once it has landed."""
     work: WorkProgress = field(default_factory=WorkProgress)
@@ -93,14 +89,6 @@ class DeliveryProgress:
     def charge_done(self) -> None:
         """Note that it has been charged here."""
         self.charged = True
-
-    def avoid(self, station: str, now_s: float) -> None:
-        """Note that a station could not be used."""
-        self.unusable[station] = now_s
-
-    def forget_unusable(self, now_s: float) -> None:
-        """Give stations another chance that could not be used long ago."""
-        self.unusable = {name: since for name, since in self.unusable.items() if now_s < since + UNUSABLE_S}
 
     # The leg
 

@@ -37,6 +37,8 @@ GUSTY_MPS = 2.0
 """At this speed the variance is twice that in calm air. New York 2013, three airports 19 to 35 km apart: 1.2 to 5.5 m/s, by pair."""
 TWO_MINUTES_SD = 0.123
 """Of gusts (15 % of the wind along it, 12 % across, correlated for 3 minutes) in a mean of two minutes, as airports report: no error between sites."""
+SHORTEST_M = 1.0
+"""No stretch is shorter."""
 MIN_HOURS = 240
 """A record with fewer hours in which two sites measured tells nothing of its own."""
 
@@ -86,6 +88,29 @@ class FieldError:
     def gamma(self, distance_m: ArrayLike) -> NDArray[np.float64]:
         """Semivariogram in calm air, m2/s2."""
         return np.asarray(self.variance * (np.asarray(distance_m) / REFERENCE_M) ** EXPONENT)
+
+    def gamma_of_stretch(self, begin_m: ArrayLike, end_m: ArrayLike) -> NDArray[np.float64]:
+        """Semivariogram between a place and the mean over a straight stretch, in calm air, m2/s2.
+
+        The stretch leads away from the place, from a distance a to a distance b: with gamma(d) = g d^p that is
+
+            g (b^(p+1) - a^(p+1)) / ((p + 1) (b - a)) - g (b - a)^p / ((p + 1) (p + 2))
+
+        the mean of gamma over the stretch, less the half mean of gamma within it (Cressie, section 3.2.5: block kriging).
+        """
+        begin, end = np.asarray(begin_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
+        length = np.maximum(end - begin, SHORTEST_M)
+        to = ((begin + length) ** (EXPONENT + 1.0) - begin ** (EXPONENT + 1.0)) / ((EXPONENT + 1.0) * length)
+        within = length**EXPONENT / ((EXPONENT + 1.0) * (EXPONENT + 2.0))
+        return np.asarray(self.variance * (to - within) / REFERENCE_M**EXPONENT)
+
+    def gamma_of_neighbours(self, apart_m: ArrayLike) -> NDArray[np.float64]:
+        """Semivariogram between the means over two adjoining straight stretches whose middles are so far apart, in calm air, m2/s2.
+
+        With gamma(d) = g d^p that is g d^p (2^(p+2) - 4) / ((p + 1) (p + 2)).
+        """
+        share = (2.0 ** (EXPONENT + 2.0) - 4.0) / ((EXPONENT + 1.0) * (EXPONENT + 2.0))
+        return np.asarray(share * self.gamma(apart_m))
 
     def covariance(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], weight: NDArray[np.float64],

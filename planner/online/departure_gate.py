@@ -15,10 +15,11 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, percent, probability, speed_text, zone_clock
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import counted
 from skyway.planner.online.options import along_way
 from skyway.planner.reach.diverts import divert_cover
 from skyway.planner.reach.reach import SOC_SD
-from skyway.planner.robust.free_capacity import no_place_probability
+from skyway.planner.robust.free_capacity import no_place_probability, turned_for_room_probability
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,6 +59,8 @@ class Gated:
 class _Taken(NamedTuple):
     """Charge that a leg takes, each of shape (members, 1)."""
 
+    time_s: float
+    """On average."""
     cost: NDArray[np.float64]
     """Without what is not known of the wind ahead."""
     doubt: NDArray[np.float64]
@@ -99,7 +102,10 @@ class DepartureGate:
     def p_turned(self, step: Step) -> float:
         """Probability that a watched leg which is begun as a step says is turned before the first station where it can land."""
         sure, reach, taken = self._leg(step)
-        return float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
+        for_charge = float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
+        return 1.0 - (1.0 - for_charge) * (
+            1.0 - self._p_no_room(sure, reach, taken, self._take_off_s(step), step.charge)
+        )
 
     def charges(self, step: Step) -> list[float]:
         """Charges with which a watched leg is turned with some probabilities, the greatest probability first; those that a battery has."""
@@ -157,7 +163,11 @@ class DepartureGate:
             why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         soc, diverts = covered
-        held, figures = self._not_landed_at(step, at_s) or self._held(way, at_s, sure[-1])
+        held, figures = (
+            self._not_landed_at(step, at_s)
+            or self._full(sure, reach, taken, at_s, max(soc, step.charge))
+            or self._held(way, at_s, sure[-1])
+        )
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
         return Gated(names, soc, diverts, held=held, figures=figures, hopeless=hopeless)
 
@@ -197,15 +207,15 @@ class DepartureGate:
     def _taken(self, reach: Reach, way: list[Place], at_s: float) -> _Taken:
         """What a leg takes."""
         flown = reach.to_the_end(way, at_s, climbs=True)
-        cost, doubt = flown.soc[:, None], flown.doubt[:, None]
+        time_s, cost, doubt = float(reach.expected(flown.time_s)), flown.soc[:, None], flown.doubt[:, None]
         if not self._info.watched:
-            return _Taken(cost, doubt, np.zeros_like(doubt), 0.0)
-        half_s = 0.5 * float(reach.expected(flown.time_s))
+            return _Taken(time_s, cost, doubt, np.zeros_like(doubt), 0.0)
+        half_s = 0.5 * time_s
         by_then = self._reach.where_flown(way, at_s)
         rest = by_then.to_the_end(second_half(way), at_s + half_s).doubt
         half_soc = 0.5 * float(reach.expected(flown.soc))
         then = reach.belief.in_flight(half_soc * reach.belief.mean_ratio, half_soc)
-        return _Taken(cost, doubt, rest[:, None], math.hypot(half_soc * then.sd_between, SOC_SD))
+        return _Taken(time_s, cost, doubt, rest[:, None], math.hypot(half_soc * then.sd_between, SOC_SD))
 
     def _turned_below(self, taken: _Taken, reserve: float) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
         """For `Reach.p_below`: below which charge a leg is turned.
@@ -229,7 +239,7 @@ class DepartureGate:
         while soc <= 1.0 + 1e-9:
             cover = divert_cover(
                 reach, way, at_s, soc, floor_soc=floor, epsilon=parameters.epsilon, destination=end,
-                not_at=self._info.unusable, full=full, reserve_soc=kept,
+                full=full, reserve_soc=kept,
             )  # fmt: skip
             if cover.gap_m is None:
                 return min(soc, 1.0), cover.stations
@@ -265,6 +275,41 @@ class DepartureGate:
         opens = zone_clock(from_posix(opens_s), ZoneInfo(p.load.timezone))
         end = p.network.stations[node].id
         return f"wait: nobody is to land at {end} before {opens}", {"opens_posix_s": opens_s}
+
+    def _p_no_room(self, sure: tuple[str, ...], reach: Reach, taken: _Taken, at_s: float, soc: float) -> float:
+        """Probability that a watched leg is turned halfway because it may well find no place at its end, by who is there now."""
+        scenario, end = self._policy.scenario, sure[-1]
+        node = scenario.network.index[end]
+        present = self._info.busy_pads.get(end) if scenario.network.pads[node] else None
+        if present is None or not self._info.watched:
+            return 0.0
+        lands_soc = soc - reach.belief.mean_ratio * float(reach.expected(taken.cost[:, 0]))
+        hover_s = max(lands_soc - self._kept_at(end), 0.0) / reach.soc_per_s
+        return turned_for_room_probability(
+            scenario,
+            node,
+            present,
+            self._info.time_s,
+            at_s,
+            at_s + taken.time_s,
+            hover_s,
+            self._policy.parameters.epsilon,
+        )
+
+    def _full(
+        self, sure: tuple[str, ...], reach: Reach, taken: _Taken, at_s: float, soc: float
+    ) -> tuple[str, dict[str, Any]] | None:
+        """Why a leg waits for room at its end; None where there most probably is some."""
+        chance = self._p_no_room(sure, reach, taken, at_s, soc)
+        if chance <= self._policy.parameters.p_begin:
+            return None
+        station = self._policy.scenario.network.stations[self._policy.scenario.network.index[sure[-1]]]
+        others = counted(self._info.busy_pads[station.id], "other drone")
+        reason = (
+            f"wait for room: {others} at {station.id}, which has {counted(station.pads, 'pad')} and {counted(station.holding_spots, 'holding spot')}; "
+            f"the flight would be turned with probability {probability(chance)}"
+        )
+        return reason, {"p_no_room": chance}
 
     def _held(self, way: list[Place], at_s: float, end: str) -> tuple[str, dict[str, Any]]:
         """Why the wind most probably forbids to leave now."""

@@ -284,7 +284,7 @@ class FlightDecision:
             return None
         memory.better_s = airborne.time_s
         others = self._others(here, reach, airborne.time_s, airborne.soc)
-        ahead = [one for one in others if one.station not in airborne.left | airborne.unusable]
+        ahead = [one for one in others if one.station not in airborne.left]
         safe = [one for one in ahead if one.p_reserve <= settings.epsilon]
         if not safe:
             return None

@@ -69,8 +69,6 @@ class Information:
     """Others on the pads and in line at stations, as the pad services tell; where it stands, those before it."""
     behind: int = 0
     """Others that came after it to where it stands."""
-    unusable: frozenset[str] = frozenset()
-    """Stations that must not be flown to now."""
     plan: Composition | None = None
     """Plan in force from where it stands: its next leg is left only for a clear gain."""
     planned_soc: float | None = None

@@ -99,16 +99,10 @@ class OnlinePolicy:
 
     def problem(self, info: Information) -> Problem:
         """The rest of the delivery from a station."""
-        network = self.scenario.network
-        scenario = self.scenario
-        if info.unusable:
-            stations = [replace(one, pads=0) if one.id in info.unusable else one for one in network.stations]
-            scenario = replace(scenario, network=replace(network, stations=tuple(stations)))
         soc = min(max(info.soc, 0.0), 1.0)
-        visited = info.visited | info.unusable
-        state = State(from_posix(info.time_s), info.station, None, soc, busy_pads=info.busy_pads, visited=visited)
+        state = State(from_posix(info.time_s), info.station, None, soc, busy_pads=info.busy_pads, visited=info.visited)
         return Problem(
-            scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
+            self.scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
         )
 
     def way_on_soc(self, info: Information, station: str) -> float:
@@ -120,7 +114,7 @@ class OnlinePolicy:
         stays = network.pads[network.index[station]] > 0 and not self.request.in_air
         if station != self.request.destination or not self.request.escape or stays:
             return 0.0
-        p = self.problem(replace(info, station=self.request.state.station, unusable=frozenset()))
+        p = self.problem(replace(info, station=self.request.state.station))
         known = known_at(p, self.errors.in_forecast(info.forecast, info.time_s), measured=False, epsilon=p.epsilon)
         hours = (info.time_s + self.request.dwell_s + S_PER_H * k for k in range(WAY_ON_HOURS))
         found = (way_on_energy(p, known, time_s)[0] for time_s in hours)
@@ -138,8 +132,6 @@ class OnlinePolicy:
         elif info.plan is not None and info.plan.services:
             itinerary = itinerary_of(now, info.plan)
             kept = itinerary[0].segments if itinerary else ()
-            if info.plan.services[0].destination in info.unusable:
-                kept = ()
         belief = info.belief if in_flight else info.belief.next_flight()
         if self.load is not None and info.station is not None:
             reach = self.reach(info.forecast, belief)
@@ -169,8 +161,6 @@ class OnlinePolicy:
 
         `tell` adds the plan from there to a decision to leave, for those who show it and make missions of it.
         """
-        if self.request.destination in info.unusable:
-            return self._stopped(info, f"{self.request.destination} cannot be used now")
         seen = self.hindsight(info)
         p = seen.problem
         gate = DepartureGate(self, info, p)
@@ -213,8 +203,6 @@ class OnlinePolicy:
         if plan is None or not plan.services or plan.services[0].origin != here:
             return self._stopped(info, f"the plan does not lead on from {here}")
         service = plan.services[0]
-        if service.destination in info.unusable:
-            return self._stopped(info, f"{service.destination} cannot be used now")
         p = self.problem(info)
         segments = segments_of(p.network, [here, *service.via, service.destination])
         if not segments:

@@ -34,13 +34,13 @@ class DivertCover:
 
 def divert_cover(
     reach: Reach, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
-    destination: str, not_at: frozenset[str] = frozenset(), full: frozenset[str] = frozenset(), reserve_soc: float = 0.0, most: int | None = None,
+    destination: str, full: frozenset[str] = frozenset(), reserve_soc: float = 0.0, most: int | None = None,
     every_m: float | None = None,
 ) -> DivertCover:  # fmt: skip
     """Find divert stations for every point of a leg to `destination`, whose way is that of `Reach.way`.
 
     The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
-    Stations of `not_at` are known to be unusable, those that are `full` do not keep the reserve. There are at most `most`, for points `every_m` apart; by default both
+    Stations that are `full` do not keep the reserve. There are at most `most`, for points `every_m` apart; by default both
     are those of the online policy.
 
     `time_s` and `soc` are those of the take-off. A divert lands below `floor_soc` with no more than the probability
@@ -58,8 +58,8 @@ def divert_cover(
     used[:, 1:] = flown.soc
     used += climb_soc
     ends_at = reach.network.index[destination]
-    left_out = {ends_at, *(reach.network.index[station] for station in not_at)}
-    nodes = np.array([n for n in reach.pads_near(places, soc) if n not in left_out], dtype=np.int64)
+    nodes = reach.pads_near(places, soc)
+    nodes = nodes[nodes != ends_at]
     roomy = np.array([reach.network.stations[node].id not in full for node in nodes], dtype=bool)
     safe = np.zeros((len(points), len(nodes)), dtype=bool)
     nearest = np.zeros(len(points), dtype=bool)

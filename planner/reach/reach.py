@@ -164,9 +164,10 @@ class Reach:
             speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
             soc_per_s *= self.load.factor(np.hypot(speed - along, across))
         if self.ahead is not None:
-            away_m = np.cumsum(length_m) - 0.5 * length_m if in_turn else 0.5 * length_m
+            end_m = np.cumsum(length_m) if in_turn else length_m
             whole_s = flight_s.sum(axis=1, keepdims=True) if in_turn else flight_s
-            sd_mps = self.ahead.sd_mps(away_m, np.hypot(factor * north, factor * east), self.expected(whole_s))
+            speed_mps = np.hypot(factor * north, factor * east)
+            sd_mps = self.ahead.sd_mps(end_m - length_m, end_m, speed_mps, self.expected(whole_s))
             doubt = soc_per_s * slower_s(length_m, (along, across), self.airspeed_mps, most, sd_mps)
         return Flown(flight_s, soc_per_s * flight_s, doubt)
 

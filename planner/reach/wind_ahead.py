@@ -31,7 +31,7 @@ LEAST_MPS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class WindAhead:
-    """The wind ahead differs from that here by the structure function of winds, and the mean of a flight by its gusts."""
+    """The mean wind over a way ahead differs from that here by the structure function of winds, and by the gusts of the flight."""
 
     field: FieldError
     """At the height that is flown."""
@@ -48,15 +48,19 @@ class WindAhead:
         return cls(scenario.field_error, errors.gust_sd, errors.gust_time_s)
 
     def sd_mps(
-        self, away_m: NDArray[np.float64], speed_mps: NDArray[np.float64], flight_s: NDArray[np.float64]
+        self,
+        begin_m: NDArray[np.float64],
+        end_m: NDArray[np.float64],
+        speed_mps: NDArray[np.float64],
+        flight_s: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Standard deviation of a component of the mean wind of flights, shape (members, n).
+        """Standard deviation of a component of the mean wind of straight flights, shape (members, n).
 
-        That is at places so far away from here, shape (n,), in winds of a speed, shape (members, n); the flights last `flight_s`, shape (n,) or
+        They begin and end so far along the way from here, shape (n,), in winds of a speed, shape (members, n), and last `flight_s`, shape (n,) or
         (1,).
         """
         gusts = np.array([gust_mean_variance(self.gust_time_s / max(one, 1.0)) for one in flight_s.tolist()])
-        apart = 2.0 * self.field.gamma(away_m) * self.field.in_wind(speed_mps)
+        apart = 2.0 * self.field.gamma_of_stretch(begin_m, end_m) * self.field.in_wind(speed_mps)
         usual = HERE_MPS**2 + apart + (self.gust_sd * speed_mps) ** 2 * gusts
         aged = -math.expm1(-self.age_s / AGED_TIME_S) * (AGED_SHARE * speed_mps) ** 2
         return np.asarray(np.sqrt(self.roughness * usual + aged))

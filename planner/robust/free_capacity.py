@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.queues.load import PadLoad
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.problem.problem import Problem
 
@@ -100,10 +101,48 @@ def no_place_probability(
     come_s = begin_s + max(lands_s - now_s, 0.0)
     end_s = come_s + max(hover_s, 0.0)
     hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
-    charging = load.mean_charging_s[node, hours]
-    services = np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
-    come, gone = expected(load.arrivals_per_s[node, hours], begin_s, come_s), expected(services, begin_s, end_s)
+    come = expected(load.arrivals_per_s[node, hours], begin_s, come_s)
+    gone = expected(_services(load, node, hours), begin_s, end_s)
     return float(chance_full(station.pads, station.holding_spots, come, gone, present))
+
+
+def turned_for_room_probability(
+    scenario: Scenario,
+    node: int,
+    present: int,
+    now_s: float,
+    leaves_s: float,
+    lands_s: float,
+    hover_s: float,
+    most: float,
+) -> float:
+    """Chance that a flight to a station is turned halfway, because by then it may find no place with a greater probability than `most`.
+
+    From how many others are at the station now; it takes off later. Otherwise as `no_place_probability`.
+    """
+    station, load = scenario.network.stations[node], scenario.load
+    half_s = 0.5 * (leaves_s + lands_s)
+    turned_by = (
+        count
+        for count in range(station.pads + station.holding_spots + 1)
+        if no_place_probability(scenario, node, count, half_s, lands_s, hover_s) > most
+    )
+    least = next(turned_by, None)
+    if least is None:
+        return 0.0
+    begin_s, end_s = now_s % S_PER_H, now_s % S_PER_H + half_s - now_s
+    hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
+    come, gone = (
+        expected(load.arrivals_per_s[node, hours], begin_s, end_s),
+        expected(_services(load, node, hours), begin_s, end_s),
+    )
+    return float(chance_full(station.pads, least - station.pads, come, gone, present))
+
+
+def _services(load: PadLoad, node: int, hours: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Departures from a busy pad of a station, per s in some hours of the week."""
+    charging = load.mean_charging_s[node, hours]
+    return np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
 
 
 def blocking_probability_after(problem: Problem, after_s: float, *, behind: int) -> float:

@@ -59,7 +59,7 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     `arrivals` and D Poisson of mean `services` times the pads busy now: those that arrive in the meantime are assumed
     not to leave again.
 
-    Takes counts and expected numbers from 0 up, all finite; where there is no room the chance is 1.
+    Takes counts and expected numbers from 0 up, all finite. Where there is no room now, somebody must leave first.
 
     Parameters
     ----------
@@ -71,10 +71,9 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
         Others there now.
     """
     room = pads + spots - present
-    if room <= 0:
-        return 1.0
     leaving = services * min(pads, present)
     gone = math.exp(-leaving)  # probability of `count` departures
+    more = 1.0  # and of at least so many
     count = 0
     total = 0.0
     below, term = 0.0, math.exp(-arrivals)  # probability of fewer arrivals than there is room for, and of just so many
@@ -86,12 +85,16 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     while True:
         late = max(1.0 - below, 0.0)
         total += gone * late
+        more -= gone
         count += 1
         gone *= leaving / count
-        if late < _NEGLIGIBLE or count > _MOST:
+        if late < _NEGLIGIBLE:
             return total
-        below += term
-        term *= arrivals / (room + count)
+        if count > _MOST:
+            return min(total + max(more, 0.0) * late, 1.0)
+        if room + count > 0:
+            below += term
+            term *= arrivals / (room + count)
 
 
 @compiled

@@ -12,7 +12,7 @@ AHEAD = WindAhead(FieldError(1.0), 0.15, 180.0)
 
 
 def sd(away_m, speed_mps, flight_s=600.0):
-    return float(AHEAD.sd_mps(np.array([away_m]), np.array([[speed_mps]]), np.array([flight_s]))[0, 0])
+    return float(AHEAD.sd_mps(np.zeros(1), np.array([away_m]), np.array([[speed_mps]]), np.array([flight_s]))[0, 0])
 
 
 @given(away_m=st.floats(10.0, 30_000.0), speed=st.floats(0.0, 20.0), more=st.floats(1.01, 3.0))

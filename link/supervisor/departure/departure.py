@@ -112,19 +112,16 @@ def preflight(ctx: Context) -> After:
     ctx.note(ListDone(checks=told, failsafes=ctx.failsafes.values), reason)
     if not wrong:
         return State.UPLOADING, reason
-    return _after_preflight(ctx, wrong[0], reason, service)
+    return _after_preflight(ctx, wrong[0], reason)
 
 
-def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneService) -> After:
+def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
     """Plan again where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
     if first.verdict == "unknown":
         return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":
         return State.CRASHED, first.said
-    if first.name == "pads":
-        ctx.delivery.avoid(service.destination, ctx.now_s)
-        return State.REPLANNING, reason
-    if first.name in ("battery", "wind", "traffic"):
+    if first.name in ("battery", "pads", "wind", "traffic"):
         ctx.wait(REPLAN_AGAIN_S)
         return State.REPLANNING, reason
     return State.STOPPED, f"not ready for take-off: {reason}"

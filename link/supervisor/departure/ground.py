@@ -11,7 +11,6 @@ from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, rest, unanswered
 from skyway.link.supervisor.onward import another_pad, stay_until_due
-from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError
@@ -54,7 +53,7 @@ def replanning(ctx: Context) -> After:
         return State.REPLANNING, "the next leg cannot be flown in any wind of the forecast: look again"
     ctx.delivery.prepare(decision.diverts, decision.charge_to)
     if decision.action == "stop":
-        return _stopped(ctx, decision)
+        return State.STOPPED, decision.reason
     ctx.note_plan(decision.reason)
     if decision.action == "wait" and decision.charge_to is None:
         rest(ctx)
@@ -67,15 +66,6 @@ def replanning(ctx: Context) -> After:
         ctx.wait_until(ctx.job.not_before_s)
         return State.REPLANNING, "the package is ready: decide again"
     return State.PREFLIGHT, decision.reason
-
-
-def _stopped(ctx: Context, decision: Decision) -> After:
-    """Give stations that could not be used another chance before giving up."""
-    if not ctx.delivery.unusable:
-        return State.STOPPED, decision.reason
-    rest(ctx)
-    ctx.wait_until(POLL_S + min(ctx.delivery.unusable.values(), default=ctx.now_s) + UNUSABLE_S)
-    return State.REPLANNING, "stations that could not be used are tried again"
 
 
 def _look_again(ctx: Context) -> str:
@@ -95,20 +85,15 @@ def _look_again(ctx: Context) -> str:
 
 def information(ctx: Context) -> Information:
     """What is known where the drone stands."""
-    ctx.delivery.forget_unusable(ctx.now_s)
     station = _look_again(ctx)
     busy: dict[str, int] = {}
     plan = ctx.delivery.plan
-    next_station = None if plan is None or not plan.services else plan.services[0].destination
     for one in _in_reach(ctx, station):
         try:
             status = ctx.pads.status(one.id)
         except (LinkError, InputError):
             continue
         busy[one.id] = status.busy + status.waiting
-        full = status.busy >= status.pads and status.holding_free == 0 and status.pads > 0
-        if full and one.id == next_station and one.id != ctx.delivery.station:
-            ctx.delivery.avoid(one.id, ctx.now_s)
     return Information(
         time_s=ctx.now_s,
         soc=ctx.battery.soc,
@@ -121,7 +106,6 @@ def information(ctx: Context) -> Information:
         busy_pads=busy,
         roughness=ctx.wind.roughness,
         wind_measured_s=ctx.wind.measured_s,
-        unusable=frozenset(ctx.delivery.unusable),
         plan=plan,
         planned_soc=_planned(ctx),
     )

@@ -17,6 +17,7 @@ from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import distance_text, height_text, percent, probability, speed_text
 from skyway.models.base.units import from_posix, iso
 from skyway.models.flight.weather_closures import weather_closures
+from skyway.planner.robust.free_capacity import no_place_probability
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,6 +32,8 @@ HOME_M = 60.0
 LEAN_SLACK = 0.97
 HOME_HEIGHT_M = 30.0
 """Heights of stations and of a satellite fix differ by so much at most."""
+SAID = 0.001
+"""A smaller chance to find no place at the end is not told."""
 SOC_SLACK = 0.015
 """A charge told in whole percent may be so much lower."""
 
@@ -259,17 +262,21 @@ def _diverts(ctx: Context, service: DroneService) -> Check:
 
 
 def _pads(ctx: Context, service: DroneService) -> Check:
-    """The state of the pads at the end of the leg must be known; a full station without a free spot is no place to fly to."""
-    station = ctx.job.scenario.network.index.get(service.destination)
-    pads = 0 if station is None else ctx.job.scenario.network.stations[station].pads
-    if pads == 0:
+    """The state of the pads at the end of the leg must be known; a station that will most probably have no place when it comes is none to fly to."""
+    scenario, node = ctx.job.scenario, ctx.job.scenario.network.index.get(service.destination)
+    if node is None or scenario.network.pads[node] == 0:
         return Check("pads", "ok", f"{service.destination} has no pads")
     try:
         status = ctx.pads.status(service.destination)
     except (LinkError, InputError) as error:
         return Check("pads", "unknown", f"{service.destination}: {error}", waits=True)
     said = f"{service.destination}: {status.busy} of {status.pads} pads busy, {status.holding_free} holding spots free"
-    full = status.busy >= status.pads and status.holding_free == 0
+    now_s, flight_s = ctx.now_s, (service.arrive - service.depart).total_seconds()
+    spare = max(service.soc_arrive - ctx.request.reserve_soc, 0.0) / max(service.soc_depart - service.soc_arrive, 1e-6)
+    present = status.busy + status.waiting
+    chance = no_place_probability(scenario, node, present, now_s, now_s + flight_s, spare * flight_s)
+    full = chance > ctx.job.parameters.online.p_begin
+    said += f"; no place for the landing with probability {probability(chance, 1)}" if chance > SAID else ""
     return Check("pads", "no" if full else "ok", said, waits=True)
 
 

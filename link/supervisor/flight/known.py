@@ -34,7 +34,6 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
         visited=frozenset(ctx.delivery.visited),
         busy_pads=pads,
         roughness=ctx.wind.roughness,
-        unusable=frozenset(ctx.delivery.unusable),
         via=_ahead(ctx),
         destination=leg.destination,
         commanded_mps=_obeyed_mps(ctx, leg),

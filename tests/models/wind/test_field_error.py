@@ -78,6 +78,25 @@ def test_wind_grows_with_height_and_its_error_with_it():
     )
 
 
+@pytest.mark.parametrize(("begin_m", "end_m"), [(0.0, 6000.0), (2000.0, 6000.0), (9000.0, 9100.0)])
+def test_the_mean_over_a_stretch_is_off_as_winds_drawn_along_it_are(begin_m, end_m):
+    """Judge: the structure function summed over places along the way."""
+    error, steps = FieldError(0.8), 400
+    along = begin_m + (end_m - begin_m) * (np.arange(steps) + 0.5) / steps
+    within = error.gamma(np.abs(np.subtract.outer(along, along))).mean()
+    judged = float(error.gamma(along).mean() - 0.5 * within)
+    assert float(error.gamma_of_stretch(begin_m, end_m)) == pytest.approx(judged, rel=2e-3)
+
+
+def test_neighbours_differ_as_winds_drawn_along_them_do():
+    """Judge: the same for two adjoining stretches."""
+    error, steps, length_m = FieldError(0.8), 400, 2250.0
+    along = length_m * (np.arange(2 * steps) + 0.5) / steps
+    gamma = error.gamma(np.abs(np.subtract.outer(along, along)))
+    judged = float(gamma[:steps, steps:].mean() - 0.5 * (gamma[:steps, :steps].mean() + gamma[steps:, steps:].mean()))
+    assert float(error.gamma_of_neighbours(length_m)) == pytest.approx(judged, rel=5e-3)
+
+
 @pytest.mark.parametrize("wrong", [{"variance": -1.0}, {"tau_s": 0.0}, {"gusty_mps": float("nan")}])
 def test_an_error_out_of_range_is_refused_by_name(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):

@@ -19,6 +19,7 @@ from skyway.planner.robust.free_capacity import (
     likely_free,
     no_place_probability,
     room_at,
+    turned_for_room_probability,
 )
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, chance_full, expected, is_room
 from tests.planner.worlds import make_request, make_wind, make_world
@@ -34,7 +35,7 @@ def leaving(scenario, at=DEPART):
 def test_the_chance_of_a_full_station_is_that_of_simulated_arrivals_and_departures():
     rng = np.random.default_rng(2)
     arrivals, services, pads, spots = 1.6, 0.3, 3, 1
-    for present in range(4):
+    for present in range(7):
         came = rng.poisson(arrivals, 200_000)
         left = rng.poisson(services * min(pads, present), 200_000)
         share = float(np.mean(came - left >= pads + spots - present))
@@ -140,6 +141,31 @@ def test_the_longer_a_drone_can_hover_the_more_probably_it_finds_a_place(newyork
 
     assert 0.0 <= chance(present, hover_s + more) <= chance(present, hover_s) <= 1.0
     assert chance(present, hover_s) <= chance(present + 1, hover_s) + 1e-12
+
+
+def test_a_flight_is_turned_for_room_as_often_as_others_drawn_one_by_one_come(newyork):
+    """Judge: who is there halfway is drawn, and the chance from then on is asked for."""
+    node, now_s, draws, most = newyork.network.index["bellevue"], DEPART.timestamp(), 100_000, 0.05
+    station, load = newyork.network.stations[node], newyork.load
+    hour = hours_of_week(load.timezone, now_s, 1)[0]
+    room = station.pads + station.holding_spots
+    rng = np.random.default_rng(3)
+    seen = []
+    for present in range(room - 3, room + 1):
+        leaves_s, lands_s, hover_s = now_s + 300.0, now_s + 1500.0, 120.0
+        half_s = 0.5 * (leaves_s + lands_s) - now_s
+        came = rng.poisson(load.arrivals_per_s[node, hour] * half_s, draws)
+        left = rng.poisson(min(station.pads, present) / load.mean_charging_s[node, hour] * half_s, draws)
+        there = present + came - left
+        then = [
+            no_place_probability(newyork, node, count, now_s + half_s, lands_s, hover_s) for count in range(room + 1)
+        ]
+        least = next(count for count, chance in enumerate(then) if chance > most)
+        chance = turned_for_room_probability(newyork, node, present, now_s, leaves_s, lands_s, hover_s, most)
+        assert chance == pytest.approx(float(np.mean(there >= least)), abs=0.005)
+        seen.append(chance)
+    assert seen == sorted(seen)
+    assert seen[0] < seen[-1]
 
 
 def test_those_who_come_before_a_drone_and_those_who_leave_while_it_hovers_are_counted(newyork):

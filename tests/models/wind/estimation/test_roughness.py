@@ -11,13 +11,17 @@ from skyway.models.wind.gusts import GUST_TIME_S
 
 FIELD = FieldError(1.0)
 STEP_S, SPEED_MPS, VARIANCE = 150.0, 15.0, 1.2
+FINE = 8
+"""Places in a slot at which the wind is drawn."""
 
 
 def observations(generator, slots, scale, *, begin_s=0.0):
-    """Winds of 8 m/s along a straight flight, with gusts and the error between the sites; the variance of both is scaled."""
+    """Winds of 8 m/s along a straight flight, means over slots, with gusts and the error between the sites; the variance of both is scaled."""
     places = [direct(40.7, -74.0, 30.0, SPEED_MPS * STEP_S * k) for k in range(slots)]
     apart_m = SPEED_MPS * STEP_S * np.abs(np.subtract.outer(np.arange(slots), np.arange(slots)))
-    error = (FIELD.gamma(1e7) - FIELD.gamma(apart_m)) * FIELD.in_wind(8.0)
+    fine = SPEED_MPS * STEP_S * (np.arange(FINE * slots) + 0.5) / FINE
+    between = (FIELD.gamma(1e7) - FIELD.gamma(np.abs(np.subtract.outer(fine, fine)))) * FIELD.in_wind(8.0)
+    error = between.reshape(slots, FINE, slots, FINE).mean(axis=(1, 3))
     gusts = VARIANCE * np.exp(-apart_m / SPEED_MPS / GUST_TIME_S - apart_m / 5000.0)
     root = np.linalg.cholesky(scale * (error + gusts) + 1e-12 * np.eye(slots))
     drawn = root @ generator.standard_normal((slots, 2))
