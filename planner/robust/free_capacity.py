@@ -142,7 +142,7 @@ def turned_for_room_probability(
 def _services(load: PadLoad, node: int, hours: NDArray[np.int64]) -> NDArray[np.float64]:
     """Departures from a busy pad of a station, per s in some hours of the week."""
     charging = load.mean_charging_s[node, hours]
-    return np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
+    return np.asarray(np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0))
 
 
 def blocking_probability_after(problem: Problem, after_s: float, *, behind: int) -> float:

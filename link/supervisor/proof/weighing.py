@@ -219,8 +219,10 @@ class Scale:
         speeds, leans = ([fmean(point[column] for point in some) for some in alike] for column in (_AIRSPEED, _LEAN))
         explained = max(_PER_RAD * (leans[0] - leans[1]), _PER_MPS * abs(speeds[1] - speeds[0]))
         old, new = (fmean(one for _, one, *_ in some) for some in (before, after))
-        spread = max(pstdev(one for _, one, *_ in some) for some in (before, after))
         wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
         fell = 1.0 - new / old
         told = wanted >= _LEAST_FALL and max(leans) < _STEEP_RAD and fell < _MOST_SHARE * wanted
-        return told and fell - explained > _STEP_SHARE * wanted and spread < steady_share * fell * old
+        if not (told and fell - explained > _STEP_SHARE * wanted):
+            return False
+        spread = max(pstdev(one for _, one, *_ in some) for some in (before, after))
+        return spread < steady_share * fell * old
