@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 def application(site: Site) -> Any:
     """Return the application; one for each process."""
     from skyway.web import documents
-    from skyway.web.pages import fleet, fly, history, missions, plan, recharge, replay
+    from skyway.web.pages import fleet, fly, history, missions, plan, replay
+    from skyway.web.pages.recharge import page as recharge
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

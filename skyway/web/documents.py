@@ -13,7 +13,7 @@ from starlette.staticfiles import StaticFiles
 
 from skyway.link.supervisor.command.request_file import Request as OrderRequest
 from skyway.models.base.errors import InputError, SkywayError
-from skyway.web.folder import LOGS, MISSIONS, safe_name
+from skyway.web.folder import LOGS, MISSIONS, REPORTS, safe_name
 from skyway.web.guard import browser
 from skyway.web.pages import fleet_answer
 from skyway.web.pages.fleet import LEDGERS
@@ -60,9 +60,12 @@ def add(app: FastAPI, site: Site) -> None:
     _base_maps(app, site)
 
     @app.get("/api/region")
-    async def region() -> Response:
+    async def region(request: Request) -> Response:
+        wanted = Preferences.of(request.cookies)
         try:
-            return JSONResponse(await site.region(), headers={"cache-control": "no-store"})
+            told = await site.region()
+            zones = [one | {"limits": wanted.in_words(one["limits"])} for one in told["zones"]]
+            return JSONResponse(told | {"zones": zones}, headers={"cache-control": "no-store"})
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
 
@@ -160,14 +163,16 @@ def _logs(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/report")
     async def report(request: Request) -> Response:
-        """A report to be kept: it is never shown as a page of ours."""
-        name = request.query_params.get("journal", "")
+        """A report to be kept, made of a journal or as it lies in the folder: it is never shown as a page of ours."""
+        kept = request.query_params.get("file", "")
         try:
-            path = site.folder.existing(name)
+            if kept and not kept.lower().endswith(REPORTS):
+                raise InputError("is no report of the work folder", field="file", value=kept[:200])
+            path = site.folder.existing(kept or request.query_params.get("journal", ""))
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 404)
         try:
-            content = await site.workers.ask("history.report", str(path), site.scenario)
+            content = path.read_bytes() if kept else await site.workers.ask("history.report", str(path), site.scenario)
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
         headers = {

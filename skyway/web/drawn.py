@@ -183,9 +183,8 @@ def _short(words: str, width: float) -> str:
     return words if len(words) <= most else words[: most - 1] + "…"
 
 
-def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
+def profile(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
     """Return the heights above home along a mission."""
-    factor = 1.0 / 0.3048 if unit == "ft" else 1.0
     points = [one for leg in legs for one in leg["profile"]]
     if not points:
         return ""
@@ -201,7 +200,7 @@ def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
     parts = [f'<path class="grid" d="M{LEFT:g} {bottom:g}H{WIDTH - RIGHT:g}M{LEFT:g} {top:g}H{WIDTH - RIGHT:g}"/>']
     for value, y in ((high, top), (low, bottom)):
         parts.append(
-            f'<text class="tick" x="{LEFT - 8:g}" y="{y + 4:g}" text-anchor="end">{value * factor:.0f} {unit}</text>'
+            f'<text class="tick" x="{LEFT - 8:g}" y="{y + 4:g}" text-anchor="end">{wanted.height_text(value)}</text>'
         )
     parts += [
         f'<path class="typical" d="M{"L".join(place(one) for one in leg["profile"])}"/>'
@@ -209,12 +208,12 @@ def profile(legs: Sequence[dict[str, Any]], unit: str = "m") -> str:
         if leg["profile"]
     ]
     parts.append(
-        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 13:g}" text-anchor="end">{distance_text(1000.0 * far)}</text>'
+        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 13:g}" text-anchor="end">{wanted.in_words(distance_text(1000.0 * far))}</text>'
     )
     return _svg(
         "".join(parts),
         bottom + 18.0,
-        f"Heights above home along {distance_text(1000.0 * far)}, up to {high * factor:.0f} {unit}",
+        f"Heights above home along {wanted.in_words(distance_text(1000.0 * far))}, up to {wanted.height_text(high)}",
     )
 
 
@@ -261,9 +260,9 @@ def heights(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
         for height_m in (low, high)
     ]
     parts.append(
-        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 14:g}" text-anchor="end">{distance_text(far_m)}</text>'
+        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom + 14:g}" text-anchor="end">{wanted.in_words(distance_text(far_m))}</text>'
     )
-    words = f"Heights along {distance_text(far_m)}, least clearance {wanted.height_text(least['least_m'])} on the way from {least['from']} to {least['to']}"
+    words = f"Heights along {wanted.in_words(distance_text(far_m))}, least clearance {wanted.height_text(least['least_m'])} on the way from {least['from']} to {least['to']}"
     return _svg("".join(parts), bottom + 20.0, words)
 
 

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 MISSIONS = (".plan", ".waypoints", ".mission", ".fence", ".rally", ".txt")
 LOGS = (".tlog", ".bin", ".ulg", ".log", ".csv", ".jsonl")
-"""Endings of missions, and of logs and journals."""
+REPORTS = (".html",)
+"""Endings of missions, of logs and journals, and of reports."""
 MOST_FILES = 5000
 """Files of a folder that are looked at."""
 MOST_DEEP = 4

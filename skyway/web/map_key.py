@@ -44,19 +44,34 @@ SIGNS = {
         '<path class="k-zone" d="M2 2H20V14H2Z"/><path class="k-hatch" d="M4 14L16 2M10 14L20 4M2 10L10 2"/>',
         "zone that is closed; dashed: open in its hours or heights",
     ),
-    "wind": ('<path class="k-wind" d="M3 13L18 3m-5 0h5v5"/>', "wind: where it blows to, longer for more"),
+    "wind": (
+        '<path class="k-wind" d="M3 13L16 5m-5 0h5v5"/><circle cx="16" cy="5" r="4.5" class="k-spread"/>',
+        "wind: where it blows to, longer for more; the shade around its tip: how far members of the forecast stray (one standard deviation)",
+    ),
 }
 """Sign, drawn in a box of 22 by 16, and its words."""
 
+MOVES = ("arrows, + - 0", "move, zoom, show everything")
+KEYS = {
+    "stations": (("n, p", "next station, the one before"), ("Enter", "what can be done there, else in the middle of the map")),
+    "segments": (("s", "next segment of the plan, and what can be done with it"),),
+    "pads": (("m", "next pad"), ("Enter", "what can be done with it, else in the middle of the map")),
+    "vehicles": (("v", "next drone; Enter opens its flight"),),
+    "carry": (("Enter, Escape", "put down what is moved, or leave it where it was"),),
+}  # fmt: skip
+"""Keys of a map and what they do, beside `MOVES`; ``static/map/keys.js`` takes them."""
 
-def key(*signs: str) -> ui.element:
-    """Lay out the key of some `SIGNS`, closed at first."""
+
+def key(*signs: str, keys: Sequence[str] = ()) -> ui.element:
+    """Lay out the key of some `SIGNS` and what some `KEYS` do, closed at first."""
     found: Sequence[tuple[str, str]] = [SIGNS[name] for name in signs]
     items = "".join(
         f'<li><svg viewBox="0 0 22 16" aria-hidden="true">{sign}</svg><span>{words}</span></li>'
         for sign, words in found
     )
+    pressed = [MOVES, *(one for name in keys for one in KEYS[name])]
+    told = "".join(f"<div><dt>{name}</dt><dd>{words}</dd></div>" for name, words in pressed)
     with ui.element("details").classes("map-key") as made:
         text("summary", "Key")
-        ui.html(f"<ul>{items}</ul>")
+        ui.html(f"<ul>{items}</ul><dl>{told}</dl>")
     return made

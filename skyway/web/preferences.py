@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 
 CHOICES: dict[str, tuple[str, dict[str, str]]] = {
     "speed": ("Speeds", {"mps": "m/s", "kn": "kn", "kmh": "km/h"}),
-    "height": ("Heights", {"m": "m", "ft": "ft"}),
+    "height": ("Heights and lengths", {"m": "m", "ft": "ft"}),
     "time": ("Times", {"local": "local", "utc": "UTC"}),
     "theme": ("Colours", {"auto": "auto", "light": "light", "dark": "dark"}),
 }
 """Name of each preference: what it is, and its choices; the first is the usual one."""
 _SPEEDS = {"mps": 1.0, "kn": 1.0 / 0.514444, "kmh": 3.6}
 _FEET_PER_M = 1.0 / 0.3048
-_SPEED_TOLD = re.compile(r"\b(\d+(?:\.\d+)?) m/s\b")
+_NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?"
+_MEASURED = re.compile(rf"{_NUMBER}(?: ?(?:±|to|\() ?-?\d+(?:\.\d+)?\)?)* (m/s|m)(?![\w²³/·])")
+"""A length or a speed of a sentence, with what belongs to it: ``60 m``, ``7.4 ± 0.8 m/s``, ``10 (8 to 12) m/s``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +71,21 @@ class Preferences:
         return f"{metres * self.height_factor:.{digits}f} {self.height}"
 
     def in_words(self, told: str) -> str:
-        """Return a sentence with its speeds in the unit that is preferred; ``static/flight/words.js`` does the same."""
-        return told if self.speed == "mps" else _SPEED_TOLD.sub(lambda found: self.speed_text(float(found[1])), told)
+        """Return a sentence with its speeds, heights and lengths in the units that are preferred; ``static/flight/words.js`` does the same."""
+        return _MEASURED.sub(self._measured, told)
+
+    def _measured(self, found: re.Match[str]) -> str:
+        speed = found[1] == "m/s"
+        if (self.speed == "mps") if speed else (self.height == "m"):
+            return found[0]
+        factor = self.speed_factor if speed else self.height_factor
+        unit = CHOICES["speed"][1][self.speed] if speed else self.height
+
+        def told(number: re.Match[str]) -> str:
+            digits = 1 if speed else len(number[0].partition(".")[2])
+            return f"{float(number[0]) * factor:.{digits}f}"
+
+        return f"{re.sub(_NUMBER, told, found[0][: found.start(1) - found.start()])}{unit}"
 
     def clock(self, instant: datetime, timezone: str) -> str:
         """Return date and time, with the name of their zone."""

@@ -17,7 +17,7 @@ from skyway.web.folder import Folder
 from skyway.web.live.fleet import Fleet
 from skyway.web.live.flights import Flights
 from skyway.web.live.runs import Run
-from skyway.web.work.history import energy_per_km, told
+from skyway.web.work.history import energy_per_km, flown, reports, told
 from skyway.web.work.missions import converted, shown
 
 
@@ -98,9 +98,40 @@ def test_a_command_is_run_in_its_own_process_and_its_lines_are_told(outlives):
 def test_the_history_leaves_out_what_is_no_journal(tmp_path):
     (tmp_path / "x.jsonl").write_text("{}\n")
     assert told(str(tmp_path), [("x.jsonl", 1.0), ("missing.jsonl", 2.0)]) == []
-    rows = [
-        {"power_w": 360.0, "flight_s": 1000.0, "distance_m": 10_000.0},
-        {"power_w": None, "flight_s": 1.0, "distance_m": 1.0},
-    ]
+    rows = [{"measured_m": 10_000.0, "energy_j": 360_000.0}, {"measured_m": 0.0, "energy_j": 0.0}]
     assert energy_per_km(rows) == pytest.approx(10.0)
     assert energy_per_km([]) is None
+
+
+def test_the_reports_of_a_folder_are_those_that_skyway_wrote(tmp_path, page):
+    mark = '<meta name="generator" content="skyway report">'
+    for name, words in (
+        ("a.html", f"{mark}<title>delivered: A &amp; B</title>"),
+        ("b.html", "<title>else</title>"),
+        ("c.html", mark),
+    ):
+        (tmp_path / name).write_text(words)
+    assert reports(str(tmp_path), ["a.html", "b.html", "c.html", "d.html"]) == [
+        {"file": "a.html", "title": "delivered: A & B"}
+    ]
+    (page.folder / "a.html").write_text("<script>1</script>")
+    (page.folder / "a.txt").write_text("no report")
+    status, headers, text = page.ask("/api/report?file=a.html")
+    assert (status, text) == (200, "<script>1</script>")
+    assert headers["content-type"] == "application/octet-stream"
+    assert headers["content-disposition"].startswith("attachment")
+    assert [page.ask(f"/api/report?file={one}")[0] for one in ("a.txt", "..%2Fa.html", "none.html")] == [404, 404, 404]
+
+
+def test_the_way_flown_and_its_energy_are_summed_in_the_air_alone():
+    metre = 1.0 / 111_319.49  # degrees of longitude at the equator
+    rows = [  # time, flight, air, metres east, W
+        (0.0, 1, False, 0.0, 10.0), (5.0, 1, True, 0.0, 400.0), (10.0, 1, True, 100.0, 600.0), (15.0, 1, True, 200.0, None),
+        (20.0, 1, False, 200.0, 10.0), (25.0, 2, True, 300.0, 400.0), (200.0, 2, True, 900.0, 400.0),
+    ]  # fmt: skip
+    names = ("time_s", "flight", "air", "lon", "power_w")
+    track = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    track["lon"] = [metre * one for one in track["lon"]]
+    track["lat"] = [0.0] * len(rows)
+    assert flown(track) == pytest.approx((200.0, 100.0, 2500.0), rel=1e-4)
+    assert flown({}) == (0.0, 0.0, 0.0)

@@ -36,7 +36,10 @@ def test_the_map_gets_stations_wind_and_queues(page):
     queues = json.loads(page.ask("/api/queues?depart=2013-07-10T14:00-04:00")[2])
     assert len(region["stations"]) == 46
     assert len(wind["hours"]) == 24
-    assert len(wind["hours"][0]["north"]) == len(wind["points"])
+    assert len(wind["hours"][0]["north"]) == len(wind["hours"][0]["spread"]) == len(wind["points"])
+    assert 0.5 < min(wind["hours"][6]["spread"]) < 10.0
+    sure = json.loads(page.ask("/api/wind?depart=2013-07-10T14:00-04:00&wind=8@270")[2])
+    assert set(sure["hours"][0]["spread"]) == {0.0}
     assert set(queues["stations"]) == {one["id"] for one in region["stations"] if one["pads"]}
     status, _, text = page.ask("/api/wind?depart=soon")
     assert status == 422

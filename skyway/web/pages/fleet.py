@@ -47,7 +47,7 @@ class FleetPage:
                 self.status = Status()
                 self.command = CommandShown("fleet")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
-                MapLayer("Map of all drones of the fleet. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+                MapLayer("Map of all drones of the fleet")
                 key("vehicle", "station", "zone")
             with ui.element("section").classes("panel answer").props('aria-label="Fleet" tabindex=0'):
                 self.board = FleetBoard(PARTS)

@@ -34,12 +34,12 @@ def parts(found: dict[str, Any], wanted: Preferences) -> dict[str, str]:
     zone = wanted.zone(found["timezone"])
     return {
         "head": _head(found, zone),
-        "alarms": _alarms(found),
+        "alarms": _alarms(found, wanted),
         "drones-when": _chart("Drones", found["doing"], found, zone),
         "pads-when": _chart("Pads", found["booked"], found, zone),
-        "orders": _orders(found, zone),
-        "drones": _drones(found),
-        "changes": _changes(found, zone),
+        "orders": wanted.in_words(_orders(found, zone)),
+        "drones": wanted.in_words(_drones(found)),
+        "changes": wanted.in_words(_changes(found, zone)),
     }
 
 
@@ -64,8 +64,8 @@ def _head(found: dict[str, Any], zone: tzinfo) -> str:
     return f"<p class='big'>{safe(found['dispatcher'])}, {safe(found['state'])}, {safe(at)}</p><dl class='figures'>{figures}</dl>"
 
 
-def _alarms(found: dict[str, Any]) -> str:
-    lines = "".join(f"<p>! {safe(one)}</p>" for one in found["alarms"])
+def _alarms(found: dict[str, Any], wanted: Preferences) -> str:
+    lines = "".join(f"<p>! {safe(wanted.in_words(one))}</p>" for one in found["alarms"])
     return f"<div class='alarms'>{lines}</div>" if lines else "<p class='good'>Nothing needs a person.</p>"
 
 

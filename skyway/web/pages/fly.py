@@ -48,10 +48,10 @@ class FlyPage:
                     self._watching()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
-                    "Map of all flights and vehicles. Arrow keys move it, plus and minus zoom, 0 shows everything.",
+                    "Map of all flights and vehicles",
                     on_choose=self._chosen, on_vehicle=self._vehicle,
                 )  # fmt: skip
-                key("vehicle", "flown", "ahead", "reach", "station", "zone", "wind")
+                key("vehicle", "flown", "ahead", "reach", "station", "zone", "wind", keys=("stations", "vehicles"))
             with ui.element("section").classes("panel answer").props('aria-label="Flights"'):
                 self.panel = FlightPanel(wanted, client.request.query_params.get("flight", "")[:300])
                 self.panel.on("resume", self._resume)

@@ -13,6 +13,7 @@ from skyway.models.base.formatting import distance_text, duration, percent
 from skyway.report.svg import safe
 from skyway.web import shell
 from skyway.web.controls import Button, CommandShown, Field, Status
+from skyway.web.folder import REPORTS
 from skyway.web.work.history import energy_per_km
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class HistoryPage:
         del client
         self.site, self.wanted = site, wanted
         self.rows: list[dict[str, Any]] = []
+        self.reports: list[dict[str, Any]] = []
         self.sought = ""
         self.timezone = "UTC"
         with ui.element("div").classes("panel whole"):
@@ -43,15 +45,19 @@ class HistoryPage:
             self.status = Status()
             self.totals = ui.html("")
             self.table = ui.html("")
+            self.kept = ui.html("")
             CommandShown("history", "skyway report JOURNAL.jsonl")
         ui.timer(0.01, self._read, once=True)
 
     async def _read(self) -> None:
         self.status.tell("Reading …")
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
+        pages = [one.name for one in self.site.folder.files(*REPORTS)]
+        root = str(self.site.folder.root.resolve())
         try:
             self.timezone = (await self.site.region())["timezone"]
-            self.rows = await self.site.workers.ask("history.told", str(self.site.folder.root.resolve()), names)
+            self.rows = await self.site.workers.ask("history.told", root, names)
+            self.reports = await self.site.workers.ask("history.reports", root, pages)
         except SkywayError as error:
             self.status.tell(str(error), wrong=True)
             return
@@ -66,14 +72,10 @@ class HistoryPage:
         self._draw()
 
     def _draw(self) -> None:
-        words = self.sought.casefold().split()
-        found = [
-            row
-            for row in self.rows
-            if all(word in " ".join(str(value) for value in row.values()).casefold() for word in words)
-        ]
-        self.totals.set_content(_totals(found))
+        found = _with(self.rows, self.sought)
+        self.totals.set_content(_totals(found, self.wanted))
         self.table.set_content(self._table(found))
+        self.kept.set_content(_reports(_with(self.reports, self.sought)))
 
     def _table(self, found: list[dict[str, Any]]) -> str:
         rows = []
@@ -106,8 +108,29 @@ class HistoryPage:
         )
 
 
-def _totals(found: list[dict[str, Any]]) -> str:
-    promised = [row["promise_kept"] for row in found if row["promise_kept"] is not None]
+def _with(rows: list[dict[str, Any]], sought: str) -> list[dict[str, Any]]:
+    """Return the rows that have all words."""
+    words = sought.casefold().split()
+    return [row for row in rows if all(word in " ".join(map(str, row.values())).casefold() for word in words)]
+
+
+def _reports(found: list[dict[str, Any]]) -> str:
+    """Reports that lie in the folder; each is downloaded, not shown as a page of ours."""
+    rows = "".join(
+        f"<tr><td>{safe(one['title'])}</td><td><a href='/api/report?file={quote(one['file'])}' download>{safe(one['file'])}</a></td></tr>"
+        for one in found
+    )
+    head = "<thead><tr><th>report</th><th>file</th></tr></thead>"
+    return f"<h2>Reports in the folder</h2><table>{head}<tbody>{rows}</tbody></table>" if found else ""
+
+
+def _share(found: list[dict[str, Any]], name: str) -> str:
+    """How many of the promises that were given were kept, to be set against the share that was promised."""
+    known = [row[name] for row in found if row[name] is not None]
+    return f"{sum(known)} of {len(known)} ({percent(sum(known) / len(known))})" if known else "none given"
+
+
+def _totals(found: list[dict[str, Any]], wanted: Preferences) -> str:
     kept = [
         (row["lowest_soc"], row["reserve_soc"]) for row in found if None not in (row["lowest_soc"], row["reserve_soc"])
     ]
@@ -117,9 +140,10 @@ def _totals(found: list[dict[str, Any]]) -> str:
         ("deliveries", f"{sum(row['delivered'] for row in found)} of {len(found)}"),
         ("flights", str(sum(row["flights"] for row in found))),
         ("in the air", duration(sum(row["flight_s"] or 0.0 for row in found))),
-        ("way planned", distance_text(sum(row["distance_m"] for row in found))),
+        ("way flown", wanted.in_words(distance_text(sum(row["flown_m"] for row in found)))),
         ("energy", "unknown" if energy is None else f"{energy:.1f} Wh/km"),
-        ("promises kept", f"{sum(promised)} of {len(promised)}"),
+        ("kept of 95 % promises", _share(found, "promise_kept")),
+        ("kept of 50 % promises", _share(found, "half_kept")),
         ("lowest charge", percent(min(lows)) if lows else "unknown"),
         ("reserve kept", f"{sum(low >= reserve for low, reserve in kept)} of {len(kept)}"),
     ]

@@ -10,12 +10,14 @@ if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
 
 
-def differences(found: list[dict[str, Any]]) -> str:
+def differences(found: list[dict[str, Any]], wanted: Preferences) -> str:
     """What a vehicle holds otherwise than the file; a button of each shows where it is."""
     rows = []
     for one in found:
         where = safe(one["kind"]) if one["item"] is None else _place(one["item"])
-        rows.append(f"<tr><td>{where}</td><td>{safe(one['field'])}</td><td>{safe(one['text'])}</td></tr>")
+        rows.append(
+            f"<tr><td>{where}</td><td>{safe(one['field'])}</td><td>{safe(wanted.in_words(one['text']))}</td></tr>"
+        )
     if not rows:
         return ""
     head = "<tr><th>where</th><th>field</th><th>what the vehicle holds</th></tr>"
@@ -60,10 +62,10 @@ def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
     )
 
 
-def flights(flights: list[dict[str, str]]) -> str:
+def flights(flights: list[dict[str, str]], wanted: Preferences) -> str:
     """What each flight of the mission takes."""
     names = ("items", "distance", "time", "energy", "ends", "kept")
-    rows = ["".join(f"<td>{safe(one.get(name, ''))}</td>" for name in names) for one in flights]
+    rows = ["".join(f"<td>{safe(wanted.in_words(one.get(name, '')))}</td>" for name in names) for one in flights]
     head = "<tr><th>items</th><th>distance</th><th>time</th><th>energy</th><th>ends with</th><th>reserve kept</th></tr>"
     body = "".join(f"<tr>{row}</tr>" for row in rows)
     return (

@@ -57,7 +57,7 @@ class MissionsPage:
             ):
                 self._form()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
-                self.map = MapLayer("Map of the mission. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+                self.map = MapLayer("Map of the mission")
                 key("work", "finding", "fence")
                 self.under = ui.element("div").classes("under-map")
             with ui.element("section").classes("panel answer").props('aria-label="Findings"'):
@@ -167,7 +167,7 @@ class MissionsPage:
             if one["place"] and one["severity"] != "info":
                 marks.append({"place": one["place"], "label": "!", "colour": "warn"})
         self.map.put(tracks=tracks, marks=marks, bounds=mission_answer.bounds(found), fitted=True)
-        self.profile.set_content(drawn.profile(found["legs"], self.wanted.height))
+        self.profile.set_content(drawn.profile(found["legs"], self.wanted))
         counts = [sum(one["severity"] == kind for one in found["findings"]) for kind in ("error", "warning")]
         words = ", ".join(
             f"{count} {kind}{'s' if count != 1 else ''}"
@@ -179,7 +179,7 @@ class MissionsPage:
             f"<p class='big'>{safe(Path(self.file).name)}: <span class='{style}'>{words or 'ok'}</span></p>"
         )
         self.findings.set_content(mission_answer.findings(found["findings"], self.wanted))
-        self.flights.set_content(mission_answer.flights(found["flights"]))
+        self.flights.set_content(mission_answer.flights(found["flights"], self.wanted))
         self.items.set_content(mission_answer.items(found, self.wanted))
         self.fix.enable(any(one["certain"] for one in found["findings"]))
         given = [
@@ -198,7 +198,7 @@ class MissionsPage:
 
     def _differ(self, found: list[dict[str, Any]]) -> None:
         """Show what the vehicle holds otherwise."""
-        self.differences.set_content(mission_answer.differences(found))
+        self.differences.set_content(mission_answer.differences(found, self.wanted))
 
     def at_item(self, event: Any) -> None:
         """Show where an item is."""

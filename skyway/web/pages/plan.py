@@ -34,6 +34,7 @@ PLACE_ACTIONS = (
     {"name": "to", "words": "Deliver here"},
     {"name": "stop_at", "words": "Stop here on the way", "station": True, "unlisted": "stopAt"},
     {"name": "not_stop_at", "words": "No need to stop here", "station": True, "listed": "stopAt"},
+    {"name": "carry", "words": "Move this stop to another station", "stop": True},
     {"name": "avoid_segment", "words": "Do not fly this segment", "segment": True},
     {"name": "avoid", "words": "Do not land here", "station": True, "unlisted": "avoid"},
     {"name": "not_avoid", "words": "Landing here is fine again", "station": True, "listed": "avoid"},
@@ -50,7 +51,7 @@ class PlanPage:
 
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site, self.client, self.wanted = site, client, wanted
-        self.question = _question_of(dict(client.request.query_params))
+        self.question = Question.of_address(dict(client.request.query_params))
         self.undos: Undo[Question] = Undo(self._turn_to)
         self.region: dict[str, Any] | None = None
         self.answer: dict[str, Any] | None = None
@@ -73,11 +74,11 @@ class PlanPage:
                     Button("Clear", lambda: self.ask(Question()), title="Begin again")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
-                    "Map of the network. Arrow keys move it, plus and minus zoom, 0 shows everything, n and p go from station to station, Enter opens the menu of a station, s that of the next segment of the plan.",
+                    "Map of the network",
                     on_choose=self.picked,
                     on_drag=self.dragged,
                 )  # fmt: skip
-                key("station", "stop", "route", "other", "zone", "wind")
+                key("station", "stop", "route", "other", "zone", "wind", keys=("stations", "segments", "carry"))
                 with ui.element("div").classes("under-map"):
                     self.hour = Field(
                         "Wind and queues at",
@@ -146,7 +147,7 @@ class PlanPage:
     def _turn_to(self, question: Question) -> None:
         self.question = question
         self.form.show(question)
-        self.client.run_javascript(f"history.replaceState(null, '', {json.dumps(_address(question))})")
+        self.client.run_javascript(f"history.replaceState(null, '', {json.dumps(question.address())})")
         if self.task is not None:
             self.task.cancel()
         self.task = asyncio.create_task(self._answer())
@@ -274,7 +275,7 @@ class PlanPage:
             return
         plan = plans[self.chosen]
         zone = self.wanted.zone(self.timezone)
-        self.figures.set_content(plan_answer.figures(plan))
+        self.figures.set_content(plan_answer.figures(plan, self.wanted))
         self.pictures.set_content(plan_answer.pictures(plans, self.chosen, zone, self.wanted))
         self.beside.set_content(plan_answer.beside(plans, self.chosen, answer["without"]))
         self.reasons.set_content("" if self.more is None else plan_answer.explained(self.more, self.wanted))
@@ -322,30 +323,3 @@ def without(names: tuple[str, ...], *gone: str) -> tuple[str, ...]:
 
 
 _PLAN_OF_CLICK = "(e) => { const b = e.target.closest('[data-plan]'); if (b) emit(b.dataset.plan); }"
-
-
-def _question_of(query: dict[str, str]) -> Question:
-    """Return what the address of the page asks; what it does not know counts as not asked."""
-    usual = msgspec.to_builtins(Question())
-    found: dict[str, Any] = {}
-    for name, value in query.items():
-        if name not in usual or len(value) > 500:
-            continue
-        if isinstance(usual[name], (list, tuple)):
-            found[name] = [one for one in value.split(" ") if one]
-        elif isinstance(usual[name], int):
-            found[name] = int(value) if value.isdigit() and 1 <= int(value) <= 4 else usual[name]
-        else:
-            found[name] = value
-    return msgspec.convert(found, Question)
-
-
-def _address(question: Question) -> str:
-    """Return an address of the page that asks a question: it can be kept and sent."""
-    usual = Question()
-    given = {
-        name: " ".join(value) if isinstance(value, tuple) else value
-        for name, value in msgspec.structs.asdict(question).items()
-        if value != getattr(usual, name)
-    }
-    return f"/?{urlencode(given)}" if given else "/"

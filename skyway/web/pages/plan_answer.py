@@ -20,7 +20,7 @@ LEGEND = (
 )
 
 
-def figures(plan: dict[str, Any]) -> str:
+def figures(plan: dict[str, Any], wanted: Preferences) -> str:
     """What is to be expected."""
     cells = [
         (one["name"], safe(one["value"]), f"by {safe(one['by'])}; {safe(one['range'])}") for one in plan["figures"]
@@ -29,7 +29,9 @@ def figures(plan: dict[str, Any]) -> str:
         cells.append(("on time", safe(plan["on_time"]), "of the deliveries, by the deadline"))
     if plan["kept"]:
         cells.append(("reserve kept", safe(plan["kept"]), f"every landing with {safe(plan['reserve'])} or more"))
-    cells.append(("energy", with_unit(plan["energy_wh"], "Wh", 0), safe(distance_text(plan["distance_m"]))))
+    cells.append(
+        ("energy", with_unit(plan["energy_wh"], "Wh", 0), safe(wanted.in_words(distance_text(plan["distance_m"]))))
+    )
     cells += [(safe(one["name"]), safe(one["value"]), safe(one["small"])) for one in plan["spending"]]
     parts = [
         f"<div><dt>{name}</dt><dd>{value}<span class='small'>{small}</span></dd></div>" for name, value, small in cells

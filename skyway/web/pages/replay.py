@@ -52,7 +52,7 @@ class ReplayPage:
                 )
                 self.status = Status()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
-                self.map = MapLayer("Map of the flight. Arrow keys move it, plus and minus zoom, 0 shows everything.")
+                self.map = MapLayer("Map of the flight")
                 key("vehicle", "flown", "station", "zone", "wind")
             with ui.element("section").classes("panel answer").props('aria-label="Player"'):
                 self.player = Player(wanted)

@@ -2,6 +2,7 @@
 import { h, markRaw } from "vue";
 import { keyOf, onMap, turn, vehicleTable } from "skyway-flight/vehicles.js";
 import { alarms, flightView } from "skyway-flight/view.js";
+import { inWords } from "skyway-flight/words.js";
 
 const EVERY_MS = 1000;
 const KEPT_ROWS = 4000;
@@ -205,7 +206,7 @@ export default {
         deliveries.map((one) =>
           h("section", { key: one.file }, [
             h("p", [h("b", one.state), ` ${one.reason} `, h("a", { href: `/replay?log=${encodeURIComponent(one.file)}` }, one.file)]),
-            h("pre", { class: "output" }, one.lines.join("\n")),
+            h("pre", { class: "output" }, inWords(one.lines.join("\n"), this)),
           ]),
         ),
       ]);

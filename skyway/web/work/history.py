@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import html
+import re
 import tempfile
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.base.geodesy import distance_m
 from skyway.models.base.units import J_PER_WH
+
+if TYPE_CHECKING:
+    from skyway.report.flight_report import Result
+
+HEAD = 4096
+"""Bytes of a page that tell what wrote it, and its title."""
+_WRITTEN = '<meta name="generator" content="skyway report">'
+_TITLE = re.compile(r"<title>([^<]*)</title>")
+GAP_S = 60.0
+"""Samples further apart in time do not tell the way between them."""
 
 
 def told(root: str, names: list[tuple[str, float]]) -> list[dict[str, Any]]:
@@ -25,11 +39,7 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
     except SkywayError:
         return None
     wanted, totals = report.delivery, report.totals
-    distance_m = sum(leg.distance_m or 0.0 for leg in report.planned.legs)
-    track = report.series.track
-    energy = [value for value in track.get("power_w", []) if value is not None]
-    used = [leg.used_soc for leg in report.legs if leg.used_soc is not None]
-    promise_s = totals.planned.arrive_p95_s
+    flown_m, measured_m, energy_j = flown(report.series.track)
     arrived_s = (
         None
         if totals.actual.depart_s is None or totals.actual.delivery_s is None
@@ -40,11 +50,50 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
         "payload_kg": wanted.payload_kg, "planner": wanted.planner or "", "state": report.outcome.state, "reason": report.outcome.reason or "",
         "delivered": report.outcome.delivered, "ended": report.outcome.ended, "depart_s": totals.actual.depart_s,
         "flight_s": totals.actual.flight_s, "delivery_s": totals.actual.delivery_s, "flights": totals.actual.flights or 0,
-        "lowest_soc": totals.actual.lowest_soc, "reserve_soc": wanted.reserve_soc, "distance_m": distance_m,
-        "promise_kept": None if promise_s is None or arrived_s is None or not report.outcome.delivered else arrived_s <= promise_s,
-        "soc_used": sum(used) if used else None, "power_w": sum(energy) / len(energy) if energy else None,
+        "lowest_soc": totals.actual.lowest_soc, "reserve_soc": wanted.reserve_soc,
+        "flown_m": flown_m, "measured_m": measured_m, "energy_j": energy_j,
+        "half_kept": _kept(totals.planned.arrive_p50_s, arrived_s, report.outcome),
+        "promise_kept": _kept(totals.planned.arrive_p95_s, arrived_s, report.outcome),
         "decisions": len(report.decisions), "resumed": report.outcome.resumed,
     }  # fmt: skip
+
+
+def reports(root: str, names: list[str]) -> list[dict[str, str]]:
+    """Return file and title of each report that ``skyway report`` has written into a folder; other pages are left out."""
+    found = []
+    for name in names:
+        try:
+            with (Path(root) / name).open("rb") as file:
+                head = file.read(HEAD).decode("utf-8", "replace")
+        except OSError:
+            continue
+        title = _TITLE.search(head)
+        if _WRITTEN in head and title is not None:
+            found.append({"file": name, "title": html.unescape(title[1])[:300]})
+    return found
+
+
+def _kept(promised_s: float | None, arrived_s: float | None, outcome: Result) -> bool | None:
+    """Whether a promise was kept; one that was given and not delivered was not, one under way is not known yet."""
+    if promised_s is None or not outcome.ended:
+        return None
+    return outcome.delivered and arrived_s is not None and arrived_s <= promised_s
+
+
+def flown(track: dict[str, list[Any]]) -> tuple[float, float, float]:
+    """Return the way flown, m, the part of it over which the power was told, m, and the energy over that part, J: from sample to sample in the air."""
+    names = ("time_s", "flight", "air", "lat", "lon", "power_w")
+    flown_m = measured_m = energy_j = 0.0
+    for before, now in pairwise(zip(*(track.get(name, []) for name in names), strict=True)):
+        took_s = now[0] - before[0]
+        if before[1] != now[1] or not (before[2] and now[2]) or None in (*before[3:5], *now[3:5]) or took_s > GAP_S:
+            continue
+        step_m = distance_m(before[3], before[4], now[3], now[4])
+        flown_m += step_m
+        if before[5] is not None and now[5] is not None:
+            measured_m += step_m
+            energy_j += took_s * (before[5] + now[5]) / 2.0
+    return flown_m, measured_m, energy_j
 
 
 def report(path: str, scenario: str | None) -> bytes:
@@ -59,7 +108,6 @@ def report(path: str, scenario: str | None) -> bytes:
 
 
 def energy_per_km(rows: list[dict[str, Any]]) -> float | None:
-    """Return Wh per km over the flights whose power was told."""
-    known = [row for row in rows if row["power_w"] is not None and row["flight_s"] and row["distance_m"]]
-    way_km = sum(row["distance_m"] for row in known) / 1000.0
-    return sum(row["power_w"] * row["flight_s"] for row in known) / J_PER_WH / way_km if way_km > 0.0 else None
+    """Return Wh per km flown, where the power was told."""
+    way_km = sum(row["measured_m"] for row in rows) / 1000.0
+    return sum(row["energy_j"] for row in rows) / J_PER_WH / way_km if way_km > 0.0 else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from typing import Any
+from urllib.parse import urlencode
 
 import msgspec
 
@@ -59,6 +60,32 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()
     """Stations at which the drone must stop, in this order."""
+
+    @classmethod
+    def of_address(cls, query: dict[str, str]) -> Question:
+        """Return what the address of the page asks; what it does not know counts as not asked."""
+        usual = msgspec.to_builtins(cls())
+        found: dict[str, Any] = {}
+        for name, value in query.items():
+            if name not in usual or len(value) > 500:
+                continue
+            if isinstance(usual[name], (list, tuple)):
+                found[name] = [one for one in value.split(" ") if one]
+            elif isinstance(usual[name], int):
+                found[name] = int(value) if value.isdigit() and 1 <= int(value) <= MOST_PLANS else usual[name]
+            else:
+                found[name] = value
+        return msgspec.convert(found, cls)
+
+    def address(self) -> str:
+        """Return an address of the page that asks the same: it can be kept and sent."""
+        usual = Question()
+        given = {
+            name: " ".join(value) if isinstance(value, tuple) else value
+            for name, value in msgspec.structs.asdict(self).items()
+            if value != getattr(usual, name)
+        }
+        return f"/?{urlencode(given)}" if given else "/"
 
     @property
     def complete(self) -> bool:

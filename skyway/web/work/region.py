@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from skyway.models.airspace.zone import Volume
     from skyway.models.network.network import Network
     from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
 
 ARROWS = 8
 """Wind arrows across the longer side of the region."""
@@ -143,9 +144,9 @@ def _low(volume: Volume, cruise_height_m: float, top_m: float) -> bool:
 
 
 def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) -> dict[str, Any]:
-    """Return the wind at cruise height on a grid of points, hour by hour: mean vector, and mean and 80 % range of the speed.
+    """Return the wind at cruise height on a grid of points, hour by hour: mean vector and its spread, and mean and 80 % range of the speed.
 
-    Vectors are where the wind blows TO, m/s; `conditions` are fields of `skyway.planning.Conditions` as typed.
+    Vectors are where the wind blows TO, m/s; the spread is the standard deviation of the members in either direction; `conditions` are fields of `skyway.planning.Conditions` as typed.
     """
     world = loaded(scenario)
     asked = Conditions(**(given().weather() | conditions))
@@ -157,9 +158,7 @@ def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) 
     lat, lon = _grid(world.network)
     weights = wind.weights(lat, np.array([wrapped(one) for one in lon.tolist()]))
     count = len(report.hours)
-    north, east = (
-        np.einsum("m,mts,ps->tp", wind.probability, one[:, :count], weights) for one in (wind.north, wind.east)
-    )
+    north, east, strays = _mean_and_spread(wind, count, weights)
     return {
         "height_m": world.rules.cruise_height_m,
         "members": len(wind),
@@ -169,6 +168,7 @@ def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) 
                 "time": hour.start,
                 "north": np.round(north[slot], 2).tolist(),
                 "east": np.round(east[slot], 2).tolist(),
+                "spread": np.round(strays[slot], 2).tolist(),
                 "mean_mps": hour.mean_mps,
                 "p10_mps": hour.p10_mps,
                 "p90_mps": hour.p90_mps,
@@ -179,6 +179,19 @@ def winds(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) 
         ],
         "notes": [*known.notes, *known.forecast.notes],
     }
+
+
+def _mean_and_spread(
+    wind: WindEnsemble, count: int, weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean north, mean east and spread of the members, shape (hours, points) each."""
+    means, variance = [], 0.0
+    for part in (wind.north, wind.east):
+        at = np.einsum("mts,ps->mtp", part[:, :count], weights)
+        mean = np.einsum("m,mtp->tp", wind.probability, at)
+        variance = variance + np.einsum("m,mtp->tp", wind.probability, (at - mean) ** 2) / 2.0
+        means.append(mean)
+    return means[0], means[1], np.sqrt(variance)
 
 
 def _grid(network: Network) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -32,10 +32,18 @@ export function clock(posix, view) {
   return new Date(1000 * posix).toLocaleTimeString("sv-SE", { timeZone: zone, hour12: false });
 }
 
-// A sentence of the supervisor or of a log, with its speeds in the unit that is preferred; `Preferences.in_words` does the same.
+// A sentence of the supervisor or of a log, with its speeds, heights and lengths in the units that are preferred; `Preferences.in_words` does the same.
+const NUMBER = /(?<![\w.])-?\d+(?:\.\d+)?/g;
+const MEASURED = /(?<![\w.])(-?\d+(?:\.\d+)?(?: ?(?:±|to|\() ?-?\d+(?:\.\d+)?\)?)*) (m\/s|m)(?![\w²³/·])/g;
+
 export function inWords(told, view) {
-  if (!told || view.speedUnit === "m/s") return told;
-  return told.replace(/\b(\d+(?:\.\d+)?) m\/s\b/g, (_, x) => `${(x * view.speedFactor).toFixed(1)} ${view.speedUnit}`);
+  if (!told || (view.speedUnit === "m/s" && view.heightUnit === "m")) return told;
+  return told.replace(MEASURED, (whole, numbers, unit) => {
+    const speed = unit === "m/s";
+    const [factor, shown] = speed ? [view.speedFactor, view.speedUnit] : [view.heightFactor, view.heightUnit];
+    if (shown === unit) return whole;
+    return `${numbers.replace(NUMBER, (x) => (Number(x) * factor).toFixed(speed ? 1 : (x.split(".")[1] || "").length))} ${shown}`;
+  });
 }
 
 // Short name of the zone of time that is shown, at a time: EDT, UTC, GMT+2.

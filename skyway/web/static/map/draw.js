@@ -6,6 +6,8 @@ import { mercator } from "skyway-map/view.js";
 
 const NAMES = ["water", "land", "street", "grid", "segment", "zone", "zone-fill", "station", "ink", "paper", "faint", "wind", "route", "other", "start", "target", "vehicle", "warn", "halo"];
 
+const MPS_PX = 2.2; // of a wind arrow, for each m/s
+
 export function palette(root) {
   const style = getComputedStyle(root);
   return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim() || "gray"]));
@@ -36,8 +38,9 @@ export function draw(context, view, state, colours, map) {
   vehicles(c, view, state.vehicles, colours, taken);
   if (state.base?.kind === "vectors" && state.layers.base !== false) places(c, view, map.tiles.names, colours, taken);
   ends(c, view, state, colours);
-  if (map.dragged?.x !== undefined) ghost(c, view, state, map.dragged, colours);
-  scaleBar(c, view, colours);
+  for (const moved of [map.dragged, map.carried]) if (moved?.x !== undefined) ghost(c, view, state, moved, colours);
+  if (map.canvas.matches(":focus-visible")) aim(c, map, colours);
+  scaleBar(c, view, colours, map.feet);
   if (state.base?.attribution) attribution(c, state.base, colours);
 }
 
@@ -164,6 +167,7 @@ function segments(c, view, region, state, colours) {
 function wind(c, view, state, colours) {
   const hour = state.wind.hours[Math.min(state.hour, state.wind.hours.length - 1)];
   if (!hour) return;
+  const tips = [];
   c.strokeStyle = colours.wind;
   c.lineWidth = 1.3;
   c.beginPath();
@@ -173,7 +177,7 @@ function wind(c, view, state, colours) {
     const [east, north] = [hour.east[i], hour.north[i]];
     const speed = Math.hypot(east, north);
     if (speed < 0.2) return;
-    const length = 6 + 2.2 * speed;
+    const length = 6 + MPS_PX * speed;
     const [dx, dy] = [(east / speed) * length, (-north / speed) * length];
     const [hx, hy] = [x + dx / 2, y + dy / 2];
     c.moveTo(x - dx / 2, y - dy / 2);
@@ -183,8 +187,18 @@ function wind(c, view, state, colours) {
       c.moveTo(hx, hy);
       c.lineTo(hx + 5 * Math.cos(angle), hy + 5 * Math.sin(angle));
     }
+    if (hour.spread?.[i] > 0) tips.push([hx, hy, MPS_PX * hour.spread[i]]);
   });
   c.stroke();
+  c.fillStyle = colours.wind;
+  c.globalAlpha = 0.16;
+  c.beginPath();
+  for (const [x, y, radius] of tips) {
+    c.moveTo(x + radius, y);
+    c.arc(x, y, radius, 0, 2 * Math.PI);
+  }
+  c.fill();
+  c.globalAlpha = 1;
 }
 
 function path(c, view, points, colour, width, dash) {
@@ -415,11 +429,27 @@ function ghost(c, view, state, dragged, colours) {
   disc(c, dragged.x, dragged.y, 8, colours.paper, colours.route);
 }
 
-function scaleBar(c, view, colours) {
-  const metres = view.metresPerPixel() * 110;
-  const power = 10 ** Math.floor(Math.log10(metres));
-  const nice = [5, 2, 1].find((m) => m * power <= metres) * power;
-  const wide = nice / view.metresPerPixel();
+// Where the next key acts, for those who see it: around a drone or a mark, else the middle of the map. Stations have a frame of their own.
+function aim(c, map, colours) {
+  if (map.carried || map.selected >= 0) return;
+  const [x, y] = map.keys.place();
+  if (map.keys.aim) return void square(c, x, y, 16, colours.ink);
+  c.beginPath();
+  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+    c.moveTo(x + 4 * dx, y + 4 * dy);
+    c.lineTo(x + 12 * dx, y + 12 * dy);
+  }
+  c.strokeStyle = colours.ink;
+  c.lineWidth = 2;
+  c.stroke();
+}
+
+function scaleBar(c, view, colours, feet) {
+  const most = view.metresPerPixel() * 110;
+  const unit = feet && most < 1000 ? 0.3048 : 1;
+  const power = 10 ** Math.floor(Math.log10(most / unit));
+  const nice = [5, 2, 1].find((m) => m * power * unit <= most) * power;
+  const wide = (nice * unit) / view.metresPerPixel();
   const [x, y] = [view.width - wide - 14, view.height - 14];
   c.strokeStyle = colours.ink;
   c.lineWidth = 2;
@@ -432,6 +462,6 @@ function scaleBar(c, view, colours) {
   c.fillStyle = colours.ink;
   c.font = "11px system-ui, sans-serif";
   c.textAlign = "center";
-  c.fillText(nice >= 1000 ? `${nice / 1000} km` : `${nice} m`, x + wide / 2, y - 6);
+  c.fillText(unit !== 1 ? `${nice} ft` : nice >= 1000 ? `${nice / 1000} km` : `${nice} m`, x + wide / 2, y - 6);
   c.textAlign = "start";
 }

@@ -1,5 +1,6 @@
 // The operator's map: one canvas, drawn when something has changed. It knows nothing of the page around it.
 import { draw, palette } from "skyway-map/draw.js";
+import { Keys } from "skyway-map/keys.js";
 import { Menu } from "skyway-map/menu.js";
 import { Tiles } from "skyway-map/tiles.js";
 import { View } from "skyway-map/view.js";
@@ -18,7 +19,7 @@ export class SkywayMap {
     this.canvas = document.createElement("canvas");
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", label);
+    this.canvas.setAttribute("aria-label", `${label}. Arrow keys move it, plus and minus zoom, 0 shows everything; more keys stand under Key.`);
     this.tip = document.createElement("div");
     this.tip.className = "map-tip";
     this.tip.hidden = true;
@@ -27,8 +28,10 @@ export class SkywayMap {
     this.live.setAttribute("aria-live", "polite");
     root.append(this.canvas, this.tip, this.live);
     this.context = this.canvas.getContext("2d");
-    this.menu = new Menu(root, (action, target) => this.emit("choose", { action, ...target }));
+    this.keys = new Keys(this);
+    this.menu = new Menu(root, (action, target) => (action === "carry" ? this.keys.carry(target) : this.emit("choose", { action, ...target })));
     this.colours = palette(root);
+    this.feet = /(?:^|; )skyway_height=ft/.test(document.cookie);
     this.listen(root);
   }
 
@@ -43,7 +46,9 @@ export class SkywayMap {
     on("pointerleave", () => (this.tip.hidden = true));
     on("wheel", (e) => this.wheel(e), { passive: false });
     on("dblclick", (e) => this.zoom(this.x(e), this.y(e), e.shiftKey ? -1 : 1));
-    on("keydown", (e) => this.key(e));
+    on("keydown", (e) => !e.ctrlKey && !e.metaKey && !e.altKey && this.keys.press(e) && e.preventDefault());
+    on("focus", () => this.changed());
+    on("blur", () => this.changed());
     this.themed = () => {
       this.colours = palette(root);
       if (this.state.base?.kind === "vectors") this.tiles.forget();
@@ -155,7 +160,11 @@ export class SkywayMap {
 
   move(e) {
     const known = this.pointers.get(e.pointerId);
-    if (!known) return this.hover(this.x(e), this.y(e));
+    if (!known) {
+      if (this.carried) this.carried = { ...this.carried, x: this.x(e), y: this.y(e) };
+      if (this.carried) this.changed();
+      return this.hover(this.x(e), this.y(e));
+    }
     const others = [...this.pointers.entries()].filter(([id]) => id !== e.pointerId);
     if (others.length) this.pinch(known, e, others[0][1]);
     else if (this.dragged) this.dragged = { ...this.dragged, x: this.x(e), y: this.y(e) };
@@ -183,22 +192,34 @@ export class SkywayMap {
     const { dragged } = this;
     this.dragged = null;
     this.changed();
-    if (dragged?.mark && far >= DRAGGED) {
-      const [lat, lon] = this.view.toWorld(this.x(e), this.y(e));
-      this.emit("drag_mark", { id: dragged.mark, lat, lon });
-    } else if (dragged && far >= DRAGGED) {
-      if (station >= 0 && station !== dragged.station) {
-        this.emit("drag_stop", { from: dragged.from, to: this.state.region.stations[station].id });
-      }
-    } else if (far < DRAGGED) {
-      this.pick(this.x(e), this.y(e), station);
+    if (dragged && far >= DRAGGED) this.drop(dragged, this.x(e), this.y(e), station);
+    else if (far < DRAGGED && this.carried) this.putDown(this.x(e), this.y(e), station);
+    else if (far < DRAGGED) {
+      const vehicle = this.vehicleAt(this.x(e), this.y(e));
+      if (vehicle) this.emit("vehicle", { id: vehicle.id });
+      else this.pick(this.x(e), this.y(e), station);
     }
   }
 
-  // Somebody clicked: on a vehicle, a station or a place.
+  // A mark is anywhere, a stop at a station.
+  drop(moved, x, y, station) {
+    if (moved.mark) {
+      const [lat, lon] = this.view.toWorld(x, y);
+      this.emit("drag_mark", { id: moved.mark, lat, lon });
+    } else if (station >= 0 && station !== moved.station) {
+      this.emit("drag_stop", { from: moved.from, to: this.state.region.stations[station].id });
+    }
+  }
+
+  putDown(x, y, station) {
+    const { carried } = this;
+    this.carried = null;
+    this.drop(carried, x, y, station);
+    this.changed();
+  }
+
+  // Somebody wants to do something at a station or a place.
   pick(x, y, station) {
-    const vehicle = this.vehicleAt(x, y);
-    if (vehicle) return this.emit("vehicle", { id: vehicle.id });
     this.selected = station;
     const [lat, lon] = this.view.toWorld(x, y);
     const place = station < 0 ? null : this.state.region.stations[station];
@@ -207,7 +228,7 @@ export class SkywayMap {
     const target = { station: place?.id || null, segment, mark: mark?.id || null, lat: place?.lat ?? lat, lon: place?.lon ?? lon };
     if (this.state.actions) this.menu.open(x, y, mark?.id || place?.name || segment, this.actionsFor(place, segment, mark), target);
     else this.emit("choose", { action: "pick", ...target });
-    return this.changed();
+    this.changed();
   }
 
   // A segment of the plan that is shown, as FROM:TO.
@@ -228,6 +249,7 @@ export class SkywayMap {
   actionsFor(place, segment, mark) {
     return this.state.actions.filter((one) => {
       if (one.mark) return Boolean(mark);
+      if (one.stop) return Boolean(place) && this.stops().includes(place.id);
       if (one.segment) return Boolean(segment);
       if (!place) return !one.station;
       if (one.listed) return (this.state[one.listed] || []).includes(place.id);
@@ -280,53 +302,6 @@ export class SkywayMap {
     this.fitted = false;
     this.menu.close();
     this.changed();
-  }
-
-  key(e) {
-    const { width, height } = this.view;
-    if (/^Arrow|^[-+=]$/.test(e.key)) this.fitted = false;
-    const steps = { ArrowLeft: [80, 0], ArrowRight: [-80, 0], ArrowUp: [0, 80], ArrowDown: [0, -80] };
-    if (steps[e.key]) this.view.pan(...steps[e.key]);
-    else if (e.key === "+" || e.key === "=") this.view.zoomAt(width / 2, height / 2, 0.5);
-    else if (e.key === "-") this.view.zoomAt(width / 2, height / 2, -0.5);
-    else if (e.key === "0") this.fit();
-    else if (e.key === "n" || e.key === "p") this.next(e.key === "n" ? 1 : -1);
-    else if (e.key === "s") this.nextSegment();
-    else if (e.key === "Enter" && this.selected >= 0) this.open(this.selected);
-    else return;
-    e.preventDefault();
-    this.changed();
-  }
-
-  next(by) {
-    const stations = this.state.region?.stations || [];
-    if (!stations.length) return;
-    do this.selected = (this.selected + by + stations.length) % stations.length;
-    while (stations[this.selected].bend);
-    const [x, y] = this.view.toScreen(stations[this.selected].lat, stations[this.selected].lon);
-    const { width, height } = this.view;
-    if (x < 30 || y < 30 || x > width - 30 || y > height - 30) this.view.pan(width / 2 - x, height / 2 - y);
-    this.live.textContent = this.describe(this.selected);
-  }
-
-  // The menu of the next segment of the plan, at its middle.
-  nextSegment() {
-    const places = Object.fromEntries((this.state.region?.stations || []).map((one) => [one.id, one]));
-    const route = (this.state.plans[this.state.chosen]?.route || []).map((id) => places[id]);
-    const found = route.slice(1).map((b, i) => [route[i], b]).filter(([a, b]) => a && b && !a.bend && !b.bend);
-    if (!found.length) return;
-    this.segment = ((this.segment ?? -1) + 1) % found.length;
-    const [a, b] = found[this.segment];
-    const [ax, ay] = this.view.toScreen(a.lat, a.lon);
-    const [bx, by] = this.view.toScreen(b.lat, b.lon);
-    this.pick((ax + bx) / 2, (ay + by) / 2, -1);
-    this.menu.focus();
-  }
-
-  open(number) {
-    const one = this.state.region.stations[number];
-    this.pick(...this.view.toScreen(one.lat, one.lon), number);
-    this.menu.focus();
   }
 }
 

@@ -26,6 +26,7 @@ export class Menu {
       button.setAttribute("role", "menuitem");
       button.textContent = action.words;
       button.addEventListener("click", () => {
+        if (this.box.contains(document.activeElement)) this.root.querySelector("canvas").focus({ preventScroll: true });
         this.close();
         this.choose(action.name, target);
       });

@@ -1,7 +1,7 @@
 // Lines over time as SVG, with an upright mark at the time shown. A click goes there.
 import { h } from "vue";
 
-const [WIDTH, HEIGHT, LEFT] = [600, 74, 46];
+const [WIDTH, HEIGHT, LEFT] = [420, 72, 44];
 const TITLES = { height_m: "height", soc: "charge", ground_speed_mps: "ground speed", wind: "wind, with its error" };
 
 function values(log, name) {
@@ -60,7 +60,7 @@ export function marks(one, share, go) {
     h("path", { class: "fan outer", d: one.band || "M0 0" }),
     ...one.paths.map((d, i) => h("path", { class: `typical trace-${i}`, d: d || "M0 0" })),
     h("path", { class: "mark", d: `M${at.toFixed(1)} 4V${HEIGHT}` }),
-    h("text", { class: "tick", x: LEFT - 6, y: 12, "text-anchor": "end" }, one.high),
+    h("text", { class: "tick", x: LEFT - 6, y: 13, "text-anchor": "end" }, one.high),
     h("text", { class: "tick", x: LEFT - 6, y: HEIGHT - 2, "text-anchor": "end" }, one.low),
   ];
   return h("figure", { key: one.name }, [

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from nicegui import Client, ui
 
-from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import SkywayError
-from skyway.typed_values import parse_position
 from skyway.web import shell
-from skyway.web.controls import Button, CommandShown, Drop, Field, Status, text
-from skyway.web.folder import MISSIONS, safe_name
+from skyway.web.controls import Button, CommandShown, Field, Status
+from skyway.web.folder import safe_name
 from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
-from skyway.web.pages import recharge_answer
+from skyway.web.pages.recharge import answer
+from skyway.web.pages.recharge.form import CutForm
 from skyway.web.undo import Undo
 from skyway.web.work.question import OF_SCENARIO, Cut, Put
 
@@ -28,8 +27,11 @@ if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
-PADS = (".csv", ".geojson")
-ACTIONS = [{"name": "pad", "words": "Put a pad here"}, {"name": "back", "words": "Put this pad back", "mark": True}]
+ACTIONS = [
+    {"name": "pad", "words": "Put a pad here"},
+    {"name": "carry", "words": "Move this pad", "mark": True},
+    {"name": "back", "words": "Put this pad back", "mark": True},
+]
 _FLIGHT_OF_CLICK = "(e) => { const b = e.target.closest('[data-flight]'); if (b) emit(b.dataset.flight); }"
 
 
@@ -46,63 +48,26 @@ class RechargePage:
         self.site, self.client = site, client
         self.asked = Cut(mission=client.request.query_params.get("file", "")[:300])
         self.undos: Undo[Cut] = Undo(self._turn_to)
-        self.fields: dict[str, Field] = {}
         self.pads: list[dict[str, Any]] = []
         self.found: dict[str, Any] | None = None
         self.task: asyncio.Task[None] | None = None
-        self.folder, self.pad, self.place = "", "", ""
+        self.folder = ""
         with ui.element("div").classes("work"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="Mission, pads and drone"'),
                 ui.element("div").classes("rows wide"),
             ):
-                self._form()
+                self.form = CutForm(self.site.folder, self.asked, self.changed, self._put, self._wrong, self.undos)
+                self.chips = ui.element("div").classes("chips")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
-                    "Map of the mission and its pads. Arrow keys move it, plus and minus zoom, 0 shows everything. Pads are moved by dragging them, or by the fields under Pad.",
+                    "Map of the mission and its pads",
                     on_choose=self.picked, on_move=self.moved,
                 )  # fmt: skip
-                key("work", "pad", "cut", "fence")
+                key("work", "pad", "cut", "fence", keys=("pads", "carry"))
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
                 self._answer_part()
         ui.timer(0.01, self._begin, once=True)
-
-    def _form(self) -> None:
-        Drop("Drop a mission or pads here, or choose", ",".join((*MISSIONS, *PADS)), self.uploaded, self._wrong)
-        self._field("mission", "Mission", kind="select", value=self.asked.mission)
-        self._field("pads", "Pads", kind="select", hint="A file of stations (CSV, GeoJSON); or click on the map")
-        self._field("vans", "Vans with pads", kind="select")
-        self._field("depart", "First take-off", hint="With UTC offset; for vans, and the forecast of the scenario")
-        self._field("drone", "Drone", kind="select", options=[("", "assume M200 V2")])
-        self._field("autopilot", "Autopilot", kind="select", options=[("", "all"), *((one, one) for one in NAMES)])
-        with ui.element("div").classes("pair"):
-            self._field("wind", "Wind", unit="m/s@° from", hint="8@270; empty: still air")
-            self._field("payload", "Package", unit="kg", inputmode="decimal")
-        with ui.element("div").classes("pair"):
-            self._field("soc", "Charge", unit="%", inputmode="decimal")
-            self._field("reserve", "Reserve", unit="%", inputmode="decimal")
-        with ui.element("div").classes("pair"):
-            self._field("swap", "Changed in", unit="s", hint="Empty: it is charged", inputmode="numeric")
-            self._field("laps", "Laps", hint="Of a patrol", inputmode="numeric")
-        with ui.element("div").classes("pair"):
-            self._field("packs", "Batteries", hint="Where they are changed", inputmode="numeric")
-            self._field("chargers", "Chargers", hint="For them", inputmode="numeric")
-        with ui.element("div").classes("pair"):
-            self._field("home", "Home", hint="lat,lon, where the file has none")
-            self._field("home_elevation", "Ground of home", unit="m", hint="Above the sea", inputmode="decimal")
-        self._field("level_ground", "The ground of all pads is as high as home", kind="check")
-        self._field("reorder", "Lines and places may be flown in another order", kind="check")
-        text("h2", "Pad")
-        with ui.element("div").classes("pair"):
-            self.which = Field("Pad", self._set("pad"), kind="select", options=[("", "a new one")])
-            Field("Place", self._set("place"), hint="lat,lon")
-        with ui.element("div").classes("line"):
-            Button("Put it there", self.put)
-            self.undos.lay_out()
-        self.chips = ui.element("div").classes("chips")
-
-    def _field(self, name: str, label: str, **how: Any) -> None:
-        self.fields[name] = Field(label, partial(self.typed, name), **({"value": getattr(self.asked, name)} | how))
 
     def _answer_part(self) -> None:
         self.status = Status()
@@ -124,20 +89,10 @@ class RechargePage:
             region = await self.site.region()
         except SkywayError:
             region = {"drones": [], "bounds": [-180, -60, 180, 70]}
-        self.fields["drone"].offer([("", "assume M200 V2"), *((one["id"], one["id"]) for one in region["drones"])])
+        self.form.offer_drones([one["id"] for one in region["drones"]])
         self.map.put(bounds=region["bounds"], fitted=True)
-        self._list()
+        self.form.offer_files()
         self._turn_to(self.asked)
-
-    def _list(self) -> None:
-        for name, endings, more in (
-            ("mission", MISSIONS, [("", "choose a file")]),
-            ("pads", PADS, [("", "those that I put on the map"), (OF_SCENARIO, "of the scenario")]),
-            ("vans", PADS, [("", "none")]),
-        ):
-            names = [one.name for one in self.site.folder.files(*endings)]
-            self.fields[name].offer([*more, *((one, one) for one in names)])
-            self.fields[name].show(getattr(self.asked, name))
 
     def _set(self, name: str) -> Callable[[Any], None]:
         def take(value: Any) -> None:
@@ -150,17 +105,7 @@ class RechargePage:
 
     # what is asked
 
-    def uploaded(self, name: str) -> None:
-        """Take a file that has come: a mission, or pads."""
-        self._list()
-        self.ask(**{"pads" if name.lower().endswith(PADS) else "mission": name})
-
-    def typed(self, name: str, value: Any) -> None:
-        """Take what a person has entered."""
-        self.fields[name].keep(value)
-        self.ask(**{name: value if isinstance(value, bool) else str(value)[:300]})
-
-    def ask(self, **values: Any) -> None:
+    def changed(self, **values: Any) -> None:
         """Ask something else; what was asked before can be had again."""
         asked = msgspec.structs.replace(self.asked, **values)
         if asked.pads != self.asked.pads:
@@ -171,8 +116,7 @@ class RechargePage:
 
     def _turn_to(self, asked: Cut) -> None:
         self.asked = asked
-        for name, field in self.fields.items():
-            field.show(getattr(asked, name))
+        self.form.show(asked)
         if self.task is not None:
             self.task.cancel()
         self.task = asyncio.create_task(self._answer())
@@ -188,14 +132,6 @@ class RechargePage:
         """Move a pad."""
         self._put(str(moved["id"]), float(moved["lat"]), float(moved["lon"]))
 
-    def put(self) -> None:
-        """Put a pad where it was typed."""
-        place = parse_position(self.place)
-        if place is None:
-            self._wrong("A place is written lat,lon: 47.3978,8.545")
-        else:
-            self._put(self.pad, *place)
-
     def _put(self, name: str, lat: float, lon: float) -> None:
         if self.asked.pads == OF_SCENARIO:
             self._wrong("The pads of a scenario stay where they are: take a file of stations.")
@@ -203,11 +139,11 @@ class RechargePage:
         taken = {one["id"] for one in self.pads} | {one.id for one in self.asked.put}
         name = name or next(f"pad-{number}" for number in range(1, len(taken) + 2) if f"pad-{number}" not in taken)
         others = [one for one in self.asked.put if one.id != name]
-        self.ask(put=(*others, Put(name, round(lat, 7), round(lon, 7))))
+        self.changed(put=(*others, Put(name, round(lat, 7), round(lon, 7))))
 
     def take_back(self, name: str) -> None:
         """Put a pad back to where its file has it; one that was new goes."""
-        self.ask(put=tuple(one for one in self.asked.put if one.id != name))
+        self.changed(put=tuple(one for one in self.asked.put if one.id != name))
 
     # the answer
 
@@ -232,7 +168,7 @@ class RechargePage:
                 self._draw()
                 self._wrong(str(error))
                 return
-            self.which.offer([("", "a new one"), *((one["id"], one["id"]) for one in self.pads)])
+            self.form.offer_pads([one["id"] for one in self.pads])
             if not self.asked.mission or not (self.pads or self.asked.vans):
                 self.found = None
                 self._draw()
@@ -298,10 +234,10 @@ class RechargePage:
             return
         cuts = [one["left_at"] for one in found["summary"]["flights"] if one["left_at"]]
         self._on_map(found["lines"], found["home"], [[one["lat"], one["lon"]] for one in cuts])
-        self.figures.set_content(recharge_answer.figures(found))
-        self.pictures.set_content(recharge_answer.pictures(found))
-        self.flights.set_content(recharge_answer.flights(found))
-        self.notes.set_content(recharge_answer.notes(found))
+        self.figures.set_content(answer.figures(found))
+        self.pictures.set_content(answer.pictures(found))
+        self.flights.set_content(answer.flights(found))
+        self.notes.set_content(answer.notes(found))
         self.command.show(self.asked.command(self.site.scenario, self._pads_name(), self._folder_name()))
 
     def _show_moved(self) -> None:
@@ -338,7 +274,7 @@ class RechargePage:
         except SkywayError as error:
             self.kept.tell(str(error), wrong=True)
             return
-        self._list()
+        self.form.offer_files()
         self.kept.tell(f"saved {', '.join(made)}; flown by: skyway fly {folder} --connect CONNECTION")
 
     async def download(self) -> None:
