@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.proof.weighing import Scale
+from skyway.link.supervisor.proof.tilt_airspeed import TiltAirspeed
+from skyway.link.supervisor.proof.weighing import USUAL_KAPPA, Scale
 from skyway.models.drones.airspeed_load import AirspeedLoad
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.power import EnduranceEnergy
@@ -19,7 +20,6 @@ USUAL_DRAG = DragModel(linear_per_s=0.03, quadratic_per_m=0.006)
 def scale_of(drone: Drone, package_kg: float, drag: DragModel | None) -> Scale:
     """Make the scale of a drone under a package."""
     model = drone.energy_model
-    load = AirspeedLoad(drag or USUAL_DRAG)
-    if isinstance(model, EnduranceEnergy):
-        return Scale(drone.mass_kg, package_kg, model.kappa, load)
-    return Scale(drone.mass_kg, package_kg, load=load)
+    held_back = drag or USUAL_DRAG
+    kappa = model.kappa if isinstance(model, EnduranceEnergy) else USUAL_KAPPA
+    return Scale(drone.mass_kg, package_kg, kappa, AirspeedLoad(held_back), TiltAirspeed(held_back))

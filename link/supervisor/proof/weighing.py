@@ -23,6 +23,7 @@ from skyway.models.drones.airspeed_load import BLADE_SHARE, INDUCED_FACTOR, INFL
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from skyway.link.supervisor.proof.tilt_airspeed import TiltAirspeed
     from skyway.models.drones.airspeed_load import AirspeedLoad
     from skyway.models.drones.telemetry import TelemetrySample
 
@@ -31,7 +32,7 @@ BEGIN_S, END_S = 3.0, 18.0
 _LEAST_S, _KEPT_SHARE = 6, 0.75
 _CLIMB = (1.0 - BLADE_SHARE) / (INDUCED_FACTOR * INFLOW_MPS)
 _STEADY_MPS2, _DESCENT_MPS = 0.7, -0.4
-_KAPPA = 1.6
+USUAL_KAPPA = 1.6
 GAIN_SIGMA, MODEL_SIGMA = 0.008, 0.008
 """Standard deviations of power, relative: between two take-offs of one drone, and of the model over them."""
 STEP_S = 8
@@ -73,16 +74,20 @@ class Scale:
 
     drone_kg: float
     package_kg: float
-    kappa: float = _KAPPA
+    kappa: float = USUAL_KAPPA
     """Exponent of mass in the power of hover."""
     load: AirspeedLoad | None = None
     """Power over airspeed; None takes the power of hover."""
+    tilt: TiltAirspeed | None = None
+    """Airspeed by the lean, for a package that is lost on the way; None takes that of the wind that is believed."""
     gains: list[float] = field(default_factory=list)
     """Power in units of the model, W, of each take-off under the package."""
     took_off_s: float = math.nan
     _sums: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
     _was: TelemetrySample | None = None
     _newest_s: float = -math.inf
+    _second: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
+    """Of the second under way: time, power, lift, airspeed by the wind, climb and lean."""
     _steady: deque[tuple[float, float, float, float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
 
     def take_off(self, time_s: float) -> None:
@@ -90,10 +95,12 @@ class Scale:
         self.took_off_s, self._was = time_s, None
         self._sums.clear()
         self._steady.clear()
+        self._second.clear()
         self._slow.clear()
 
     def hear(self, s: TelemetrySample, wind: tuple[float, float]) -> None:
         """Take a sample in flight, and the wind there, (north, east), m/s."""
+        self._end_second(s)
         was, self._was = self._was, s
         if was is None or not math.isfinite(s.power_w) or not s.time_s > was.time_s:
             return
@@ -111,10 +118,20 @@ class Scale:
         after_s = s.time_s - self.took_off_s
         if climb > _DESCENT_MPS and BEGIN_S <= after_s <= END_S:
             self._sums.setdefault(int(after_s), []).append((s.power_w, self._units(lift, airspeed, climb)))
-        if s.time_s >= self._newest_s + 1.0:
-            self._newest_s = s.time_s
-            power = s.power_w / self._units(lift, airspeed, climb)
-            self._steady.append((s.time_s, power, airspeed, math.acos(lean), climb))
+        self._second.append((s.time_s, s.power_w, lift, airspeed, climb, math.acos(lean)))
+
+    def _end_second(self, s: TelemetrySample) -> None:
+        """Keep the mean of a second that is over, for a package that is lost on the way."""
+        by_tilt = None if self.tilt is None else self.tilt.hear(s)
+        if by_tilt is None and (self.tilt is not None or s.time_s < self._newest_s + 1.0):
+            return
+        self._newest_s = s.time_s
+        if self._second:
+            time_s, power_w, lift, airspeed, climb, lean = map(fmean, zip(*self._second, strict=True))
+            if by_tilt is not None and math.isfinite(by_tilt):
+                airspeed = by_tilt
+            self._steady.append((time_s, power_w / self._units(lift, airspeed, climb), airspeed, lean, climb))
+        self._second.clear()
 
     _last_power: float = math.nan
     _slow: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=400))

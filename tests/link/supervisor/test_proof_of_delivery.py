@@ -1,15 +1,22 @@
 """Proof of delivery: what was weighed goes before what a gripper says; judged by the simulator's own physics."""
 
 import dataclasses
+import math
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from benchmarks.link.deliveries import Stage, Story
 from benchmarks.link.proof import FAILURES, deliver
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.journal.entries import Proved
 from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge
+from skyway.link.supervisor.proof.tilt_airspeed import TiltAirspeed
 from skyway.link.supervisor.proof.weighing import Scale, Weight
+from skyway.models.base.units import GRAVITY_MPS2
+from skyway.models.drones.airspeed_load import AirspeedLoad
+from skyway.models.drones.drag import DragModel
 from skyway.models.drones.telemetry import TelemetrySample
 from skyway.report.document import flight_report
 from skyway.sim_stub.faults import parse_fault
@@ -77,11 +84,66 @@ def test_power_that_falls_in_level_flight_is_a_package_lost_unless_it_brakes_or_
     scale = Scale(4.7, 1.2)
     scale.take_off(0.0)
     fly_level(scale, 30.0, 8, 15.0, 900.0, 0.2)
-    fly_level(scale, 38.0, 8, airspeed_mps, 620.0, lean_rad)
+    fly_level(scale, 38.0, 9, airspeed_mps, 620.0, lean_rad)
     lost_s = scale.lost()
     assert (lost_s is not None) is noticed
     if noticed:
         assert lost_s == pytest.approx(38.0, abs=3.0)
+
+
+DRAG = DragModel(linear_per_s=0.04, quadratic_per_m=0.005)
+
+
+def cruise(scale, package_kg, seconds, *, speed_mps=8.0, gust_mps=0.0, gust_s=math.inf, lost_s=math.inf):
+    """Level flight over ground, in trim; the gust is from ahead, and nobody is told of it. Returns when an alarm came."""
+    load = AirspeedLoad(DRAG)
+    for k in range(2 * seconds):
+        time_s = 30.0 + 0.5 * k
+        mass_kg = 4.7 + (0.0 if time_s >= lost_s else package_kg)
+        airspeed = speed_mps + (gust_mps if time_s >= gust_s else 0.0)
+        held_mps2 = airspeed * (0.04 + 0.005 * abs(airspeed)) * (4.7 + package_kg) / mass_kg
+        lean = math.atan(held_mps2 / GRAVITY_MPS2)
+        power_w = 500.0 * (mass_kg / 4.7 / math.cos(lean)) ** 1.6 * float(load.factor(airspeed))
+        scale.hear(
+            TelemetrySample(
+                time_s=time_s, vel_north_mps=speed_mps + 0.01 * (k % 2), vel_east_mps=0.0, vel_down_mps=0.0,
+                roll_rad=0.0, pitch_rad=-lean - 1e-4 * (k % 2),
+                yaw_rad=0.0, height_m=45.0, armed=1.0, landed=0.0, power_w=power_w + 0.5 * (k % 2),
+            ),
+            (0.0, 0.0),
+        )  # fmt: skip
+        if scale.lost() is not None:
+            return time_s
+    return None
+
+
+def a_scale(package_kg):
+    scale = Scale(4.7, package_kg, load=AirspeedLoad(DRAG), tilt=TiltAirspeed(DRAG))
+    scale.take_off(0.0)
+    return scale
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.3, 1.2), st.floats(2.0, 13.0), st.floats(-16.0, 8.0))
+@example(0.35, 4.0, 4.0)
+def test_a_gust_that_begins_at_once_is_no_package_that_is_lost(package_kg, speed_mps, gust_mps):
+    """The wind that is believed knows nothing of it; the lean does."""
+    flown = {"speed_mps": speed_mps, "gust_mps": gust_mps, "gust_s": 42.0}
+    assert cruise(a_scale(package_kg), package_kg, 25, **flown) is None
+
+
+def test_by_the_wind_that_is_believed_such_a_gust_would_be_one():
+    blind = Scale(4.7, 0.35, load=AirspeedLoad(DRAG))
+    blind.take_off(0.0)
+    assert cruise(blind, 0.35, 25, speed_mps=4.0, gust_mps=4.0, gust_s=42.0) is not None
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.35, 1.2), st.floats(41.0, 60.0))
+def test_a_package_that_is_lost_in_steady_flight_is_noticed_within_eight_seconds(package_kg, lost_s):
+    found_s = cruise(a_scale(package_kg), package_kg, 45, lost_s=lost_s)
+    assert found_s is not None
+    assert lost_s + 4.0 < found_s < lost_s + 8.0
 
 
 @pytest.mark.parametrize(("aboard_kg", "lost"), [(1.2, False), (0.0, True), (0.1, True)])
@@ -106,8 +168,9 @@ def test_before_the_release_it_is_weighed_by_the_last_seconds_of_its_descent(abo
     assert (judge(evidence)[0] is N) is lost
 
 
-@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
-@pytest.mark.parametrize("failure", ["", "stuck", "half", "early"])
+@pytest.mark.parametrize(
+    ("autopilot", "failure"), [("px4", ""), ("ardupilot", "stuck"), ("px4", "half"), ("ardupilot", "early")]
+)
 def test_a_gripper_that_lies_is_found_out_within_twenty_seconds_of_the_take_off(failure, autopilot):
     run, _ = deliver(70, autopilot, failure)
     assert run.verdict == (N if failure else D), run.reason

@@ -1,0 +1,47 @@
+"""Airspeed by the lean, second by second: what a gust changes shows there at once, while the wind that is believed follows it only slowly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack
+from skyway.models.wind.estimation.blocks import BlockMaker
+from skyway.models.wind.estimation.measurement import tilt_air_velocity
+
+if TYPE_CHECKING:
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.telemetry import TelemetrySample
+
+_TOLD = attrgetter(*QUANTITIES)
+
+
+@dataclass(slots=True)
+class TiltAirspeed:
+    """How fast one multirotor moves through the air, from its lean, its acceleration and its drag."""
+
+    drag: DragModel
+    _maker: BlockMaker = field(default_factory=BlockMaker)
+    _waiting: list[tuple[float, ...]] = field(default_factory=list)
+    _heard_s: float = 0.0
+
+    def hear(self, s: TelemetrySample) -> float | None:
+        """Take a sample; returns the airspeed of a second that it ends, m/s, NaN where it is not known, and None within a second."""
+        if not s.time_s > self._heard_s:
+            return None
+        over = math.floor(s.time_s / self._maker.period_s) != math.floor(self._heard_s / self._maker.period_s)
+        self._heard_s = s.time_s
+        self._waiting.append((s.time_s, *_TOLD(s)))
+        if not over:
+            return None
+        table = np.array(self._waiting)
+        self._waiting.clear()
+        ended = self._maker.feed(TelemetryTrack(s.system, table[:, 0], table[:, 1:]))
+        if not len(ended):
+            return None
+        north, east = tilt_air_velocity(ended, self.drag)[-1]
+        return math.hypot(north, east)
