@@ -1,10 +1,10 @@
-# make setup | demo | test | check | bench | docs
+# make setup | demo | demo-fleet | test | check | bench | docs
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test slow check bounds fuzz kernels bench docs clean
+.PHONY: setup demo demo-fleet test slow check bounds fuzz kernels bench docs clean
 
 setup: $(STAMP)
 
@@ -23,6 +23,10 @@ demo: setup
 	$(BIN)/skyway demo --output out/demo
 	@echo "Plan, fly and replay in a browser: $(BIN)/skyway serve --folder out/demo"
 	@echo "Watch a delivery being flown there: $(BIN)/skyway serve --demo --folder out/demo"
+
+# An hour of orders for 50 drones in a simulated New York, on the page; Ctrl-C ends both.
+demo-fleet: setup
+	$(BIN)/skyway dispatch demo --output out/demo-fleet
 
 # Tests are kept compiled from run to run, also where an image forbids it: compiling them takes 10 s.
 test: export PYTHONDONTWRITEBYTECODE :=

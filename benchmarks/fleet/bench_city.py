@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from benchmarks.fleet.execution import carry_out, strangers
 from skyway.missions.examples import NEW_YORK
 from skyway.models.orders.fitting import Work, fit
 from skyway.models.orders.order import Order, Vehicle
 from skyway.models.queues.load import PadLoad
 from skyway.models.scenario.file import read_scenario
+from skyway.planner.capacity.execution import carry_out, strangers
 from skyway.planner.dispatch.dispatch import dispatch, told
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.dispatch.search import Search

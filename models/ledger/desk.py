@@ -60,6 +60,12 @@ class Desk:
             condition, values = f"{condition} AND keeper = ?", [*values, keeper]
         return self._found(condition, values)
 
+    def keepers(self, kind: Kind, states: Sequence[str]) -> dict[str, str]:
+        """Return who keeps the entries of a kind in some states, by their ids; without the documents."""
+        sql = f"SELECT id, keeper FROM desk WHERE dispatcher = ? AND kind = ? AND state IN ({', '.join('?' * len(states))}) ORDER BY id"
+        with self.ledger.transaction():
+            return {str(id_): str(keeper) for id_, keeper in self.ledger.rows(sql, (self.dispatcher, kind, *states))}
+
     def count(self, kind: Kind, states: Sequence[str] = ()) -> int:
         """How many entries of a kind there are, in some states where they are named."""
         condition = f" AND state IN ({', '.join('?' * len(states))})" if states else ""

@@ -61,8 +61,11 @@ def lay_out_problem(
     *,
     holds: Sequence[Hold] = (),
     reserve: float = DEFAULT_RESERVE_SOC,
+    margins: bool = True,
 ) -> Laid:
     """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others.
+
+    Without margins flights need what the model says of them, not what keeps the reserve of all but few.
 
     An `InputError` refuses what is too far ahead for the forecast, or too large.
     """
@@ -93,7 +96,9 @@ def lay_out_problem(
         for drone in types
     }
     for problem, (drone, _) in zip(problems, modes, strict=True):
-        margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
+        margin = 0.0
+        if margins:
+            margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
         time_s = _times(problem, places, slots, parameters.robust.speed_hours)
         need = np.where(np.isfinite(time_s), (problem.soc_fixed + problem.soc_per_s * time_s) * (1.0 + margin), np.inf)
         need = np.where(need <= 1.0 - reserve, need, np.inf)

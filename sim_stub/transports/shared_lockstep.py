@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 JOIN, WRITE, READ, SLEEP, PADS, ORDER, LEAVE = b"J", b"W", b"R", b"S", b"P", b"O", b"L"
 """Join; bytes to the vehicle; wait for bytes; wait for an instant; a line to the pads; something done to the world; good-bye."""
 LENGTH, TIME = struct.Struct("<I"), struct.Struct("<d")
-BEAT_S = 0.2
-"""Bytes reach a participant at multiples of this: so many vehicles are heard at once, and their programs run side by side."""
+BEAT_S, HEARD_S = 0.2, 1.0
+"""Bytes reach a participant at multiples of the first where it has sent some, and else of the second: so many vehicles are heard at once, and
+their programs run side by side."""
 ABSENT_WALL_S = 20.0
 """So long, of the wall's time, the world waits for somebody in the place of one that was killed."""
 IDLE_WALL_S = 600.0
@@ -55,6 +56,8 @@ class Participant:
     """The instant that it waits for; None while it runs."""
     reads: bool = False
     """It waits for bytes, too."""
+    wrote: bool = False
+    """It has sent bytes since it was last answered: what the vehicle says to them is not kept waiting."""
     received: bytearray = field(default_factory=bytearray)
 
 
@@ -117,8 +120,9 @@ class SharedLockstep:
         if world.next_wall_s() <= now:
             world.advance(now, now)
         on_beat = now >= beat - 1e-9
+        heard = on_beat and _is_multiple(now, HEARD_S)
         for one in waits:
-            if one.lane is not None and one.reads and on_beat and one.lane.inbox:
+            if one.lane is not None and one.reads and (heard or (on_beat and one.wrote)) and one.lane.inbox:
                 self._answer(one, self._bytes_of(one.lane))
             elif one.until_s is not None and one.until_s <= now + 1e-9:
                 self._answer(one, self._bytes_of(one.lane) if one.reads and one.lane is not None else b"")
@@ -168,6 +172,7 @@ class SharedLockstep:
     def _take(self, one: Participant, letter: bytes, body: bytes) -> None:
         if letter == WRITE and one.lane is not None:
             one.lane.arrived(body, self.now_s)
+            one.wrote = True
         elif letter == READ and one.lane is not None:
             (timeout_s,) = TIME.unpack(body)
             if one.lane.inbox or not timeout_s > 0.0:
@@ -221,7 +226,7 @@ class SharedLockstep:
         return {}
 
     def _answer(self, one: Participant, body: bytes) -> None:
-        one.until_s = None
+        one.until_s, one.wrote = None, False
         try:
             one.connection.sendall(LENGTH.pack(TIME.size + len(body)) + TIME.pack(self.now_s) + body)
         except OSError:
@@ -235,3 +240,7 @@ class SharedLockstep:
             one.lane.close()
         if killed and math.isfinite(one.grace_s):
             self._absent.append(Absent(one.name, self.now_s + one.grace_s, time.monotonic() + ABSENT_WALL_S))
+
+
+def _is_multiple(instant_s: float, of_s: float) -> bool:
+    return abs(instant_s / of_s - round(instant_s / of_s)) < 1e-6

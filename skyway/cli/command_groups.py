@@ -18,6 +18,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "evaluate": "plan",
         "dispatch": "fleet.dispatch",
         "orders": "fleet.orders",
+        "study": "fleet.study",
         "wind": "scenario",
         "forecast": "forecast",
         "weather": "forecast",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import SkywayError
@@ -10,6 +11,8 @@ from skyway.models.ledger.ledger import FencedError
 from skyway.models.ledger.opening import open_ledger
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from skyway.models.ledger.ledger import Lease
 
 SHARE = 3.0
@@ -69,6 +72,15 @@ class KeptLeases:
                 self._kept.pop(holder, None)
                 raise
 
+    def give_back(self, holders: Iterable[str]) -> None:
+        """Give some leases back, so that others may take them at once."""
+        with self._lock:
+            for holder in holders:
+                lease = self._kept.pop(holder, None)
+                if lease is not None:
+                    with suppress(SkywayError):
+                        self._ledger.give_back(lease)
+
     def _renew(self) -> None:
         while not self._end.wait(self.ttl_s / SHARE):
             with self._lock:
@@ -95,10 +107,5 @@ class KeptLeases:
         self._end.set()
         self._thread.join()
         with self._lock:
-            for lease in self._kept.values():
-                try:
-                    self._ledger.give_back(lease)
-                except SkywayError:
-                    break
-            self._kept.clear()
+            self.give_back(self.holders)
             self._ledger.close()

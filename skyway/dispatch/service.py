@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,6 +65,8 @@ class Options:
     seed: int = 1
     strangers: bool = True
     settings: tuple[str, ...] = ()
+    notice_s: float | None = None
+    """Orders come so long before they are ready; None: all at once, at the beginning."""
     say: Callable[[str], None] = field(default=print)
 
 
@@ -81,10 +85,16 @@ class Service:
         self._workers: dict[int, subprocess.Popen[bytes]] = {}
         self._take_lease()
         self.record = self._begun() or self._begin()
-        for order in options.orders:
+        self._coming = deque(sorted(options.orders, key=lambda one: one.ready))
+        self._take_orders(self.record.begin_s if options.notice_s is not None else math.inf)
+        self.dispatcher = self._dispatcher()
+
+    def _take_orders(self, now_s: float) -> None:
+        """Put down the orders that have come by then."""
+        while self._coming and self._coming[0].ready.timestamp() - (self.options.notice_s or 0.0) <= now_s:
+            order = self._coming.popleft()
             if self._desk.get("order", order.id) is None:  # started again with the same file: it is there already
                 put_order(self._desk, order)
-        self.dispatcher = self._dispatcher()
 
     def _take_lease(self) -> None:
         """Take the lease of the dispatcher; of one that was killed it runs out."""
@@ -200,6 +210,7 @@ class Service:
         """Do what is due; a database that went away is waited for, and found again."""
         while True:
             try:
+                self._take_orders(now_s)
                 self.dispatcher.step(now_s)
             except (TakenError, VersionError) as error:
                 self._say(f"replanned: {error}")
@@ -228,6 +239,7 @@ class Service:
             return True
         return (
             lasts_s is None
+            and not self._coming
             and not self.dispatcher.busy
             and not self._desk.count("order", ("new", "promised", "under way", "aboard"))
         )

@@ -121,18 +121,23 @@ class Worker:
             pass  # another process has it: wait for its end
         with self._lock:
             try:
-                entries = self._desk.entries("flight", ACTIVE)
+                keepers = self._desk.keepers("flight", ACTIVE)
             except SkywayError:
                 self._reopen()
                 return
         mine = set(self.leases.holders)
-        self._take_over({one.keeper for one in entries} - mine)
+        self._take_over(set(keepers.values()) - mine)
         mine = set(self.leases.holders)
-        for entry in entries:
-            if entry.keeper in mine and entry.id not in self._flights and len(self._flights) < MOST:
-                flight = Flight(self, entry, read(entry, FlightRecord))
-                self._flights[entry.id] = flight
-                flight.start()
+        self.leases.give_back(
+            mine - {self.name, *keepers.values()}
+        )  # of another one, that has nothing to be done any more
+        for name, keeper in keepers.items():
+            if keeper not in mine or name in self._flights or len(self._flights) >= MOST:
+                continue
+            entry = self._entry("flight", name)
+            if entry is not None and entry.keeper == keeper and entry.state in ACTIVE:
+                self._flights[name] = Flight(self, entry, read(entry, FlightRecord))
+                self._flights[name].start()
 
     def _take_over(self, keepers: set[str]) -> None:
         """Take the leases of other workers that have run out, as far as there is room."""

@@ -40,6 +40,8 @@ class ServeOptions:
     token: str | None = None
     demo: bool = False
     """A simulated delivery is flown from the start on."""
+    begins_at: str = ""
+    """Path of the page that is told to open; empty is the first one."""
     given: Given = field(default_factory=Given)
     """Weather and pads of now, terrain, zones."""
     base: BaseMap = field(default_factory=BaseMap)
@@ -103,7 +105,7 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
         timeout_keep_alive=30, timeout_graceful_shutdown=2, http=Prompt, ws_max_size=4 * 2**20, lifespan="on", ws="websockets-sansio",
     )  # fmt: skip
     shown = f"[{options.host}]" if ":" in options.host else options.host
-    address = f"http://{shown}:{listening.getsockname()[1]}{'/fly' if options.demo else ''}"
+    address = f"http://{shown}:{listening.getsockname()[1]}{options.begins_at or ('/fly' if options.demo else '')}"
     say(f"skyway: open {address} in a browser; Ctrl-C ends the page, not a flight")
     if options.base.origin is not None:
         say(f"skyway: browsers fetch the base map from {options.base.origin}, as --tiles says")

@@ -105,6 +105,9 @@ def test_what_needs_a_person_comes_first_and_bars_are_those_of_the_ledger(ledger
     bars = {row["name"]: [(bar["kind"], bar["state"]) for bar in row["bars"]] for row in found["doing"]}
     assert bars == {"d1": [("fly", "now"), ("charge", "planned"), ("fly", "planned")], "d2": []}
     assert [row["name"] for row in found["booked"]] == ["jacobi 1"]
+    places = {one["id"]: (one["lat"], one["lon"]) for one in found["drones"]}
+    assert places["d1"] == (40.8, -73.9)
+    assert places["d2"] == pytest.approx((40.857, -73.846), abs=0.01)
     with pytest.raises(InputError, match="no service of this name"):
         told(str(ledger), "another")
 
@@ -133,7 +136,7 @@ def test_the_page_shows_the_fleet_and_reads_no_file_outside_of_its_folder(ledger
             tab.get_by_text("d2 is lost").wait_for()
             assert tab.get_by_text("d1 is 5 min behind its plan").count() == 1
             assert tab.locator(".fleet img").count() == 0
-            tab.wait_for_function("window.skywayMap.state.vehicles.length === 1")
+            tab.wait_for_function("window.skywayMap.state.vehicles.length === 2")
             assert "--ledger ledger.db" in tab.inner_text("#fleet-command")
     finally:
         ended(page)

@@ -13,6 +13,7 @@ from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from skyway.dispatch.records import PlanStep
+    from skyway.models.scenario.scenario import Scenario
 
 MOST_ROWS = 200
 """Drones and pads that are drawn; all are in the tables."""
@@ -26,17 +27,30 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
     """Return how a fleet stands; an `InputError` says that the file is no ledger, or that no service is on it."""
     with open_ledger(ledger) as book:
         status = status_of(Desk(book, holder))
-    return document_of(status) | {
+    document = document_of(status)
+    for one in document["drones"]:  # a drone that stands is where its station is
+        if one["lat"] is None:
+            one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
+    return document | {
         "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": _alarms(status), "doing": _doing(status),
         "booked": _booked(status), "whole": len(status.drones),
     }  # fmt: skip
 
 
 @lru_cache(maxsize=8)
-def _timezone(scenario: str | None) -> str:
+def _scenario(folder: str | None) -> Scenario:
     from pathlib import Path
 
-    return load_scenario(None if scenario is None else Path(scenario)).timezone
+    return load_scenario(None if folder is None else Path(folder))
+
+
+def _timezone(scenario: str | None) -> str:
+    return _scenario(scenario).timezone
+
+
+@lru_cache(maxsize=8)
+def _places(scenario: str | None) -> dict[str, tuple[float | None, float | None]]:
+    return {one.id: (one.lat, one.lon) for one in _scenario(scenario).network.stations}
 
 
 def _alarms(status: Status) -> list[str]:

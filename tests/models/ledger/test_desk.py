@@ -28,6 +28,8 @@ def test_entries_are_written_all_or_none(desk):
         desk.put(lease, [replace(first, state="ended"), entry("b")])
     assert [one.state for one in desk.entries("flight")] == ["new", "flying"]
     assert [one.id for one in desk.entries("flight", ("flying", "ended"))] == ["b"]
+    assert desk.keepers("flight", ("new", "flying", "ended")) == {"a": "d", "b": "d"}
+    assert desk.keepers("flight", ("flying",)) == {"b": "d"}
     assert (desk.count("flight"), desk.count("flight", ("new",)), desk.count("order")) == (2, 1, 0)
 
 

@@ -106,6 +106,12 @@ def run(
         str | None,
         typer.Option("--actual-wind", help="The wind that blows in the simulation: 8@270, or a day of the record."),
     ] = None,
+    notice: Annotated[
+        float | None,
+        typer.Option(
+            help="Simulate that each order comes so long before it is ready, min. Without it: all at once.", min=0.0
+        ),
+    ] = None,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 1,
     hours: Annotated[
         float | None,
@@ -150,7 +156,7 @@ def run(
         scenario=None if scenario is None else str(scenario.resolve()), wind=wind, actual_wind=actual_wind,
         reserve=typed_values.percent(reserve, "--reserve", high=95.0), workers=workers, ttl_s=lease, plan_s=time_limit,
         iterations=iterations, lasts_s=None if hours is None else hours * 3600.0, seed=seed, strangers=traffic,
-        settings=tuple(settings or ()), say=typer.echo,
+        settings=tuple(settings or ()), notice_s=None if notice is None else 60.0 * notice, say=typer.echo,
     )  # fmt: skip
     service = Service(asked)
     if http is not None:
@@ -158,6 +164,39 @@ def run(
 
         typer.echo(f"HTTP API: {serve_in_background(ledger, holder, http)}/openapi.json")
     service.run()
+
+
+@dispatch.command("demo")
+def demo(
+    drones: Annotated[int, typer.Option(help="Drones of the fleet.", min=1, max=250)] = 50,
+    rate: Annotated[float, typer.Option("--rate", help="Orders an hour.", min=1.0, max=2000.0)] = 60.0,
+    hours: Annotated[float, typer.Option(help="For so long orders come.", min=0.05, max=24.0)] = 1.0,
+    workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 2,
+    seed: Annotated[int, typer.Option(help="Random seed of orders, drones and simulation.", min=0, max=2**32 - 1)] = 1,
+    port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
+    page: Annotated[bool, typer.Option(help="Show the fleet on the page, until Ctrl-C.")] = True,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for orders, fleet, ledger and journals.")
+    ] = Path("out/demo-fleet"),
+) -> None:
+    """Fly a simulated fleet in New York, in the wind of a day that was not forecast, and show it on the page.
+
+    Orders come as time goes on; strangers charge at the pads, too. Without the page it ends with how the fleet stands.
+
+    Examples
+    --------
+      skyway dispatch demo
+      skyway dispatch demo --drones 10 --rate 12 --no-page -o out/small
+    """
+    from skyway.dispatch.demonstration import FleetDemo, run_demo
+
+    def show(at: str) -> None:
+        from skyway.web.server import ServeOptions, serve
+
+        serve(ServeOptions(folder=output, port=port, begins_at=at), lambda words: typer.echo(words, err=True))
+
+    wanted = FleetDemo(folder=output, drones=drones, rate_per_h=rate, hours=hours, workers=workers, seed=seed)
+    run_demo(wanted, typer.echo, show=show if page else None)
 
 
 @dispatch.command("worker", hidden=True)

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from benchmarks.fleet.execution import carry_out
+from skyway.planner.capacity.execution import carry_out
 from skyway.planner.dispatch.result import Route, Step
 
 START = datetime(2026, 7, 10, 12, tzinfo=UTC)

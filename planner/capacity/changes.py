@@ -1,0 +1,47 @@
+"""Changes of a network and its fleet that a study looks at: a pad more, a station more, a drone more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from skyway.models.scenario.scenario import Scenario
+
+PADS_OF_NEW = 2
+"""Pads of a station that is added."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What is added; what is named twice is added twice."""
+
+    pads: tuple[str, ...] = ()
+    """Stations that have a pad more."""
+    stations: tuple[tuple[str, float, float], ...] = ()
+    """Name, latitude and longitude of stations that are new; other drones do not charge there."""
+    drones: tuple[str, ...] = ()
+    """Stations at which a drone more is at home."""
+
+    def __str__(self) -> str:
+        named = [f"a pad more at {one}" for one in self.pads]
+        named += [f"a station with {PADS_OF_NEW} pads at {lat:.4f},{lon:.4f}" for _, lat, lon in self.stations]
+        named += [f"a drone more at {one}" for one in self.drones]
+        return ", ".join(named) or "as it is"
+
+
+NOTHING = Change()
+
+
+def changed(scenario: Scenario, change: Change) -> Scenario:
+    """Return a scenario with what is added; an `InputError` says that a station cannot be where it was to be."""
+    for name, lat, lon in change.stations:
+        scenario = scenario.with_target(lat, lon, id=name)
+    more = {one: change.pads.count(one) for one in change.pads} | {name: PADS_OF_NEW for name, _, _ in change.stations}
+    if not more:
+        return scenario
+    stations = tuple(
+        replace(one, pads=one.pads + more.get(one.id, 0)) if one.id in more else one
+        for one in scenario.network.stations
+    )
+    return replace(scenario, network=replace(scenario.network, stations=stations))

@@ -1,0 +1,176 @@
+"""The demonstration of a fleet: drones and orders that are drawn, flown by a service of its own while the page shows it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import subprocess
+import sys
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+from urllib.parse import urlencode
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from skyway.demo import DAY, DRONE, HOUR
+from skyway.dispatch.records import CLOSED, LOST
+from skyway.dispatch.simulation import ADDRESS
+from skyway.dispatch.status import status_of
+from skyway.models.base.errors import InputError, LinkLostError
+from skyway.models.base.files import write_atomically
+from skyway.models.base.geodesy import coarse_distance_m
+from skyway.models.base.units import S_PER_H
+from skyway.models.ledger.audit import audit
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+from skyway.scenarios import load_scenario
+from skyway.sim_stub.transports.lockstep_client import LockstepClient
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+LEDGER, ORDERS, FLEET, OUTPUT = "fleet.db", "orders.csv", "fleet.csv", "run.out"
+JOURNALS = "flights"
+MASSES_KG = (0.2, 0.5, 0.8)
+DUE_MIN = (90.0, 120.0, 150.0)
+FAR_M = 20_000.0
+"""Packages go no farther, as the crow flies."""
+LEAST_SOC = 0.5
+"""Drones begin with this charge or more."""
+NOTICE_MIN = 10.0
+"""Orders come so long before they are ready."""
+URGENT = 0.2
+"""Share of the orders that have priority 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetDemo:
+    """What is shown."""
+
+    folder: Path
+    drones: int = 50
+    rate_per_h: float = 60.0
+    hours: float = 1.0
+    """For so long orders come, at this rate."""
+    workers: int = 2
+    seed: int = 1
+
+    @property
+    def begin(self) -> datetime:
+        """When it begins: an hour of the demonstration of one delivery."""
+        return datetime.combine(DAY, HOUR, ZoneInfo(load_scenario(None).timezone))
+
+
+def draw(demo: FleetDemo) -> tuple[str, str]:
+    """Return files of drones and of orders, as CSV: orders from one station with pads to another that is near."""
+    scenario = load_scenario(None)
+    stations = [one for one in scenario.network.stations if one.pads and not one.flyover]
+    lats, lons = (np.array([getattr(one, axis) for one in stations]) for axis in ("lat", "lon"))
+    random = np.random.default_rng(demo.seed)
+    drones = [
+        (f"d{number:03d}", DRONE, home.id, str(round(100.0 * random.uniform(LEAST_SOC, 1.0))))
+        for number, home in enumerate((stations[int(at)] for at in random.integers(len(stations), size=demo.drones)), 1)
+    ]
+    orders = []
+    for number, at_s in enumerate(_arrivals_s(random, demo), 1):
+        origin = stations[int(random.integers(len(stations)))]
+        far_m = coarse_distance_m(origin.lat, origin.lon, lats, lons)
+        near = np.flatnonzero((far_m > 0.0) & (far_m <= max(FAR_M, float(np.partition(far_m, 1)[1]))))
+        destination = stations[int(random.choice(near))]
+        ready = demo.begin + timedelta(seconds=round(at_s))
+        due = ready + timedelta(minutes=float(random.choice(DUE_MIN)))
+        urgent = int(random.random() < URGENT)
+        mass_kg = float(random.choice(MASSES_KG))
+        orders.append(
+            (f"o{number:03d}", origin.id, destination.id, mass_kg, ready.isoformat(), due.isoformat(), urgent)
+        )
+    return (
+        _csv(("id", "type", "home", "charge_percent"), drones),
+        _csv(("id", "from", "to", "mass_kg", "ready", "due", "priority"), orders),
+    )
+
+
+def _arrivals_s(random: np.random.Generator, demo: FleetDemo) -> list[float]:
+    """When orders are ready, at random over the time; one at least."""
+    lasts_s = demo.hours * S_PER_H
+    count = max(int(random.poisson(demo.rate_per_h * demo.hours)), 1)
+    return sorted(float(one) for one in random.uniform(0.0, lasts_s, count))
+
+
+def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str], None] | None = None) -> None:
+    """Fly the fleet: as long as `show` shows it, which is told the path of its page, or to its end where there is none."""
+    folder = demo.folder
+    if (folder / LEDGER).exists():
+        _remove_last(folder)
+    (folder / JOURNALS).mkdir(parents=True, exist_ok=True)
+    drones, orders = draw(demo)
+    write_atomically(folder / FLEET, drones, force=True)
+    write_atomically(folder / ORDERS, orders, force=True)
+    words = [
+        "dispatch", "run", "--simulate", "--ledger", LEDGER, "--orders", ORDERS, "--fleet", FLEET, "--depart", demo.begin.isoformat(),
+        "--actual-wind", DAY.isoformat(), "--notice", f"{NOTICE_MIN:g}", "--workers", str(demo.workers), "--time-limit", "1",
+        "--seed", str(demo.seed), "--folder", JOURNALS,
+    ]  # fmt: skip
+    say(
+        f"{demo.drones} drones, {orders.count(chr(10)) - 1} orders in {demo.hours:g} h; in {folder}: skyway {' '.join(words)}"
+    )
+    with (folder / OUTPUT).open("wb") as output:
+        shown = None if show is None else output
+        service = subprocess.Popen(  # noqa: S603  our own command, its words as a list
+            [sys.executable, "-m", "skyway", *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=shown, stderr=shown
+        )
+    try:
+        if show is None:
+            if service.wait():
+                raise InputError("the service ended with a fault", str(folder / OUTPUT))
+        else:
+            show("/fleet?" + urlencode({"ledger": LEDGER}))
+    finally:
+        service.terminate()
+        service.wait()
+        _end_world(folder / JOURNALS / ADDRESS)
+    if show is None:
+        for line in how_it_ended(folder / LEDGER):
+            say(line)
+
+
+def how_it_ended(ledger: Path) -> list[str]:
+    """Return what became of the orders, and what the audit of the ledger's history says."""
+    with open_ledger(str(ledger)) as book:
+        status = status_of(Desk(book, "dispatch"))
+        wrong = audit(book)
+    counts = ", ".join(f"{status.count(one)} {one}" for one in CLOSED if status.count(one))
+    late = sum(one > 0.0 for one in status.lateness_s)
+    lost = sum(state == LOST for state, _ in status.drones.values())
+    return [
+        f"{len(status.orders)} orders: {counts}; {late} after they were due; {len(status.changes)} promises changed; {lost} drones lost",
+        f"history of the ledger: {'; '.join(wrong) if wrong else 'no pad was held twice'}",
+    ]
+
+
+def _end_world(address: Path) -> None:
+    """End the simulated world, and with it the workers; where the service has ended by itself it is gone already."""
+    with suppress(LinkLostError, OSError):
+        world = LockstepClient(address.read_text(encoding="ascii").strip(), "demonstration")
+        with closing(world):
+            world.order("end")
+
+
+def _remove_last(folder: Path) -> None:
+    """Remove what the demonstration before has left; nothing else that may be in the folder."""
+    for one in (LEDGER, f"{LEDGER}-wal", f"{LEDGER}-shm", ORDERS, FLEET, OUTPUT):
+        (folder / one).unlink(missing_ok=True)
+    shutil.rmtree(folder / JOURNALS, ignore_errors=True)

@@ -1,0 +1,94 @@
+"""The demonstration of a fleet: what is drawn can be flown, is the same each time, and is flown and shown to its end."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+from fleet_runs import ROOT, START
+from simulated import world_of
+
+from skyway.dispatch.demonstration import FAR_M, ORDERS, FleetDemo, draw, how_it_ended
+from skyway.models.base.geodesy import distance_m
+from skyway.models.orders.files import read_orders, read_vehicles
+from skyway.models.orders.fitting import fit
+from skyway.scenarios import load_scenario
+from skyway.sim_stub.transports.lockstep_client import LockstepClient
+
+
+def test_what_is_drawn_fits_the_city_and_is_the_same_each_time(tmp_path):
+    demo = FleetDemo(folder=tmp_path, drones=20, rate_per_h=40.0, seed=3)
+    drones, orders = draw(demo)
+    assert draw(demo) == (drones, orders)
+    assert draw(FleetDemo(folder=tmp_path, drones=20, rate_per_h=40.0, seed=4)) != (drones, orders)
+    (tmp_path / "fleet.csv").write_text(drones)
+    (tmp_path / ORDERS).write_text(orders)
+    scenario = load_scenario(None)
+    work = fit(scenario, read_orders(tmp_path / ORDERS), read_vehicles(tmp_path / "fleet.csv"))
+    assert len(work.vehicles) == 20
+    assert 20 <= len(work.orders) <= 60
+    place = {one.id: (one.lat, one.lon) for one in scenario.network.stations}
+    for order in work.orders:
+        assert START <= order.ready < order.due
+        assert 0.0 < distance_m(*place[order.origin], *place[order.destination]) <= 1.01 * FAR_M
+
+
+def test_bytes_come_at_whole_seconds_and_at_once_where_some_were_sent():
+    with world_of(vehicles=1) as address:
+        client = LockstepClient(address, "test", system=1)
+        instants = []
+        for _ in range(4):
+            assert client.read(30.0)
+            instants.append(client.now_s())
+        assert all(abs(one - round(one)) < 1e-6 for one in instants)
+        assert len(set(instants)) == 4
+        client.sleep_until(instants[-1] + 0.2)
+        client.write(b"\0")  # no frame, but somebody speaks
+        client.read(30.0)
+        assert client.now_s() - instants[-1] < 0.5
+        client.close()
+
+
+@pytest.mark.slow
+def test_a_small_fleet_is_flown_to_its_end_and_audited(tmp_path):
+    words = ["--drones", "2", "--rate", "30", "--hours", "0.07", "--seed", "5", "--no-page", "--workers", "1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "skyway", "dispatch", "demo", *words, "-o", str(tmp_path / "out")],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=1800, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-2:] == how_it_ended(tmp_path / "out" / "fleet.db")
+    assert "no pad was held twice" in done.stdout
+    found = re.search(r"(\d+) orders: (.*);", done.stdout)
+    counts = [int(one) for one in re.findall(r"(\d+) (?:delivered|refused|handed)", found[2])]
+    assert sum(counts) == int(found[1])
+
+
+@pytest.mark.slow
+def test_the_page_shows_it_and_ctrl_c_ends_everything(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "skyway", "dispatch", "demo", "--drones", "4", "--rate", "30", "--port", "0", "-o", str(tmp_path / "out")],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        address = re.search(r"http://\S+/fleet\?ledger=fleet\.db", next(iter(process.stderr)))[0]
+        told = ""
+        for _ in range(60):  # each asks the page's own processes, which load while the service begins
+            with urllib.request.urlopen(
+                address.split("/fleet")[0] + "/api/dispatch?ledger=fleet.db&holder=dispatch", timeout=60
+            ) as answer:
+                told = answer.read().decode()
+            if '"vehicles":[{' in told:
+                break
+        assert told.count('"stale":') == 4
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(120) == 0
+    world = (tmp_path / "out" / "flights" / "world.address").read_text().strip()
+    from skyway.models.base.errors import LinkLostError
+
+    with pytest.raises(LinkLostError):
+        LockstepClient(world, "test")

@@ -1,0 +1,167 @@
+"""Studies of what a network carries: days are drawn and simulated the same way everywhere, and figures are what they say."""
+
+from dataclasses import replace
+from datetime import date, datetime
+from functools import partial
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.geodesy import coarse_distance_m
+from skyway.models.compute.spreading import spread
+from skyway.planner.capacity.changes import PADS_OF_NEW, Change, changed
+from skyway.planner.capacity.day import Case, DayDone, Piece, Study, simulate
+from skyway.planner.capacity.demand import Demand, drones_of, orders_of
+from skyway.planner.capacity.study import APART_M, candidates, document_of, find_capacity
+from skyway.scenarios import load_scenario
+
+ZONE = ZoneInfo("America/New_York")
+BEGIN = datetime(2013, 7, 10, 14, tzinfo=ZONE)
+DAYS = (date(2013, 7, 4), date(2013, 7, 19), date(2013, 8, 1))
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario(None)
+
+
+@pytest.fixture(scope="module")
+def study(scenario):
+    demand = Demand(most_per_h=30.0, hours=1.0)
+    return Study(scenario=None, digest=scenario.sha256, begin=BEGIN, days=DAYS, demand=demand, drone="m200", seed=7)
+
+
+def day_done(orders, on_time, missed=()):
+    return DayDone(
+        orders=orders, promised=orders, delivered=on_time, on_time=on_time, waited_s=0.0, delivery_s=0.0, landings=1, below=0, missed=missed
+    )  # fmt: skip
+
+
+def test_more_orders_and_one_drone_more_leave_the_others_as_they_are(scenario):
+    demand = Demand(most_per_h=100.0, hours=2.0)
+    few, many = (orders_of(scenario, demand, rate, 3600.0, BEGIN, 1, 0, 0.8) for rate in (20.0, 80.0))
+    assert {one.id for one in few} < {one.id for one in many}
+    same = {one.id: one for one in many}
+    assert all(same[one.id] == one for one in few)
+    assert 100 < len(many) < 220
+    assert all((one.due - one.ready).total_seconds() == 3600.0 for one in many)
+    stations = {one.id: one for one in scenario.network.stations}
+    for one in many:
+        a, b = stations[one.origin], stations[one.destination]
+        far_m = float(coarse_distance_m(a.lat, a.lon, b.lat, b.lon))
+        assert 0.0 < far_m <= 20_000.0 or far_m <= 60_000.0  # the nearest, where none is within
+    fleet = drones_of(scenario, "m200", 30, 1, 0)
+    assert drones_of(scenario, "m200", 30, 1, 0, ("bellevue",))[:30] == fleet
+    assert drones_of(scenario, "m200", 30, 1, 1) != fleet
+
+
+def test_a_day_is_the_same_each_time_and_its_counts_fit_together(study):
+    piece = Piece(study=study, case=Case(rate_per_h=30.0, promise_s=5400.0, drones=20), day=1)
+    done = simulate(piece, load_scenario)
+    assert simulate(piece, load_scenario) == done
+    assert 0 < done.on_time <= done.delivered <= done.promised <= done.orders
+    assert len(done.missed) == done.orders - done.on_time
+    assert done.below <= done.landings
+    assert done.delivery_s / done.delivered < 5400.0 + 3600.0
+    nobody = replace(piece, case=replace(piece.case, promise_s=60.0))
+    assert simulate(nobody, load_scenario).promised == 0, "nothing is there within a minute"
+    with pytest.raises(InputError, match="other files of the scenario"):
+        simulate(replace(piece, study=replace(study, digest="another")), load_scenario)
+
+
+def test_what_is_added_is_there(scenario):
+    change = Change(pads=("bellevue", "bellevue"), stations=(("new-1", 40.72, -73.82),), drones=("jacobi",))
+    after = changed(scenario, change)
+    pads = {one.id: one.pads for one in after.network.stations}
+    before = {one.id: one.pads for one in scenario.network.stations}
+    assert pads == {**before, "bellevue": before["bellevue"] + 2, "new-1": PADS_OF_NEW}
+    node = after.network.index["new-1"]
+    assert (after.network.tail == node).any()
+    assert after.load.arrivals_per_s[node].sum() == 0.0
+    assert changed(scenario, Change()) is scenario
+
+
+def fake(share):
+    """A run whose days have 100 orders, of which a share by the rate is on time; a pad more at jacobi helps."""
+
+    def run(pieces):
+        return [
+            day_done(100, min(100, round(100 * share(one.case.rate_per_h)) + 7 * (one.case.change.pads == ("jacobi",))))
+            for one in pieces
+        ]
+
+    return run
+
+
+def test_the_capacity_is_where_the_share_falls_below_the_level(scenario, study):
+    def find(share, **more):
+        return find_capacity(study, [10, 20, 40], [3600.0], [20], days=3, level=0.9, run=fake(share), **more)
+
+    found = find(lambda rate: 1.0 - 0.005 * rate, network=scenario.network)
+    assert found.capacities[0].rate_per_h == pytest.approx(20.0)
+    assert (found.capacities[0].low_per_h, found.capacities[0].high_per_h) == pytest.approx((20.0, 20.0))
+    assert found.base.case.rate_per_h == 20
+    assert str(found.effects[0].change) == "a pad more at jacobi"
+    assert found.effects[0].per_h == pytest.approx(7.0)
+    assert found.effects[0].sure
+    assert not any(one.sure for one in found.effects[1:])
+    assert found.days_simulated == 3 * (3 + len(found.effects))
+    assert document_of(found)["capacities"][0]["orders_per_h"] == pytest.approx(20.0)
+    assert np.isnan(find(lambda rate: 0.5, network=None).capacities[0].rate_per_h)
+    beyond = find(lambda rate: 0.95, network=None).capacities[0]
+    assert (beyond.rate_per_h, beyond.beyond) == (40.0, True)
+
+
+@settings(max_examples=25)
+@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=6), st.floats(0.05, 0.95))
+def test_whatever_the_shares_the_capacity_is_between_its_neighbours(shares, level):
+    rates = [10.0 * (one + 1) for one in range(len(shares))]
+    by_rate = dict(zip(rates, shares, strict=True))
+    study = Study(scenario=None, digest="", begin=BEGIN, days=DAYS, demand=Demand(most_per_h=1.0), drone="m200")
+    run = fake(lambda rate: by_rate[rate])
+    one = find_capacity(study, rates, [3600.0], [1], days=2, level=level, network=None, run=run).capacities[0]
+    counted = [round(100 * share) / 100 for share in shares]
+    if counted[0] < level:
+        assert np.isnan(one.rate_per_h)
+        return
+    first = next((number for number, share in enumerate(counted) if share < level), len(rates))
+    assert rates[first - 1] <= one.rate_per_h <= rates[min(first, len(rates) - 1)]
+    assert one.beyond == (counted[-1] >= level)
+
+
+def test_stations_are_tried_where_orders_were_missed_and_apart(scenario):
+    days = [day_done(9, 0, (("bellevue", "jones-beach"), ("st-francis", "bayonne"), ("nowhere", "bellevue")) * 3)]
+    ids = [one.id for one in scenario.network.stations]
+    ways = tuple((a, b) for a in ids[:12] for b in ids[-12:] if a != b)
+    found = candidates(scenario.network, [*days, day_done(9, 0, ways)])
+    assert 1 <= len(found) <= 8
+    lat, lon = scenario.network.lat, scenario.network.lon
+    for number, (a, b) in enumerate(found):
+        others = [one for other, one in enumerate(found) if other != number]
+        far = coarse_distance_m(a, b, [*lat, *(one[0] for one in others)], [*lon, *(one[1] for one in others)])
+        assert far.min() >= APART_M
+
+
+@pytest.mark.slow
+def test_processes_and_a_cluster_find_the_very_same_figures(study):
+    distributed = pytest.importorskip("distributed", reason="Dask: pip install 'skyway-planner[cluster]'")
+    work = partial(simulate, load=load_scenario)
+    cases = [Case(rate_per_h=rate, promise_s=5400.0, drones=15) for rate in (10.0, 30.0)]
+    pieces = [Piece(study=study, case=case, day=day) for case in cases for day in range(3)]
+    alone = spread(work, pieces)
+    backwards = spread(work, pieces[::-1], workers=2)
+    assert backwards[::-1] == alone
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        lost = []
+
+        def told(done, _total, _left_s):
+            if not lost:  # one of the workers is killed in the middle of it
+                lost.append(done)
+                next(iter(cluster.workers.values())).process.process.kill()
+
+        assert spread(work, pieces, cluster=cluster.scheduler_address, told=told) == alone
+    assert lost
