@@ -31,7 +31,7 @@ def kept(tab: Any, name: str) -> None:
     """Take a picture, with few colours, so that it is small."""
     path = ASSETS / name
     picture = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
     sys.stdout.write(f"{path.relative_to(ROOT)}: {path.stat().st_size // 1024} KiB\n")
 
 
@@ -40,6 +40,7 @@ def planned(browser: Any, page: Served) -> None:
     with person(browser, page.address, QUESTION, viewport=SIZE) as tab:
         tab.wait_for_selector(".reasons p")
         tab.wait_for_function("document.querySelector('.answer .status').textContent === ''")
+        tab.wait_for_function("window.skywayMap.state.wind && window.skywayMap.state.queues")
         tab.wait_for_timeout(500)
         kept(tab, "page.png")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -250,6 +251,20 @@ def test_accessibility_as_axe_judges_it(opened, scheme):
             "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'best-practice']}).then((r) => r.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).slice(0, 3)}`))"
         )
         assert found == [], path
+
+
+def test_what_works_things_out_ends_with_a_page_that_is_killed(tmp_path):
+    page = served(tmp_path)
+    assert page.ask("/api/region")[0] == 200
+    workers = [
+        int(one) for one in Path(f"/proc/{page.process.pid}/task/{page.process.pid}/children").read_text().split()
+    ]
+    assert len(workers) >= 2  # one that works, and the tracker of their semaphores
+    page.kill()
+    until = time.monotonic() + PATIENT_MS / 1000.0
+    while (left := [one for one in workers if Path(f"/proc/{one}").exists()]) and time.monotonic() < until:
+        time.sleep(0.2)
+    assert left == []
 
 
 def test_a_browser_whose_server_is_killed_finds_its_question_when_it_is_back(browser, tmp_path):

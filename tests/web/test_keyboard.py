@@ -36,9 +36,9 @@ def typed(tab, label, words):
     tab.keyboard.press("Tab")
 
 
-def chosen(tab, label, words):
+def chosen(tab, label, words, key="Tab"):
     """Go to a list and choose by the first letters."""
-    to(tab, label, "select")
+    to(tab, label, "select", key)
     tab.wait_for_function(
         "(words) => [...document.activeElement.options].some((one) => one.textContent.startsWith(words))", arg=words
     )
@@ -95,7 +95,7 @@ def browser():
 def test_a_delivery_is_planned_saved_uploaded_flown_and_replayed_with_the_keyboard_alone(browser, tmp_path):
     page = served(tmp_path)
     try:
-        with simulated("bellevue") as simulation, person(browser, page.address, "/") as tab:
+        with simulated("bellevue", speedup=8.0) as simulation, person(browser, page.address, "/") as tab:
             tab.wait_for_function("window.skywayMap?.state.region")
             for label, words in (("Start", "bellevue"), ("Deliver to", "jacobi"), ("Package", "0.8")):
                 typed(tab, label, words)
@@ -184,8 +184,10 @@ def _flown(tab, simulation, folder):
     tab.get_by_role("button", name="Start: take off").wait_for()
     held(tab, "Start: take off")
     state(tab, "flying")
+    tab.get_by_role("button", name="Pause").wait_for()
     pressed(tab, "Pause")
     state(tab, "paused")
+    tab.get_by_role("button", name="Go on").wait_for()
     pressed(tab, "Go on")
     state(tab, "delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
     assert tab.inner_text(".flight .state") == "delivered"
@@ -205,14 +207,24 @@ def _replayed(tab):
     tab.keyboard.press("PageUp")
     there = tab.evaluate(at)
     assert there > 0
-    to(tab, "Next event", "button")
+    to(tab, "Next event", "button", "Shift+Tab")
     tab.keyboard.press(" ")  # this button, not Play
     assert tab.evaluate(at) > there
     assert not tab.evaluate("window.skywayPlayer.playing")
-    chosen(tab, "Speed", "120 x")
-    pressed(tab, "Play")
-    tab.wait_for_function(f"{at} > {tab.evaluate(at)}")
-    pressed(tab, "Pause")
+    there = tab.evaluate(at)
+    to(tab, "Time of the log", "input")
+    tab.keyboard.press("Tab")
+    tab.keyboard.press("ArrowDown")
+    tab.keyboard.press("ArrowDown")
+    tab.keyboard.press("Enter")
+    tab.wait_for_function(f"{at} >= {there}")
+    chosen(tab, "Speed", "120 x", "Shift+Tab")
+    to(tab, "Play", "button", "Shift+Tab")
+    there = tab.evaluate(at)
+    tab.keyboard.press("Enter")
+    tab.wait_for_function(f"{at} > {there}")
+    tab.keyboard.press("Enter")
+    tab.wait_for_function("!window.skywayPlayer.playing")
 
 
 def test_pads_are_put_and_moved_with_the_keyboard_alone(browser, tmp_path):

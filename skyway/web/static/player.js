@@ -59,7 +59,7 @@ export default {
       }),
       h("div", { class: "nows" }, this.logs.map((log, i) => this.now(log, i))),
       h("div", { class: "traces" }, this.traces()),
-      h("ol", { class: "events", "aria-label": "Events" }, this.eventRows()),
+      h("ol", { class: "events", "aria-label": "Events", onKeydown: (e) => this.along(e) }, this.eventRows()),
     ]);
   },
   mounted() {
@@ -175,10 +175,19 @@ export default {
       this.drawn ||= ["height_m", "soc", "ground_speed_mps", "wind"].map((name) => lines(this.logs, name, this.end, this));
       return this.drawn.map((one) => marks(one, this.at / this.end, (share) => this.jump(share * this.end)));
     },
+    // Tab leads to one of them, the last that was; arrows lead on: a log has hundreds.
+    along(e) {
+      const way = { ArrowDown: 1, ArrowUp: -1 }[e.key];
+      if (!way) return;
+      const all = [...e.currentTarget.querySelectorAll("button")];
+      all[all.indexOf(document.activeElement) + way]?.focus();
+      e.preventDefault();
+    },
     eventRows() {
-      return this.events.map((one) =>
+      const here = Math.max(0, this.events.findLastIndex((one) => one.time_s <= this.at + 0.05));
+      return this.events.map((one, i) =>
         h("li", { class: Math.abs(one.time_s - this.at) < 1 ? "now" : "" }, [
-          h("button", { type: "button", class: "plain", onClick: () => this.jump(one.time_s) }, this.clock(one.time_s).split(" ")[0]),
+          h("button", { type: "button", class: "plain", tabindex: i === here ? 0 : -1, onClick: () => this.jump(one.time_s) }, this.clock(one.time_s).split(" ")[0]),
           ` ${inWords(one.text, this)}`,
         ]),
       );

@@ -5,7 +5,7 @@ const HOLD_MS = 1100;
 const AGAIN_MS = 5000;
 
 export default {
-  props: { words: String, kind: String, disabled: Boolean },
+  props: { words: String, kind: String, disabled: Boolean, told: String },
   emits: ["held"],
   data() {
     return { share: 0, asked: false };
@@ -57,7 +57,7 @@ export default {
     return h(
       "button",
       {
-        type: "button", class: ["hold", this.kind], disabled: this.disabled, title: "Hold it down for a second", style: { "--held": this.share },
+        type: "button", class: ["hold", this.kind], disabled: this.disabled, title: this.told ? `${this.told}. Hold it down for a second` : "Hold it down for a second", style: { "--held": this.share },
         onPointerdown: (e) => e.button === 0 && this.press(), onPointerup: () => this.release(), onPointerleave: () => this.release(),
         onPointercancel: () => this.release(), onKeydown: (e) => this.key(e, true), onKeyup: (e) => this.key(e, false), onBlur: () => this.release(),
         onClick: (e) => this.click(e), onContextmenu: (e) => e.preventDefault(),

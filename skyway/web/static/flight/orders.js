@@ -4,10 +4,11 @@ import Hold from "skyway-flight/hold.js";
 
 const WORDS = {
   pause: "Pause", go: "Go on", stay: "Stay at the next landing", return: "Return to where it came from", land: "Land here", leave: "Leave it alone",
-  take: "Take command", give: "Give command", keep: "Keep command", yes: "Start: take off", y: "", no: "Do not take off", n: "", done: "The package is off",
+  take: "Take command", give: "Give command", keep: "Keep command", yes: "Start: take off", y: "", no: "Do not take off", n: "", done: "The package is off", undelivered: "Not handed over: take it back",
 };
-const HELD = new Set(["land", "return", "leave", "divert", "yes", "done"]);
+const HELD = new Set(["land", "return", "leave", "divert", "yes", "done", "undelivered"]);
 const TITLES = {
+  undelivered: "The package goes back to where it came from, or where the plan says: nobody is there, or the place is blocked",
   leave: "The program ends; the drone does what its parameters say", stay: "It lands where it is going, and stays there",
 };
 
@@ -17,7 +18,7 @@ function button(word, view, disabled) {
   const held = HELD.has(word.split(" ")[0]);
   const act = () => view.order(word);
   const main = word === "yes" || word === "go" ? "main" : word === "land" || word === "leave" ? "grave" : "";
-  if (held) return h(Hold, { key: word, words: said(word), kind: main, disabled, onHeld: act });
+  if (held) return h(Hold, { key: word, words: said(word), kind: main, disabled, told: TITLES[word], onHeld: act });
   return h("button", { key: word, type: "button", class: main, disabled, title: TITLES[word], onClick: act }, said(word));
 }
 
