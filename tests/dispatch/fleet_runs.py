@@ -9,6 +9,7 @@ import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from benchmarks.fleet.invariants import judge
 from skyway.dispatch.records import CLOSED, Board, DroneRecord, FlightRecord, OrderRecord, ServiceRecord, read
 from skyway.dispatch.status import status_of
 from skyway.models.ledger.audit import audit
@@ -152,6 +153,7 @@ def nothing_is_forgotten(run):
     }
     assert all(one.reason for state, one in status.orders.values() if state != "delivered")
     assert run.audit() == []
+    assert judge(run.ledger).wrong == []
     assert status.holds == []
     assert not status.flights
     return status

@@ -3,6 +3,7 @@
 import json
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
 from fleet_runs import START
@@ -102,3 +103,13 @@ def test_only_this_machine_or_who_has_the_token_is_served(ledger, client, monkey
     guarded = Client(ledger)
     assert guarded.get("/orders")[0] == 401
     assert guarded.get("/orders", authorization="Bearer secret")[0] == 200
+
+
+def test_the_reference_has_every_path_and_every_field_of_the_api(client):
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "fleet-api.md").read_text()
+    described = json.loads(client.get("/openapi.json")[1])
+    for path, methods in described["paths"].items():
+        assert all(f"`{method.upper()} {path}`" in page for method in methods), path
+    for name in ("NewOrder", "OrderStatus"):
+        fields = described["components"]["schemas"][name]["properties"]
+        assert not [one for one in fields if f"`{one}`" not in page], name

@@ -1,16 +1,20 @@
 """The demonstration of a fleet: what is drawn can be flown, is the same each time, and is flown and shown to its end."""
 
+import contextlib
 import os
 import re
 import signal
 import subprocess
 import sys
+import time
+import urllib.error
 import urllib.request
 
 import pytest
 from fleet_runs import ROOT, START
 from simulated import world_of
 
+from benchmarks.fleet.invariants import judge
 from skyway.dispatch.demonstration import FAR_M, ORDERS, FleetDemo, draw, how_it_ended
 from skyway.models.base.geodesy import distance_m
 from skyway.models.orders.files import read_orders, read_vehicles
@@ -62,6 +66,7 @@ def test_a_small_fleet_is_flown_to_its_end_and_audited(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-2:] == how_it_ended(tmp_path / "out" / "fleet.db")
     assert "no pad was held twice" in done.stdout
+    assert judge(str(tmp_path / "out" / "fleet.db")).wrong == []
     found = re.search(r"(\d+) orders: (.*);", done.stdout)
     counts = [int(one) for one in re.findall(r"(\d+) (?:delivered|refused|handed)", found[2])]
     assert sum(counts) == int(found[1])
@@ -75,18 +80,17 @@ def test_the_page_shows_it_and_ctrl_c_ends_everything(tmp_path):
     )  # fmt: skip
     try:
         address = re.search(r"http://\S+/fleet\?ledger=fleet\.db", next(iter(process.stderr)))[0]
-        told = ""
-        for _ in range(60):  # each asks the page's own processes, which load while the service begins
-            with urllib.request.urlopen(
-                address.split("/fleet")[0] + "/api/dispatch?ledger=fleet.db&holder=dispatch", timeout=60
-            ) as answer:
-                told = answer.read().decode()
-            if '"vehicles":[{' in told:
-                break
+        asked = address.split("/fleet")[0] + "/api/dispatch?ledger=fleet.db&holder=dispatch"
+        told, end = "", time.monotonic() + 600.0
+        while '"vehicles":[{' not in told and time.monotonic() < end:
+            with contextlib.suppress(urllib.error.HTTPError), urllib.request.urlopen(asked, timeout=120) as answer:
+                told = answer.read().decode()  # refused until the service has begun
+            time.sleep(0.5)
         assert told.count('"stale":') == 4
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 0
+        process.stderr.close()
     world = (tmp_path / "out" / "flights" / "world.address").read_text().strip()
     from skyway.models.base.errors import LinkLostError
 

@@ -1,0 +1,189 @@
+"""What must be true of a fleet that was flown, judged from the history of its ledger by code that shares nothing with what wrote it.
+
+It reads the tables with SQL and the documents as plain JSON: no module of skyway is imported. ``python -m benchmarks.fleet.invariants LEDGER``
+prints what is wrong, and figures; exit code 1 where something is.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import sys
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+CLOSED = ("delivered", "refused", "handed to a person")
+ON_PAD = ("firm", "in use", "late")
+WITH_PACKAGE = "with the package"
+US = 1e6
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the history of the desk."""
+
+    id: str
+    version: int
+    state: str
+    document: dict[str, Any]
+
+
+@dataclass
+class Judged:
+    """What was found."""
+
+    wrong: list[str] = field(default_factory=list)
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+def _sqlite(name: str) -> Callable[[str], list[tuple[Any, ...]]]:
+    connection = sqlite3.connect(f"file:{name}?mode=ro", uri=True)
+    return lambda sql: connection.execute(sql).fetchall()
+
+
+def _postgresql(name: str) -> Callable[[str], list[tuple[Any, ...]]]:
+    import psycopg
+
+    connection = psycopg.connect(name, autocommit=True)
+    return lambda sql: connection.execute(sql.encode()).fetchall()
+
+
+def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2) -> Judged:
+    """Judge all that one dispatcher did; the pads are judged for all together."""
+    rows = (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger)
+    found = Judged()
+    kinds: dict[str, dict[str, list[Line]]] = defaultdict(lambda: defaultdict(list))
+    name = dispatcher.replace("'", "''")
+    history = rows(
+        f"SELECT kind, id, version, state, document FROM desk_history WHERE dispatcher = '{name}' ORDER BY seq"
+    )
+    for kind, id_, version, state, document in history:
+        told = document if isinstance(document, dict) else json.loads(document)
+        kinds[kind][id_].append(Line(id_, version, state, told))
+    for kind, entries in kinds.items():
+        for lines in entries.values():
+            if [one.version for one in lines] != list(range(1, len(lines) + 1)):
+                found.wrong.append(
+                    f"{kind} {lines[0].id}: its versions are not 1, 2, 3 …: something is lost or twice there"
+                )
+    flights = [lines[-1] for lines in kinds["flight"].values()]
+    _orders(kinds["order"], flights, found)
+    _drones(kinds["drone"], history, flights, found, reserve)
+    _pads(rows, found)
+    return found
+
+
+def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judged) -> None:
+    """Each order ends once, with a reason or a delivery; its package goes on from where it was, in one drone at a time."""
+    carried: dict[str, list[Line]] = defaultdict(list)
+    for one in flights:
+        if one.document["phase"] == WITH_PACKAGE and one.document["order"] is not None:
+            carried[one.document["order"]].append(one)
+    ends = Counter(lines[-1].state for lines in orders.values())
+    found.figures |= {f"orders {state}": float(count) for state, count in ends.items()}
+    for name, lines in orders.items():
+        last = lines[-1]
+        if last.state not in CLOSED:
+            found.wrong.append(f"order {name} is forgotten: {last.state}")
+            continue
+        closed = [one.state for one in lines if one.state in CLOSED]
+        if len(set(closed)) != 1 or any(one.state not in CLOSED for one in lines[len(lines) - len(closed) :]):
+            found.wrong.append(f"order {name} ended more than once: {', '.join(closed)}")
+        if last.state != "delivered" and not last.document.get("reason"):
+            found.wrong.append(f"order {name} was {last.state} without a reason")
+        place = lines[0].document["order"]["origin"]
+        ways = sorted(carried.get(name, []), key=lambda one: one.id)
+        for way in ways:
+            steps, end = way.document["steps"], way.document.get("end")
+            if ways.index(way) and steps[0]["origin"] != place:
+                found.wrong.append(
+                    f"order {name}: flight {way.id} carries it from {steps[0]['origin']}, but it is at {place}"
+                )
+            place = end["station"] if end and end["station"] else steps[-1]["destination"]
+        if last.state == "delivered":
+            arrived = [one for one in ways if one.document.get("end") and one.document["end"]["arrived"]]
+            if len(arrived) != 1 or arrived[0] is not ways[-1]:
+                found.wrong.append(f"order {name} is delivered, but {len(arrived)} flights arrived with it")
+
+
+def _drones(
+    drones: dict[str, list[Line]],
+    history: Iterable[tuple[Any, ...]],
+    flights: list[Line],
+    found: Judged,
+    reserve: float,
+) -> None:
+    """Each drone has one flight at a time, which begins where the one before ended; it stands at a station at the end, or a person was told."""
+    active: dict[str, str] = {}
+    for kind, id_, _, state, document in history:
+        if kind != "flight":
+            continue
+        drone = (document if isinstance(document, dict) else json.loads(document))["drone"]
+        if state in ("ordered", "flying"):
+            other = active.setdefault(drone, id_)
+            if other != id_:
+                found.wrong.append(f"drone {drone} had two flights at once: {other} and {id_}")
+        elif active.get(drone) == id_:
+            del active[drone]
+    by_drone: dict[str, list[Line]] = defaultdict(list)
+    for one in sorted(flights, key=lambda one: one.id):
+        by_drone[one.document["drone"]].append(one)
+    below = landings = 0
+    for drone, own in by_drone.items():
+        place = drones[drone][0].document["place"]
+        for one in own:
+            begins, end = one.document["steps"][0]["origin"], one.document.get("end")
+            if place is not None and begins != place:
+                found.wrong.append(f"drone {drone}: flight {one.id} begins at {begins}, but it stands at {place}")
+            if end is None:
+                found.wrong.append(f"flight {one.id} of drone {drone} never ended")
+            place = None if end is None else end["station"]
+            if end is not None and end["soc"] is not None and end["station"] is not None:
+                landings += 1
+                below += end["soc"] < reserve - 0.005
+    for name, lines in drones.items():
+        last = lines[-1]
+        if last.state == "flying" or (last.state == "lost" and not last.document.get("reason")):
+            found.wrong.append(f"drone {name} is {last.state} at the end, and nobody was told")
+    found.figures |= {
+        "drones": float(len(drones)), "drones lost": float(sum(lines[-1].state == "lost" for lines in drones.values())), "flights": float(len(flights)),
+        "landings": float(landings), "landings below the reserve": float(below),
+    }  # fmt: skip
+
+
+def _pads(rows: Callable[[str], list[tuple[Any, ...]]], found: Judged) -> None:
+    """No two hard windows of one pad overlap while both are held; nothing is held at the end."""
+    sql = "SELECT itinerary, version, number, station, pad, starts, ends, epsilon, state FROM history ORDER BY seq"
+    held: dict[tuple[str, int], dict[tuple[str, int, int], tuple[Any, Any]]] = defaultdict(dict)
+    booked = 0
+    for itinerary, version, number, station, pad, starts, ends, epsilon, state in rows(sql):
+        own, key = held[station, pad], (itinerary, version, number)
+        if state not in ON_PAD:
+            own.pop(key, None)
+        elif epsilon == 0.0 and key not in own:
+            booked += 1
+            for other, (begin, end) in own.items():
+                if begin < ends and starts < end:
+                    found.wrong.append(f"pad {pad} of {station} is held twice: by {other[0]} and {itinerary}")
+            own[key] = starts, ends
+    left = [f"{key[0]} at {station} {pad}" for (station, pad), own in held.items() for key in own]
+    if left:
+        found.wrong.append(f"still booked at the end: {', '.join(left[:5])}")
+    found.figures["windows booked"] = float(booked)
+
+
+def main() -> None:
+    """Judge a ledger."""
+    found = judge(*sys.argv[1:3])
+    for name, value in found.figures.items():
+        print(f"{name}: {value:g}")
+    print("\n".join(found.wrong) if found.wrong else "nothing is wrong")
+    raise SystemExit(1 if found.wrong else 0)
+
+
+if __name__ == "__main__":
+    main()
