@@ -96,6 +96,7 @@ class Scale:
         self._sums.clear()
         self._steady.clear()
         self._second.clear()
+        self._lost_s = None
         self._slow.clear()
 
     def hear(self, s: TelemetrySample, wind: tuple[float, float]) -> None:
@@ -131,9 +132,11 @@ class Scale:
             if by_tilt is not None and math.isfinite(by_tilt):
                 airspeed = by_tilt
             self._steady.append((time_s, power_w / self._units(lift, airspeed, climb), airspeed, lean, climb))
+            self._lost_s = self._look()
         self._second.clear()
 
     _last_power: float = math.nan
+    _lost_s: float | None = None
     _slow: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=400))
     """Time, and power in units of hover, of slow descent and hover."""
 
@@ -215,6 +218,10 @@ class Scale:
 
     def lost(self) -> float | None:
         """Return when the package left on the way, POSIX seconds: power fell at once, and stayed so; None where not."""
+        return self._lost_s
+
+    def _look(self) -> float | None:
+        """Look for a fall of the power in the middle of the last seconds."""
         points = list(self._steady)
         if len(points) < 2 * STEP_S or not self.package_kg > 0.0:
             return None
