@@ -48,6 +48,7 @@ class LogStore:
         self.ftp = FtpClient(vehicle)
         self.skipped: list[str] = []
         """Names in its folders that are no names of files: they are not touched."""
+        self._listed = False
 
     def logs(self) -> list[LogAboard]:
         """All its logs, the oldest first as far as it tells."""
@@ -87,6 +88,7 @@ class LogStore:
 
     def _by_requests(self) -> list[LogAboard]:
         listed = self.vehicle.carry_out(ListLogs(self.vehicle.peer.target))
+        self._listed = True
         if not listed.complete:
             reasons = self.vehicle.texts()[-1:] if self.vehicle.armed else []
             raise VehicleTimeoutError(" ".join([f"list of its logs ({len(listed.found)} came)", *reasons]), 8.0)
@@ -100,6 +102,7 @@ class LogStore:
         """Ask how long a log is now; one that is still written grows. -1 where it is no longer there."""
         if self.way != "ftp":
             listed = self.vehicle.carry_out(ListLogs(self.vehicle.peer.target, log.number)).found.get(log.number)
+            self._listed = True
             return -1 if listed is None else listed.size_bytes
         session, size = self.ftp.open(log.path)
         self.ftp.close(session)
@@ -115,6 +118,8 @@ class LogStore:
         """Read a log from the end of the pieces on; what comes back tells why it ended."""
         target = self.vehicle.peer.target
         if self.way != "ftp":
+            if not self._listed:  # PX4 reads no log unless it has listed them since the last end
+                self.size_bytes(log)
             return self.vehicle.carry_out(ReadLog(target, log.number, pieces, size_bytes, progress))
         session, _ = self.ftp.open(log.path)
         read = self.vehicle.carry_out(ReadFtp(target, self.ftp.numbers, session, pieces, size_bytes, progress))
@@ -125,6 +130,7 @@ class LogStore:
 
     def end(self) -> None:
         """Let the vehicle log again; a vehicle that is gone need not be told."""
+        self._listed = False
         if self.way == "requests":
             with contextlib.suppress(LinkError):
                 self.vehicle.carry_out(EndLogs(self.vehicle.peer.target))

@@ -34,6 +34,8 @@ _NEEDED = 0x1 | 0x2 | 0x8 | 0x20
 """Sensors without which no delivery is flown: they must be there."""
 _SOUND = 0x1 | 0x2 | 0x4 | 0x10 | 0x20
 """Attitude, velocity and place over ground and in height, of the filter's flags."""
+_WORDS = {"vel": "velocity", "pos": "position", "horiz": "horizontal", "vert": "vertical", "mag": "compass"}
+"""What the names of the filter's tests are short for."""
 _GLITCHES = 0x80 | 0x400 | 0x8000
 _FIX, _SATELLITES, _HDOP = 3, 6, 2.0
 _UNTOLD_EPH, _UNTOLD_CELL = 65535, 65535
@@ -132,7 +134,8 @@ def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
     if not known:
         return HealthItem("filter", "unknown", "the vehicle does not tell how its sensors agree")
     worst = max(known, key=known.__getitem__)
-    said = f"{worst.replace('_', ' ')} {known[worst]:.2f}, less than {family.filter_limit:g} allowed"
+    name = " ".join(_WORDS.get(word, word) for word in worst.split("_"))
+    said = f"{name} {known[worst]:.2f}, less than {family.filter_limit:g} allowed"
     return HealthItem("filter", "ok" if known[worst] < family.filter_limit else "no", said)
 
 

@@ -153,6 +153,8 @@ def _chosen(log: Path, system: int | None, aboard: int | None, *, quiet: bool) -
                 err=True,
             )
         return log, system
+    if not log.exists():
+        raise InputError("no such file", str(log))
     if not full:
         remedy = "fly with --fetch-log, or name the log that skyway logs fetch wrote"
         raise InputError("no log was fetched of this flight", str(log), field="--aboard", remedy=remedy)

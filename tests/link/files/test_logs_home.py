@@ -67,6 +67,16 @@ def test_the_latest_log_arrives_whole(family, way, loss, tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.parametrize(("family", "way"), BOTH)
+def test_several_logs_are_fetched_one_after_the_other_after_the_list_was_ended(family, way, tmp_path):
+    """As ``skyway logs fetch all`` does: PX4 forgets the list with LOG_REQUEST_END, and then answers no request for data."""
+    depot = Depot(family, logs=(900, 2_000))
+    store = depot.store(way)
+    logs = store.logs()
+    store.end()
+    assert [fetch(store, log, tmp_path).path.read_bytes() for log in logs] == [depot.content(0), depot.content(1)]
+
+
 @pytest.mark.parametrize("firmware", ["4.6", "4.7"])
 def test_sessions_are_numbered_as_each_version_does(firmware, tmp_path):
     depot = Depot("ardupilot", firmware=firmware, logs=(5_000, 239 * 20))

@@ -70,3 +70,8 @@ def test_names_that_lead_elsewhere_or_nowhere_are_left_alone(recording, name):
     line = f'{{"log":"{name}","system":1,"size_bytes":1,"crc32":"0","recordings":["flight.tlog"]}}\n'
     recording.with_name(NAME).write_text(line + "{torn")
     assert logs_of(recording) == []
+
+
+def test_a_recording_that_is_not_there_is_told(recording, capsys):
+    code, _, err = told(capsys, recording.with_name("other.tlog"), "--aboard")
+    assert (code, "other.tlog: no such file" in err) == (2, True)

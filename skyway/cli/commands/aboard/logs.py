@@ -103,7 +103,10 @@ def logs_fetch(
     wanted: Annotated[
         list[str] | None, typer.Argument(help="Numbers or names from skyway logs list, latest, or all.")
     ] = None,
-    to: Annotated[Path | None, typer.Option(help="Folder for the logs. Without it: the folder of --record.")] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option("--to", "--output", "-o", help="Folder for the logs. Without it: the folder of --record."),
+    ] = None,
     by: By = "auto",
     as_json: options.AsJson = False,
     force: options.Force = False,
