@@ -335,18 +335,27 @@ class Ledger(ABC):
     def _near(self, windows: Sequence[Window], keys: dict[tuple[str, int], int]) -> tuple[list[Hold], list[int]]:
         """Bookings of the pads of some windows about their time, and the ids of those that nobody keeps any more."""
         marks = ", ".join("?" * len(keys))
-        begin, end = min(one.opens for one in windows), max(one.closes for one in windows)
-        if any(one.epsilon for one in windows):  # what others have promised to third ones counts, too
+        if not any(one.epsilon for one in windows):  # whatever touches one is in its way
+            where = " OR ".join(["(pad_key = ? AND state <> 'released' AND closes > ? AND opens < ?)"] * len(windows))
+            values = [
+                value
+                for one in windows
+                for value in (keys[one.station, one.pad], self._to_db(one.opens), self._to_db(one.closes))
+            ]
+        else:
+            begin, end = min(one.opens for one in windows), max(one.closes for one in windows)
+            # what others have promised to third ones counts, too
             sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' AND closes > ? AND opens < ?"
             (first, last), = self.rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))  # fmt: skip
             begin = begin if first is None else min(begin, self.from_db(first))
             end = end if last is None else max(end, self.from_db(last))
+            where = f"pad_key IN ({marks}) AND closes > ? AND opens < ?"
+            values = [*keys.values(), self._to_db(begin), self._to_db(end)]
         sql = (
             f"SELECT {HELD}, id, state = 'tentative' AND NOT EXISTS (SELECT 1 FROM lease WHERE lease.holder = booking.holder "
-            f"AND lease.expires > {self.NOW}) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' "
-            "AND closes > ? AND opens < ?"
+            f"AND lease.expires > {self.NOW}) FROM booking WHERE state <> 'released' AND ({where})"
         )
-        rows = self.rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))
+        rows = self.rows(sql, values)
         return [self._hold(row) for row in rows if not row[-1]], [int(row[-2]) for row in rows if row[-1]]
 
     def mark(self, lease: Lease, itinerary: str, state: State, *, number: int | None = None) -> int:

@@ -32,11 +32,12 @@ NOWHERE = {
     "PX4 itself",
     "ArduPilot itself",
     "needs a PostgreSQL server of yours",
+    "needs a cluster of yours",
     "a fleet that processes of its own fly",  # tests/dispatch starts them
     "a firmware that is not there yet",
 }
 """Why a block cannot be typed by a test."""
-NOT_RUN = 12
+NOT_RUN = 16
 REMEDY = "run: python tests/cli/docs_pages.py"
 
 
