@@ -66,6 +66,17 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
     drones: tuple[DroneOnPad, ...] = ()
     """Drones that asked to be charged here."""
 
+    def others(self, drone: str) -> tuple[int, int]:
+        """Others on the pads and in line: those that a drone finds before it, and those that came after it.
+
+        Of a drone that did not ask to be charged here all are before it.
+        """
+        ours = next((one for one in self.drones if one.drone == drone and one.state != "absent"), None)
+        if ours is None:
+            return self.busy + self.waiting, 0
+        before = self.busy + ours.place_in_line if ours.state == "waiting" else max(self.busy - 1, 0)
+        return before, max(self.busy + self.waiting - 1 - before, 0)
+
 
 class PadService(Protocol):
     """What a station offers; every method may raise `PadServiceError`."""

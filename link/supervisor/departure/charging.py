@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5
 """A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
+SHORT_SOC = 0.01
+"""A charge that is less short of what was asked for counts as it."""
 REDECIDE_S = 600.0
-"""A drone that waits for a pad thinks again this often."""
+"""A drone that waits for a pad, or is still to be charged for longer, thinks again this often: others come and leave, and hours of the forecast begin."""
 
 
 def waiting(ctx: Context) -> After:
@@ -56,6 +58,8 @@ def charging(ctx: Context) -> After:
     """Wait until it is charged."""
     target = ctx.delivery.charge_to or 1.0
     compared = ctx.delivery.charged
+    job = ctx.job
+    thinks = job.replanning and not job.dispatched and job.work is None and not isinstance(ctx.pads, ManualPads)
     begun_s, soc = ctx.now_s, ctx.battery.soc
     rest(ctx)
     while True:
@@ -84,6 +88,8 @@ def charging(ctx: Context) -> After:
         if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
             break
         left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
+        if thinks and told.soc is not None and left > REDECIDE_S and ctx.now_s > begun_s + REDECIDE_S:
+            break
         ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
         if told.soc is not None:
             ctx.battery.measured(told.soc)
@@ -91,8 +97,12 @@ def charging(ctx: Context) -> After:
     wake(ctx)
     _reset_counter(ctx, told.soc)
     ctx.delivery.charge_done()
-    ctx.tell(f"charged to {percent(ctx.battery.soc)} at {ctx.delivery.station}")
-    return State.REPLANNING, f"charged to {percent(ctx.battery.soc)}"
+    reached = f"charged to {percent(ctx.battery.soc)}"
+    ctx.tell(f"{reached} at {ctx.delivery.station}")
+    return (
+        State.REPLANNING,
+        reached if ctx.battery.soc >= target - SHORT_SOC else f"{reached} of {percent(target)}: decide again",
+    )
 
 
 def _least_s(ctx: Context, before: float, after: float) -> float:

@@ -87,13 +87,14 @@ def information(ctx: Context) -> Information:
     """What is known where the drone stands."""
     station = _look_again(ctx)
     busy: dict[str, int] = {}
-    plan = ctx.delivery.plan
+    behind, plan = 0, ctx.delivery.plan
     for one in _in_reach(ctx, station):
         try:
             status = ctx.pads.status(one.id)
         except (LinkError, InputError):
             continue
-        busy[one.id] = status.busy + status.waiting
+        busy[one.id], after = status.others(ctx.observed.system)
+        behind += after
     return Information(
         time_s=ctx.now_s,
         soc=ctx.battery.soc,
@@ -104,6 +105,7 @@ def information(ctx: Context) -> Information:
         visited=frozenset(ctx.delivery.visited),
         left=frozenset(ctx.delivery.visited) - {station},
         busy_pads=busy,
+        behind=behind,
         roughness=ctx.wind.roughness,
         wind_measured_s=ctx.wind.measured_s,
         plan=plan,

@@ -58,6 +58,9 @@ def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
     passed = states(stage)
     assert "charging" in passed
     assert passed[-1] == "delivered"
+    looks = [one for one in events(stage, "state") if one.data["before"] == "charging"]
+    assert any("decide again" in one.reason for one in looks)  # it takes longer than ten minutes
+    assert "decide again" not in looks[-1].reason
     lists = events(stage, "preflight")
     assert lists
     names = {entry["name"] for entry in lists[-1].data["checks"]}
