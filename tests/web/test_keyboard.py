@@ -184,8 +184,15 @@ def _flown(tab, simulation, folder):
     tab.get_by_role("button", name="Start: take off").wait_for()
     held(tab, "Start: take off")
     state(tab, "flying")
-    tab.get_by_role("button", name="Pause").wait_for()
-    pressed(tab, "Pause")
+    shown = "document.querySelector('.flight .state')?.textContent"
+    for _ in range(
+        5
+    ):  # said again where it was refused: a simulation that is kept waiting by others seems lost for seconds
+        tab.get_by_role("button", name="Pause").wait_for()
+        pressed(tab, "Pause")
+        tab.wait_for_function(f"{shown} === 'paused' || window.skywayFlights.asked.at(-1)?.wrong")
+        if tab.evaluate(f"{shown} === 'paused'"):
+            break
     state(tab, "paused")
     tab.get_by_role("button", name="Go on").wait_for()
     pressed(tab, "Go on")
@@ -198,6 +205,11 @@ def _flown(tab, simulation, folder):
 
 def _replayed(tab):
     pressed(tab, "Replay this flight", "a")
+    scrubbed(tab)
+
+
+def scrubbed(tab):
+    """Play a log: by the slider, from event to event, and at another speed."""
     tab.wait_for_function("window.skywayPlayer?.logs.length === 1")
     at = "window.skywayPlayer.at"
     to(tab, "Time of the log", "input")
