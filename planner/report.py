@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.planner.between_sites import between_sites
 from skyway.planner.explain import charge_ranges, robust_gain, stop_reasons, wait_and_see
 from skyway.planner.plan import alternative_plans
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
@@ -13,6 +14,7 @@ from skyway.planner.uncertainties import not_counted, uncertainties
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.planner.between_sites import BetweenSites
     from skyway.planner.departure import Departure
     from skyway.planner.explain import ChargeRange, RobustGain, StopReason, WaitAndSee
     from skyway.planner.result import Comparison, PlanResult
@@ -31,6 +33,8 @@ class PlanReport:
     """Of plans by `robust`."""
     charges: tuple[ChargeRange, ...]
     """Of plans by `robust`."""
+    between_sites: BetweenSites | None
+    """Of plans by `robust` that rest on a record."""
     alternatives: tuple[PlanResult, ...] | None
     """The plan and others; None where nobody asked."""
     reasons: tuple[StopReason, ...] | None
@@ -51,6 +55,7 @@ def plan_report(
         departures=tuple(departures),
         bound=None if robust is None else wait_and_see(robust, careful=explain),
         charges=() if robust is None else tuple(charge_ranges(robust)),
+        between_sites=None if robust is None else between_sites(robust),
         alternatives=tuple(alternative_plans(result, alternatives)) if alternatives > 1 else None,
         reasons=tuple(stop_reasons(result)) if explain else None,
         rests_on=tuple(uncertainties(result)) if explain else None,

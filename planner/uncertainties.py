@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InfeasibleError
-from skyway.models.base.formatting import speed_text
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
 from skyway.planner.problem.problem import Problem
@@ -34,8 +33,7 @@ NOT_COUNTED = (
     "a cold or an old battery",
     "pads out of order",
 )
-"""A promise holds where these are small, and the wind between the sites is what is interpolated; `benchmarks.independent` says how it fares where
-they are not."""
+"""A promise holds where these are small; `benchmarks.independent` says how it fares where they are not."""
 
 
 @dataclass(frozen=True)
@@ -73,27 +71,13 @@ def uncertainties(result: PlanResult) -> list[Uncertainty]:
 
 
 def not_counted(result: PlanResult) -> list[str]:
-    """What the promise of a robust plan does not count: the wind between the sites, by how far it may be off on the route, and the rest."""
-    return [] if result.robust is None else [_between_sites(result.robust), *NOT_COUNTED]
-
-
-def _between_sites(answer: RobustAnswer) -> str:
-    problem = answer.policy.problem
-    if not record_days(problem.ensemble):
-        return "the error of the wind between the places it is given for"
-    nodes = np.array([problem.origin, *(problem.network.head[leg.segments[-1]] for leg in answer.policy.itinerary)])
-    lat, lon = problem.network.lat[nodes], problem.network.lon[nodes]
-    rules = problem.rules
-    wind = problem.ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    north, east = wind.at_times(lat, lon, np.full(len(nodes), problem.depart_s))
-    field = problem.scenario.field_error
-    variance = field.variances(lat, lon, wind.weights(lat, lon), wind.site_lat, wind.site_lon)
-    sd_mps = np.sqrt(variance * field.in_wind(wind.probability @ np.hypot(north, east)))
-    worst = int(np.argmax(sd_mps))
-    return (
-        f"the error of the wind between the sites of the record, about {speed_text(sd_mps[worst])} a component at "
-        f"{problem.network.stations[nodes[worst]].id} (`fly` measures it and turns back in time; an anemometer there would tell it)"
+    """What the promise of a robust plan does not count; the wind between the sites of a record is told by itself (`planner.between_sites`)."""
+    if result.robust is None:
+        return []
+    between = (
+        [] if record_days(result.problem.ensemble) else ["the error of the wind between the places it is given for"]
     )
+    return [*between, *NOT_COUNTED]
 
 
 def _gained(one: Uncertainty) -> tuple[bool, float]:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.models.base.formatting import duration, energy_text, later_text, money, percent, speed_text
+from skyway.models.base.formatting import (
+    about,
+    duration,
+    energy_text,
+    later_text,
+    money,
+    no_earlier,
+    percent,
+    probability,
+    speed_text,
+)
 from skyway.models.base.units import J_PER_WH, iso
 from skyway.models.composition.file import figure_json, to_json
 from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
@@ -13,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.models.composition.composition import Composition
+    from skyway.planner.between_sites import BetweenSites
     from skyway.planner.explain import StopReason
     from skyway.planner.report import PlanReport
     from skyway.planner.uncertainties import Uncertainty
@@ -24,6 +35,8 @@ def plan_document(report: PlanReport) -> dict[str, object]:
     if report.bound is not None:
         told = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}
         found["bound"] = {name: value for name, value in told.items() if value is not None}
+    if report.between_sites is not None:
+        found["between_sites"] = _between_sites_json(report.between_sites)
     if report.departures:
         found["departures"] = [
             {
@@ -44,6 +57,30 @@ def plan_document(report: PlanReport) -> dict[str, object]:
             "not_counted": report.not_counted,
         }
     return found
+
+
+def _between_sites_json(found: BetweenSites) -> dict[str, object]:
+    turned = found.turned
+    told = {
+        "delivery_mean": turned.delivery,
+        "delivery_p50": turned.delivery_quantile(0.5),
+        "delivery_p95": turned.delivery_quantile(0.95),
+    }
+    named = {name: getattr(found, name) for name in ("sd_mps", "station", "p_below", "p_turned")}
+    return named | {name: figure_json(figure) for name, figure in told.items()}
+
+
+def between_sites_words(found: BetweenSites, epsilon: float) -> list[str]:
+    """Return what wind that no site tells makes of a plan, a line each; none where it is within what is promised."""
+    if found.p_below <= epsilon:
+        return []
+    late = no_earlier(found.turned.delivery_quantile(0.95), found.turned.delivery_quantile(0.5))
+    off = f"Where no site tells the wind (near {found.station} off by {speed_text(found.sd_mps)} a component)"
+    turned = f"`skyway fly` measures it and turns back in time, in {probability(found.p_turned)} of the deliveries"
+    return [
+        f"{off} {probability(1.0 - found.p_below, 1)} keep it, flown to the end as uploaded;",
+        f"{turned}: {about(found.turned.delivery)} on average, 95 % within {about(late)}. An anemometer there would tell it",
+    ]
 
 
 def _reason_json(one: StopReason) -> dict[str, object]:

@@ -87,6 +87,12 @@ def test_json_of_a_plan_has_every_field_and_adds_up(plan_json, request_):
     if bound is not None:
         fits(bound, BOUND)
         assert bound["gap"] == pytest.approx(bound["plan_s"] / bound["bound_s"] - 1.0)
+    between = plan.pop("between_sites", None)
+    assert between is None or plan["planner"] == "robust"
+    if between is not None:
+        assert 0.0 <= between["p_below"] <= between["p_turned"] <= 1.0
+        assert between["delivery_mean"]["value"] >= plan["arrival"]["delivery_mean_s"]["value"]
+        assert between["station"]
     fits(plan, TOP)
     assert plan["schema"] == "skyway.composition/1"
     assert set(plan["scenario"]) == {"path", "sha256"}

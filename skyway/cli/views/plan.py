@@ -27,7 +27,7 @@ from skyway.models.base.formatting import (
     spent,
 )
 from skyway.models.composition.way_back_words import delivered_text, end_text, way_back_lines
-from skyway.plan_document import spending_words
+from skyway.plan_document import between_sites_words, spending_words
 from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
@@ -53,6 +53,9 @@ def print_plan(report: PlanReport) -> None:
     )
     say("")
     _print_expected(result, zone)
+    if report.between_sites is not None:
+        for line in between_sites_words(report.between_sites, result.problem.epsilon):
+            say(line)
     say("")
     time = duration(c.delivery_time_s)
     say(f"The schedule, {time}:" if c.arrival.delivery_mean is None else f"A typical schedule, {time}:")

@@ -115,6 +115,7 @@ def explained(found: dict[str, Any], wanted: Preferences) -> str:
         parts.append(
             f"<p class='faint'>With a perfect forecast no plan takes less than {safe(found['bound'])} on average.</p>"
         )
+    parts += [f"<p>{safe(wanted.in_words(one))}</p>" for one in found["between_sites"]]
     if found["not_counted"]:
         parts.append(f"<p class='faint'>Not counted: {safe(wanted.in_words('; '.join(found['not_counted'])))}.</p>")
     return "".join(parts)

@@ -24,7 +24,7 @@ from skyway.models.base.formatting import (
 from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
 from skyway.models.composition.way_back_words import way_back_lines
-from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
+from skyway.plan_document import UNCERTAINTIES, between_sites_words, size_words, why_here, why_so_much
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 from skyway.planner.report import plan_report
@@ -94,6 +94,7 @@ def explained(scenario: str | None, asked: dict[str, Any], timezone: str | None 
             }
             for one in report.rests_on or ()
         ],
+        "between_sites": [] if report.between_sites is None else between_sites_words(report.between_sites, first.problem.epsilon),
         "not_counted": list(report.not_counted),
         "bound": None if report.bound is None else duration(report.bound.bound_s),
     }  # fmt: skip
