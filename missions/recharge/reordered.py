@@ -6,6 +6,7 @@ A way that the mission does not have is as high as the ways to pads: no lower th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES, Frame
@@ -18,7 +19,7 @@ from skyway.missions.recharge.work import SAME_PICTURE_M
 from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from skyway.missions.items.mission import Mission
     from skyway.missions.recharge.units import Division, Unit
@@ -79,9 +80,12 @@ class Reorderer:
         head = [one for one in tidied(head) if role_of(one) != "mark" and (events or role_of(one) != "event")]
         written = list(head)
         ranges = [(0, len(written))]
-        before = Turn(HEAD)
+        before, read = Turn(HEAD), 0
+        held: dict[str, MissionItem] = {}
         for turn in (*tour, Turn(TAIL)):
-            written += self._way(before, turn, written)
+            held = self._held(written[read:], held)
+            read = len(written)
+            written += self._way(before, turn, held)
             begin = len(written)
             if turn.unit == TAIL:
                 rest = [self._written(taken) for taken in range(self.tail_from, len(self.order))]
@@ -138,9 +142,10 @@ class Reorderer:
     def _at(self, picture: Picture) -> Spot:
         return Spot(*self.work.at(picture.step, picture.share))
 
-    def _held(self, items: Sequence[MissionItem]) -> dict[str, MissionItem]:
-        """Return the states that hold behind some items."""
-        held: dict[str, MissionItem] = {}
+    @staticmethod
+    def _held(items: Iterable[MissionItem], before: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
+        """Return the states that hold behind some items, and those that held before."""
+        held = dict(before)
         for item in items:
             if role_of(item) == "way":
                 held.pop("CONDITION_YAW", None)
@@ -149,11 +154,22 @@ class Reorderer:
                 held[state_key(item)] = item
         return held
 
-    def _way(self, before: Turn, turn: Turn, written: Sequence[MissionItem]) -> list[MissionItem]:
-        """Order again what holds for a turn, and fly to it."""
+    @cached_property
+    def _targets(self) -> dict[int, dict[str, MissionItem]]:
+        """Return what holds where each unit and the tail begin, by their first step."""
+        found: dict[int, dict[str, MissionItem]] = {}
+        held: dict[str, MissionItem] = {}
+        read = 0
+        for step in sorted({self.tail_step, *(unit.first for unit in self.division.units)}):
+            until = self._taken(step)
+            held = self._held((self.items[one] for one in self.order[read:until]), held)
+            found[step], read = held, until
+        return found
+
+    def _way(self, before: Turn, turn: Turn, held: Mapping[str, MissionItem]) -> list[MissionItem]:
+        """Order again what holds for a turn, and fly to it; `held` is what holds."""
         step = self.tail_step if turn.unit == TAIL else self._unit(turn).first
-        target = self._held([self.items[one] for one in self.order[: self._taken(step)]])
-        held = self._held(written)
+        target = self._targets[step]
         wanted, known = lasting(target), lasting(held)
         found = [item for key, item in wanted.items() if known.get(key) != item]
         if ROI in known and ROI not in wanted:

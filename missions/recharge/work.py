@@ -12,6 +12,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from skyway.missions.checks.route import fly
 from skyway.missions.items.altitude_frames import frame_name
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
@@ -269,8 +271,7 @@ class _Reading:
         origin = self.last or start
         plane = [_plane(place, start) for place in (start, end, origin)]
         shares = list(along_leg((plane[0][0], plane[0][1]), plane[1], plane[2], every_m))
-        for share in shares:
-            lat, lon = _between(start, end, share)
+        for (lat, lon), share in zip(_all_between(start, end, shares), shares, strict=True):
             self.pictures.append(Picture(lat, lon, number, share))
             self.last = (lat, lon)
         return shares
@@ -355,7 +356,18 @@ def _plane(place: Place, origin: Place) -> tuple[float, float]:
 
 def _between(start: Place, end: Place, share: float) -> Place:
     """Return the place at a share of a straight way."""
-    if share in (0.0, 1.0):
-        return start if share == 0.0 else end
+    return _all_between(start, end, [share])[0]
+
+
+def _all_between(start: Place, end: Place, shares: Sequence[float]) -> list[Place]:
+    """Return the places at shares of a straight way."""
     length, bearing = geodesy.inverse(*start, *end)
-    return geodesy.direct(*start, float(bearing), share * float(length))
+    count = len(shares)
+    lat, lon = geodesy.ahead(
+        np.full(count, start[0]),
+        np.full(count, start[1]),
+        np.full(count, float(bearing)),
+        np.array(shares) * float(length),
+    )
+    places = zip(lat.tolist(), lon.tolist(), strict=True)
+    return [start if share == 0.0 else end if share == 1.0 else at for share, at in zip(shares, places, strict=True)]

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 MANY = 150
 """Beyond so many units ways are not told apart by where they come from."""
 ROUNDS = 12
+NEAREST = 6
+"""Ways to and from a unit that are looked at first."""
+REDUCED_S = 1e-7
 EXTRA = 4
 """Columns that are no ways."""
 TOLERANCE_S = 1e-3
@@ -59,8 +62,9 @@ def bound_of_orders(work: FreeOrder) -> float:
         rows.append(slope * (energy - first) + chord * first - level * visits - charging)
         most.append(drones * credit_s - slope * base_soc)
     answer = math.inf
+    columns = tour.first_columns()
     for _ in range(ROUNDS):
-        solved = _solved(objective, np.array(rows), np.array(most), *tour.degrees(drones))
+        solved = _priced(objective, np.array(rows), np.array(most), *tour.degrees(drones), columns)
         if solved is None:
             return math.inf
         answer, x = solved
@@ -108,21 +112,54 @@ def _least_hop(hops: NDArray[np.float64]) -> float:
     return float(away.min()) if len(away) else 0.0
 
 
+def _priced(
+    objective: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    most: NDArray[np.float64],
+    equal: NDArray[np.float64],
+    wanted: NDArray[np.float64],
+    columns: NDArray[np.bool_],
+) -> tuple[float, NDArray[np.float64]] | None:
+    """Solve a linear program over columns that are 0 or more, with those that its answer needs; None where nothing does it.
+
+    Columns are put in, and stay in `columns`, until no other one has reduced costs below 0: then the answer is that of the whole program.
+    """
+    while True:
+        chosen = np.flatnonzero(columns)
+        found = _solved(objective[chosen], rows[:, chosen], most, equal[:, chosen], wanted)
+        if found is None:
+            if columns.all():
+                return None
+            columns[:] = True
+            continue
+        answer, part, prices = found
+        reduced = objective - np.concatenate((rows, equal)).T @ prices
+        missing = ~columns & (reduced < -REDUCED_S)
+        if not missing.any():
+            x = np.zeros(len(objective))
+            x[chosen] = part
+            return answer, x
+        columns |= missing
+
+
 def _solved(
     objective: NDArray[np.float64],
     rows: NDArray[np.float64],
     most: NDArray[np.float64],
     equal: NDArray[np.float64],
     wanted: NDArray[np.float64],
-) -> tuple[float, NDArray[np.float64]] | None:
-    """Solve a linear program over columns that are 0 or more; None where nothing does it."""
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]] | None:
+    """Solve a linear program over columns that are 0 or more: its answer, the columns, and the prices of its rows; None where nothing does it."""
     from scipy.optimize import linprog
     from scipy.sparse import csr_array
 
     table: Any = csr_array(rows)
     exact: Any = csr_array(equal)
     found = linprog(objective, table, most, exact, wanted, method="highs")
-    return (float(found.fun or 0.0), np.asarray(found.x)) if found.status == 0 else None
+    if found.status != 0:
+        return None
+    prices = np.concatenate((found.ineqlin.marginals, found.eqlin.marginals))
+    return float(found.fun or 0.0), np.asarray(found.x), prices
 
 
 class _Ways:
@@ -188,6 +225,19 @@ class _Ways:
         wanted = np.ones(len(rows))
         wanted[self.units :: self.units + 1] = drones
         return rows, wanted
+
+    def first_columns(self) -> NDArray[np.bool_]:
+        """Choose the ways to begin with: the shortest ones from and to each unit, and all that are no ways."""
+        chosen = np.ones(len(self.heads) + EXTRA, dtype=bool)
+        if not self.apart:
+            return chosen
+        chosen[:-EXTRA] = False
+        for side in (self.heads, self.tails):
+            order = np.lexsort((self.time_s, side))
+            begins = np.searchsorted(side[order], np.arange(self.units + 1))
+            rank = np.arange(len(order)) - begins[side[order]]
+            chosen[order[rank < NEAREST]] = True
+        return chosen
 
     def cuts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return rows of ways into sets of units that are come to too rarely: at least one of them is flown."""

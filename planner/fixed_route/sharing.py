@@ -67,6 +67,12 @@ def number_of(stay: Window, windows: Sequence[tuple[Window, int]]) -> int:
     return min(windows, key=lambda one: max(one[0][0] - stay[0], stay[1] - one[0][1], 0.0))[1]
 
 
+def window_of(stay: Stay, windows: Sequence[tuple[Window, int]]) -> Window:
+    """Return the window of its numbered pad that a stay lies in."""
+    own = [window for window, number in windows if number == stay.number]
+    return min(own, key=lambda one: max(one[0] - stay.from_s, stay.until_s - one[1], 0.0))
+
+
 def shared(
     routes: Sequence[FixedRoute], counts: Sequence[int], *, below_s: float = math.inf
 ) -> list[ChargingPlan] | None:

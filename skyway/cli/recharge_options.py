@@ -31,6 +31,12 @@ class CrewOptions:
     chargers: Annotated[
         int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Without it: 1.")
     ] = None
+    ledger: Annotated[
+        str | None,
+        typer.Option(
+            help="Ledger of pads (file, postgresql://…): what others have booked is left alone, what is needed is booked. Goes with --depart."
+        ),
+    ] = None
     ground_time: Annotated[
         float | None,
         typer.Option(

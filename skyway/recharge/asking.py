@@ -144,7 +144,7 @@ def options_of(
 ) -> RechargeOptions:
     """Return how a mission is cut; an `InputError` names each option that is wrong."""
     over = over_of(region, asked.terrain, asked.obstacles, asked.clearance_m)
-    weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=zones is not None or bool(stands))
+    weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=_timed(asked, zones, stands))
     conditions = conditions_of(
         region,
         None if asked.fleet else asked.drone,
@@ -187,6 +187,11 @@ def options_of(
         asked.reorder,
         asked.ground_s,
     )
+
+
+def _timed(asked: Asked, zones: Airspace | None, stands: Sequence[VanStand]) -> bool:
+    """Whether a departure means more than the forecast: zones, vans or bookings of pads are of a time."""
+    return zones is not None or bool(stands) or asked.windows is not None
 
 
 def _check_packs(asked: Asked) -> None:

@@ -12,7 +12,7 @@ from skyway.missions.recharge.reordered import Turn
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.planner.fixed_route.order_bound import bound_of_orders
-from skyway.planner.fixed_route.order_search import ITERATIONS, best_order
+from skyway.planner.fixed_route.order_search import best_order
 from skyway.recharge.cutting import ROUNDED, cut
 from skyway.recharge.order_tables import tables_of
 from skyway.recharge.problem import sure_ratio_of
@@ -66,7 +66,7 @@ class OrderTold:
     pictures_off_m: float = 0.0
 
 
-def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: int = ITERATIONS) -> Recharged:
+def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: int | None = None) -> Recharged:
     """Cut a mission whose independent parts may be put in another order, and flown from their ends; the better of that and its own order.
 
     Where nothing may be moved the order is kept, and a note says why. An `InputError` says why neither can be cut.

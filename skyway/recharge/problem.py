@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from skyway.models.queues.load import PadLoad
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
     from skyway.planner.fixed_route.pad_windows import Window
+    from skyway.planner.fixed_route.sharing import Stay
 
 MAX_SLOTS = 24
 """Slots of a forecast that are looked at; the last one holds on."""
@@ -78,6 +79,8 @@ class RechargeOptions:
     """Independent parts may be flown in another order."""
     ground_s: float = GROUND_S
     """At each stop, before the take-off: beside waiting, charging and changing the battery."""
+    held: tuple[Stay, ...] = ()
+    """When others have which numbered pad; pads by their place among all."""
 
     def __post_init__(self) -> None:
         if not self.conditions.manoeuvres:

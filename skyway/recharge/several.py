@@ -17,10 +17,10 @@ from skyway.missions.recharge.reordered import Turn
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.planner.fixed_route.order_bound import bound_of_orders
-from skyway.planner.fixed_route.order_search import ITERATIONS, best_order
+from skyway.planner.fixed_route.order_search import best_order
 from skyway.planner.fixed_route.pad_shares import shares_of
 from skyway.planner.fixed_route.pad_windows import ALWAYS
-from skyway.planner.fixed_route.sharing import Stay, number_of, windows_left
+from skyway.planner.fixed_route.sharing import Stay, number_of, window_of, windows_left
 from skyway.recharge.cutting import ROUNDED, cut
 from skyway.recharge.order_tables import tables_of
 from skyway.recharge.ordering import SAME_M, pictures_off_m, told
@@ -55,6 +55,9 @@ class Share:
     """By the id of a pad, when it is this drone's; seconds after the first take-off of all."""
     found: Recharged
     stays: tuple[Stay, ...]
+    within: tuple[Window, ...]
+    """The window that each stay lies in."""
+    ready: Prepared
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,7 +104,7 @@ def shared_among(
     options: RechargeOptions,
     drones: int,
     *,
-    iterations: int = ITERATIONS,
+    iterations: int | None = None,
 ) -> SharedWork:
     """Share a mission among drones that fly at once, so that the last one ends first.
 
@@ -125,7 +128,9 @@ def shared_among(
     tours = [list(tour) for tour in best.tours if tour]
     missions = [_mission_of(ready, tables, tour, number) for number, tour in enumerate(tours)]
     readies = [prepared(one, pads, families, options) for one in missions]
-    own = _planned_together(readies, options)
+    usable = readies[0].pads
+    others = _held_of(usable, pads, options)
+    own = _planned_together(readies, options, others)
     off_m = pictures_off_m(tables.writer.work, [one.problem.work for one, _ in own])
     if off_m > SAME_M:
         raise InputError(
@@ -133,9 +138,10 @@ def shared_among(
             field="--drones",
             remedy="fly it with one drone",
         )
-    usable = readies[0].pads
-    within = [options.windows.get(pad.id, (ALWAYS,)) for pad in usable]
-    divided = shares_of([pad.pads for pad in usable], [stays for _, stays in own], within)
+    open_when = [options.windows.get(pad.id, (ALWAYS,)) for pad in usable]
+    divided = shares_of(
+        [pad.pads for pad in usable], [*(stays for _, stays in own), *([others] if others else [])], open_when
+    )
     shares = []
     for number, one in enumerate(readies):
         windows = {
@@ -143,8 +149,11 @@ def shared_among(
             for pad, mine in zip(usable, divided[number], strict=True)
         }
         found = cut(one, replace(options, reorder=False, windows=windows))
-        stays = _stays(found, divided[number])
-        shares.append(Share(len(tours[number]), plan_writer.dumps(missions[number]), windows, found, stays))
+        stays = stays_of(found, divided[number])
+        within = tuple(window_of(stay, divided[number][stay.pad]) for stay in stays)
+        shares.append(
+            Share(len(tours[number]), plan_writer.dumps(missions[number]), windows, found, stays, within, one)
+        )
     work = SharedWork(
         tuple(shares),
         tables.free.units,
@@ -156,6 +165,15 @@ def shared_among(
         _notes(ready, tables, shares, drones),
     )
     return replace(work, bound_s=min(bound_of_orders(tables.free), work.end_s))
+
+
+def in_windows(work: SharedWork, windows: Sequence[dict[str, tuple[Window, ...]]]) -> SharedWork:
+    """Cut what each drone does once more, with the windows of pads that it has."""
+    shares = []
+    for share, own in zip(work.shares, windows, strict=True):
+        found = cut(share.ready, replace(share.found.problem.options, windows=own))
+        shares.append(replace(share, windows=own, found=found))
+    return replace(work, shares=tuple(shares))
 
 
 def _shareable(tables: OrderTables | None, refusal: InputError | None) -> OrderTables:
@@ -215,22 +233,28 @@ def _east(point: Point, by_m: float) -> Point:
 
 
 def _planned_together(
-    readies: Sequence[Prepared], options: RechargeOptions
+    readies: Sequence[Prepared], options: RechargeOptions, others: list[Stay]
 ) -> list[tuple[Recharged, tuple[Stay, ...]]]:
     """Cut the missions one after the other, the longest first, each with the pads that those before leave."""
     found: dict[int, tuple[Recharged, tuple[Stay, ...]]] = {}
     lengths_m = [_length_m(one, options) for one in readies]
     for number in sorted(range(len(readies)), key=lambda one: -lengths_m[one]):
-        taken = [stay for _, stays in found.values() for stay in stays]
+        taken = [stay for _, stays in found.values() for stay in stays] + others
         pads = readies[number].pads
         left = [_left(pad, place, taken, options) for place, pad in enumerate(pads)]
         windows = {pad.id: tuple(window for window, _ in free) for pad, free in zip(pads, left, strict=True)}
         made = cut(readies[number], replace(options, reorder=False, windows=windows))
-        found[number] = made, _stays(made, left)
+        found[number] = made, stays_of(made, left)
     return [found[number] for number in range(len(readies))]
 
 
-def _stays(found: Recharged, windows: Sequence[Sequence[tuple[Window, int]]]) -> tuple[Stay, ...]:
+def _held_of(usable: Sequence[Station], pads: Sequence[Station], options: RechargeOptions) -> list[Stay]:
+    """Return what others hold, of the pads that can be landed on."""
+    place_of = {pad.id: place for place, pad in enumerate(usable)}
+    return [replace(one, pad=place_of[pads[one.pad].id]) for one in options.held if pads[one.pad].id in place_of]
+
+
+def stays_of(found: Recharged, windows: Sequence[Sequence[tuple[Window, int]]]) -> tuple[Stay, ...]:
     """Return the stays of a drone on the numbered pads in whose windows they are."""
     stays = []
     for stop in found.plan.stops:

@@ -2,11 +2,17 @@
 
 import json
 import re
+from datetime import timedelta
 
 import pytest
 
 from skyway.missions import Command, Frame, Home, Mission, MissionDocument, MissionItem, read, write
 from skyway.missions.items.coordinates import Point
+from skyway.models.base.units import parse_instant
+from skyway.models.ledger.audit import audit
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.ledger.window import Window
+from skyway.recharge.made_of import opened
 
 PADS = "id,name,lat,lon,elevation_m,pads\nbarn,Barn,47.3978,8.5450,488,2\nshed,Shed,47.4045,8.5580,495,1\n"
 
@@ -251,3 +257,65 @@ def test_a_patrol_is_not_shared_and_that_is_said(skyway, patrol):
     assert answer.code == 2
     assert "cannot be shared among drones" in answer.err
     assert not (patrol / "out").exists()
+
+
+DEPART = "2026-07-10T12:00+02:00"
+
+
+def test_pads_are_shared_by_a_ledger_with_whoever_books_there(skyway, patrol):
+    noon = parse_instant(DEPART)
+    taken = [Window(station="shed", pad=1, start=noon, end=noon + timedelta(hours=6))]
+    taken.append(Window(station="barn", pad=1, start=noon, end=noon + timedelta(hours=6)))
+    file = patrol / "pads.db"
+    with open_ledger(str(file)) as ledger:
+        ledger.book(ledger.acquire("others", "a test"), "theirs", taken)
+    typed = ["recharge", str(patrol / "patrol.plan"), "--pads", str(patrol / "pads.csv"), "--drone", "m200-v2"]
+    typed += ["--wind", "6@250", "--autopilot", "px4", "--ledger", str(file)]
+    without = skyway(*typed, "-o", str(patrol / "one"))
+    assert without.code == 2
+    assert "needs --depart" in without.err
+    assert not (patrol / "one").exists()
+    answer = skyway(*typed, "--depart", DEPART, "-o", str(patrol / "one"), "--json")
+    assert answer.code == 0, answer.err
+    stays = [one["stay"] for one in json.loads(answer.out)["flights"] if one["stay"]]
+    assert {one["pad"] for one in stays} == {"barn"}
+    with open_ledger(str(file)) as ledger:
+        own = [one.window for one in ledger.holds() if one.holder != "others"]
+    assert {one.pad for one in own} == {2}
+    for stay in stays:
+        begin, end = (noon + timedelta(seconds=stay[name]) for name in ("arrive_s", "leave_s"))
+        assert any(one.start <= begin and end <= one.end for one in own)
+    assert len(opened(patrol / "one").found.plan.stops) == len(stays)
+    # all pads are taken now; the same folder takes the place of its own bookings
+    refused = skyway(*typed, "--depart", DEPART, "-o", str(patrol / "two"))
+    assert (
+        refused.code == 2
+        or json.loads((patrol / "two/recharge.json").read_text())["flights"][0]["stay"]["arrive_s"]
+        >= (own[0].end - noon).total_seconds()
+    )
+    assert skyway(*typed, "--depart", DEPART, "-o", str(patrol / "one"), "--force").code == 0
+    with open_ledger(str(file)) as ledger:
+        assert audit(ledger) == []
+
+
+@pytest.mark.slow
+def test_several_drones_book_their_pads(skyway, patrol):
+    typed = ["recharge", str(patrol / "lines.plan"), "--pads", str(patrol / "pads.csv"), "--drone", "m200-v2"]
+    lines = [place(47.4 + 0.0003 * n, lon) for n in range(8) for lon in ((8.546, 8.557) if n % 2 else (8.557, 8.546))]
+    home = Home(Point.of_degrees(47.398, 8.545), 488.0)
+    items = [place(47.398, 8.545, Command.NAV_TAKEOFF)]
+    for number in range(0, 16, 2):
+        items += [lines[number], MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, 20.0, 0.0, 1.0)]
+        items += [lines[number + 1], MissionItem(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION)]
+    items.append(MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION))
+    write(MissionDocument(Mission(tuple(items), home, 15.0, 8.0, 12, 2)), patrol / "lines.plan")
+    file = str(patrol / "pads.db")
+    typed += ["--wind", "6@250", "--soc", "42", "--drones", "2", "--ledger", file, "--depart", DEPART]
+    assert skyway(*typed, "-o", str(patrol / "shared")).code == 0
+    told = json.loads((patrol / "shared/recharge.json").read_text())
+    assert told["pads"]
+    with open_ledger(file) as ledger:
+        assert len({one.itinerary for one in ledger.holds()}) == len({one["drone"] for one in told["pads"]})
+        assert audit(ledger) == []
+    for drone in told["drones"]:
+        opened(patrol / "shared" / drone["folder"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +22,9 @@ from skyway.scenarios import load_scenario
 if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.checks.report import CheckReport
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.recharge.made_of import MadeOf
+    from skyway.recharge.several import SharedWork
 
 
 def check(
@@ -232,6 +237,8 @@ def recharge(
     from skyway.recharge.cutting import recharged
     from skyway.recharge.made_of import MadeOf, texts_of
     from skyway.recharge.output import names_of, refuse_folder, write_folder
+    from skyway.recharge.pad_bookings import desk_of, with_windows
+    from skyway.recharge.several import shared_among
     from skyway.recharge.simulated import simulated
     from skyway.recharge.summary import summary_of
     from skyway.recharge.time_belief import GROUND_S
@@ -265,6 +272,7 @@ def recharge(
         seed=seed,
         reorder=crew.reorder,
         ground_s=GROUND_S if crew.ground_time is None else crew.ground_time,
+        windows=None if crew.ledger is None else {},
     )
     document = with_home(read(mission), asked)
     region = region_of(asked)
@@ -275,27 +283,52 @@ def recharge(
     made_of = MadeOf(
         asked=asked, mission=mission, autopilot=autopilot, zones=tuple(zones or ()), authorized=tuple(authorized or ())
     )
-    if crew.drones > 1:
-        from skyway.cli.views.recharge_drones import print_drones
-        from skyway.recharge.several import shared_among
-        from skyway.recharge.shared_summary import drones_summary_of, write_shared
-
-        work = shared_among(document, pads_of(asked, region, stands), families, chosen, crew.drones)
-        told = drones_summary_of(work, mission.name)
-        files = write_shared(work, told, made_of, region, output, force=force)
-        if as_json:
-            typer.echo(json_text(told, indent=1))
+    all_pads = pads_of(asked, region, stands)
+    with ExitStack() as open_until_written:
+        desk = None
+        if crew.ledger is not None:
+            desk = open_until_written.enter_context(desk_of(crew.ledger, output, asked.depart))
+            chosen = replace(chosen, held=desk.held(all_pads))
+        if crew.drones > 1:
+            work = shared_among(document, all_pads, families, chosen, crew.drones)
+            if desk is not None:
+                work = open_until_written.enter_context(desk.cut_for_several(work))
+            _write_shared(work, mission.name, made_of, region, output, force=force, as_json=as_json)
+            return
+        if desk is None:
+            found = recharged(document, all_pads, families, chosen)
         else:
-            print_drones(told)
-        options.say_written(*files)
-        return
-    found = recharged(document, pads_of(asked, region, stands), families, chosen)
-    summary = summary_of(found, simulated(found), mission.name, names_of(found))
-    files = write_folder(
-        found, summary, output, force=force, beside=lambda texts: texts_of(made_of, region, texts)
-    )  # fmt: skip
+            found = open_until_written.enter_context(desk.cut_for_one(document, all_pads, families, chosen))
+            made_of = replace(made_of, asked=with_windows(asked, found))
+        summary = summary_of(found, simulated(found), mission.name, names_of(found))
+        files = write_folder(
+            found, summary, output, force=force, beside=lambda texts: texts_of(made_of, region, texts)
+        )  # fmt: skip
     if as_json:
         typer.echo(json_text(summary, indent=1))
     else:
         print_recharge(summary)
+    options.say_written(*files)
+
+
+def _write_shared(
+    work: SharedWork,
+    mission: str,
+    made_of: MadeOf,
+    region: Scenario | None,
+    output: Path,
+    *,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write and tell a mission that several drones share."""
+    from skyway.cli.views.recharge_drones import print_drones
+    from skyway.recharge.shared_summary import drones_summary_of, write_shared
+
+    told = drones_summary_of(work, mission)
+    files = write_shared(work, told, made_of, region, output, force=force)
+    if as_json:
+        typer.echo(json_text(told, indent=1))
+    else:
+        print_drones(told)
     options.say_written(*files)

@@ -9,7 +9,7 @@ from skyway.link.supervisor.job import DeliveryJob
 from skyway.link.supervisor.work.task import Known
 from skyway.missions.checks.weather import ForecastWind
 from skyway.models.base.errors import InputError
-from skyway.models.base.units import from_posix
+from skyway.models.base.units import from_posix, parse_instant
 from skyway.models.composition.composition import State
 from skyway.planner.problem.request import NO_RETURN, Request
 from skyway.recharge.flying.flown import SetPlanner
@@ -44,14 +44,20 @@ def job_of(
     region: Scenario | None,
     forecast: WindEnsemble,
     time_s: float,
+    *,
+    zero_s: float | None = None,
     **how: Any,
 ) -> DeliveryJob:
-    """Return the job of flying a cut mission from `time_s`, POSIX seconds, on; `how` as `DeliveryJob` takes it."""
+    """Return the job of flying a cut mission from `time_s`, POSIX seconds, on; `how` as `DeliveryJob` takes it.
+
+    Windows of pads count from `zero_s`; without it from the departure that it was cut for, or else from now.
+    """
     places = places_of(found)
     joined = region_with(found, places, region)
     conditions = found.problem.options.conditions
     weather = conditions.weather
-    zero_s = weather.depart_s if isinstance(weather, ForecastWind) else time_s
+    if zero_s is None:
+        zero_s = weather.depart_s if isinstance(weather, ForecastWind) else time_s
     planner = SetPlanner(found, document, places, joined.rules.wind_profile_exponent, zero_s, identity_of(found))
     known = Known(time_s=time_s, soc=conditions.soc_start, forecast=forecast, belief=conditions.drone.energy_belief)
     composition = planner.as_cut(family, None, known).composition
@@ -107,6 +113,8 @@ def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: W
     region = region_with(found, places, opened_set.region)
     cut_with = opened_set.made_of.asked
     wind = asked.wind if asked.wind is not None or asked.forecast else cut_with.wind
+    depart = cut_with.depart
+    zero_s = None if depart is None else parse_instant(depart, field="--depart").timestamp()
     has_own = opened_set.region is not None and wind is None
     if asked.forecast and opened_set.region is None:
         raise InputError(
@@ -127,6 +135,7 @@ def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: W
         opened_set.region,
         expected,
         now.timestamp(),
+        zero_s=zero_s,
         drag=asked.drag,
         **asked.how,
         **more,
