@@ -214,12 +214,22 @@ def test_what_cannot_be_cut_is_told_in_one_line():
 
 def longest(found_with):
     """Cut a real mission with the smallest drone that flies it with a stop."""
-    for share in np.geomspace(0.02, 3.0, 40):
+    shares = np.geomspace(0.02, 3.0, 40).tolist()
+    for number, share in enumerate(shares):
         try:
-            found = found_with(float(share))
+            found = found_with(share)
         except InputError:
             continue
-        return found if found.plan.stops else None
+        if found.plan.stops:
+            return found
+        for between in np.linspace(shares[max(number - 1, 0)], share, 12)[
+            1:-1
+        ].tolist():  # a little less may do with a stop
+            try:
+                return found_with(between)
+            except InputError:
+                continue
+        return None
     return None
 
 
@@ -268,6 +278,7 @@ def test_real_missions_do_the_same_work_before_and_after(shared_data, name):
 
     found = longest(found_with)
     assert found is not None, name
+    assert found.plan.stops, name
     mission = found.problem.work.mission  # completed, as it was told
     print(
         f"{name}: {len(found.plan.stops)} stops, for {', '.join(found.flights)}, {len(found.problem.work.pictures)} pictures"
