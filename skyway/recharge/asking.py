@@ -15,11 +15,11 @@ from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import parse_instant
 from skyway.models.drones.fleet import read_fleet
+from skyway.models.drones.time_belief import GROUND_S
 from skyway.models.network.files import read_stations
 from skyway.models.network.van_stands import read_van_stands
 from skyway.models.scenario.file import FILE
 from skyway.recharge.problem import PadQueues, RechargeOptions
-from skyway.recharge.time_belief import GROUND_S
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:

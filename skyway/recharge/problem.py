@@ -12,6 +12,7 @@ from skyway.missions.checks.weather import ForecastWind
 from skyway.missions.recharge.pad_ways import bent_hops, hops_between_pads, hops_from_pads, hops_to_pads
 from skyway.missions.recharge.work_hops import times_and_charges, work_hops
 from skyway.models.base.units import S_PER_H
+from skyway.models.drones.time_belief import GROUND_S
 from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.fixed_route.battery_packs import PackPool, swap_stops
@@ -19,7 +20,6 @@ from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.pad_windows import ALWAYS, NEVER
 from skyway.planner.fixed_route.sharing import on_windows
 from skyway.planner.fixed_route.way_kernels import Hops as RouteHops
-from skyway.recharge.time_belief import GROUND_S
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,7 +1,7 @@
 """The flights of a cut mission simulated: when it ends and whether each landing keeps the reserve, over winds, energies, times and pads.
 
 Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
-who handle it (`recharge.time_belief`); on a pad it is charged to what the plan says, however long that takes.
+who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, however long that takes.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from skyway.missions.checks.energy import fly_leg
 from skyway.missions.checks.route import fly
 from skyway.models.base.statistics import weighted_quantile
+from skyway.models.drones.time_belief import TimeBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.planner.fixed_route.pad_windows import ALWAYS
-from skyway.recharge.time_belief import TimeBelief
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -233,6 +233,7 @@ def recharge(
     from skyway.cli.views.recharge import print_recharge
     from skyway.missions import family_named, read
     from skyway.missions.autopilots import NAMES
+    from skyway.models.drones.time_belief import GROUND_S
     from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
     from skyway.recharge.cutting import recharged
     from skyway.recharge.made_of import MadeOf, texts_of
@@ -241,7 +242,6 @@ def recharge(
     from skyway.recharge.several import shared_among
     from skyway.recharge.simulated import simulated
     from skyway.recharge.summary import summary_of
-    from skyway.recharge.time_belief import GROUND_S
 
     refuse_folder(output, force=force)
     asked = Asked(

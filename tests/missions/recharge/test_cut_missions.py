@@ -24,9 +24,9 @@ from skyway.missions.recharge.item_roles import role_of, roles
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
+from skyway.models.drones import time_belief
 from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
-from skyway.recharge import time_belief
 from skyway.recharge.cutting import recharged
 from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 GROUND_S = 20.0
 """On the ground at each stop, beside waiting and charging: the landing is noticed, the next mission uploaded and read back, the list gone through,
-the motors armed. `skyway fly` takes 6 to 7 s for that with a simulated drone and nobody to ask."""
+the motors armed. It takes 6 to 7 s with a simulated drone and nobody to ask."""
 
 
 class TimeFactors(NamedTuple):
