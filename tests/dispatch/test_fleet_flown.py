@@ -3,9 +3,11 @@
 import os
 import signal
 
+import pytest
 from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced_and_its_flight_goes_on(tmp_path):
     orders = [order_line("one", "bellevue", "nyu-brooklyn"), order_line("two", "nyu-brooklyn", "bellevue", ready_min=5)]
     run = FleetRun(tmp_path, orders, ["d1,m200,bellevue,100\n", "d2,m200,nyu-brooklyn,100\n"])

@@ -31,7 +31,7 @@ def landed_north_m(running):
     return offset_m(LAT, LON, body.lat, body.lon)[0]
 
 
-@BOTH
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
 def test_mavsdk_arms_flies_a_mission_and_moves_fence_rally_parameters_and_telemetry(autopilot):
     mavsdk = pytest.importorskip("mavsdk")
     from mavsdk.plugins.action import Action
@@ -80,7 +80,7 @@ def test_mavsdk_arms_flies_a_mission_and_moves_fence_rally_parameters_and_teleme
         sdk.destroy()
 
 
-@BOTH
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)])
 def test_mavutil_and_mavwp_over_tcp_upload_read_back_and_fly(autopilot):
     from pymavlink import mavutil, mavwp
 

@@ -35,6 +35,7 @@ def test_it_says_that_there_is_a_full_log_and_replays_it_when_asked(recording, c
     full = fetched(recording, "vehicle1-1.bin")
     code, out, err = told(capsys, recording)
     assert (code, out.startswith("flight.tlog"), "--aboard" in err, full.name in err) == (0, True, True, True)
+    recording.with_name("j.jsonl").write_text("")
     for named in (recording, recording.with_name("j.jsonl")):
         code, out, _ = told(capsys, named, "--aboard")
         assert (code, out.startswith(full.name)) == (0, True)

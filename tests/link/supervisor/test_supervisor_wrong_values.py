@@ -45,7 +45,7 @@ def short_delivery(autopilot):
     return Story(autopilot=autopilot, start="jersey-city", to="hoboken", soc=0.38, traffic=False)
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)])
 def test_wrong_values_one_after_the_other_in_one_flight_change_nothing(autopilot, tmp_path):
     ended = fly_wrong(delivery(autopilot), tmp_path, *BURSTS)
     assert ended.kind == "delivered", ended
