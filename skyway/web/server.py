@@ -42,6 +42,8 @@ class ServeOptions:
     """A simulated delivery is flown from the start on."""
     begins_at: str = ""
     """Path of the page that is told to open; empty is the first one."""
+    ends: str = "the page, not a flight"
+    """What Ctrl-C ends."""
     given: Given = field(default_factory=Given)
     """Weather and pads of now, terrain, zones."""
     base: BaseMap = field(default_factory=BaseMap)
@@ -106,7 +108,7 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
     )  # fmt: skip
     shown = f"[{options.host}]" if ":" in options.host else options.host
     address = f"http://{shown}:{listening.getsockname()[1]}{options.begins_at or ('/fly' if options.demo else '')}"
-    say(f"skyway: open {address} in a browser; Ctrl-C ends the page, not a flight")
+    say(f"skyway: open {address} in a browser; Ctrl-C ends {options.ends}")
     if options.base.origin is not None:
         say(f"skyway: browsers fetch the base map from {options.base.origin}, as --tiles says")
     with listening, closing(site.workers), suppress(KeyboardInterrupt):  # Ctrl-C is how it ends

@@ -193,7 +193,10 @@ def demo(
     def show(at: str) -> None:
         from skyway.web.server import ServeOptions, serve
 
-        serve(ServeOptions(folder=output, port=port, begins_at=at), lambda words: typer.echo(words, err=True))
+        serve(
+            ServeOptions(folder=output, port=port, begins_at=at, ends="the page and its fleet"),
+            lambda words: typer.echo(words, err=True),
+        )
 
     wanted = FleetDemo(folder=output, drones=drones, rate_per_h=rate, hours=hours, workers=workers, seed=seed)
     run_demo(wanted, typer.echo, show=show if page else None)
