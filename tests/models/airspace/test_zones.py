@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from skyway.models.airspace.airspace import Airspace
@@ -132,6 +132,14 @@ json_values = st.recursive(
 
 
 @given(kind=st.sampled_from(["Polygon", "MultiPolygon"]), coordinates=json_values)
-def test_no_coordinates_crash_the_reader(tmp_path_factory, kind, coordinates):
-    with pytest.raises(InputError):
-        zones_of(tmp_path_factory.mktemp("zones"), collection(polygon(coordinates, kind)))
+@example(kind="Polygon", coordinates=[[0.0, 0.0]])
+def test_no_coordinates_crash_the_reader_or_are_dropped(tmp_path_factory, kind, coordinates):
+    """They are refused, or, where they hold a position, count as closed, and that is told."""
+    path = tmp_path_factory.mktemp("zones") / "zones.geojson"
+    path.write_text(json.dumps(collection(polygon(coordinates, kind))))
+    try:
+        zones, notes = read_airspace([path])
+    except InputError:
+        return
+    assert len(zones) == 1
+    assert notes
