@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skyway.models.compute.spreading import processors
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -88,7 +90,7 @@ def machine() -> dict[str, str]:
 
     facts = {
         "processor": _processor(),
-        "cores": f"{_usable_cores()} usable of {os.cpu_count()}",
+        "cores": f"{processors()} usable of {os.cpu_count()}",
         "system": f"{platform.system()} {platform.machine()}",
         "Python": platform.python_version(),
         "numpy": np.__version__,
@@ -97,12 +99,6 @@ def machine() -> dict[str, str]:
     if hasattr(os, "getloadavg"):
         facts["load"] = f"{os.getloadavg()[0]:.1f} processes over the last minute, ours included"
     return facts
-
-
-def _usable_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _processor() -> str:

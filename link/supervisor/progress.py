@@ -58,7 +58,7 @@ class DeliveryProgress:
         self.plan, self.called_off = plan, False
 
     def go_on(self, onward: Onward) -> None:
-        """Go on from the target; what is thought of stations is thought again."""
+        """Go on from the target: with no charge asked for, and all stations unvisited."""
         self.onward, self.charge_to, self.charged = onward, None, False
         self.visited = set()
 

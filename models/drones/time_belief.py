@@ -36,7 +36,7 @@ class TimeBelief:
     each_flight_sd: float = 0.015
     """Of each flight by itself: gusts, and winds that are unlike the hour's."""
     manoeuvres_sd: float = 0.3
-    """Of turns, take-offs and landings (`missions.recharge.manoeuvres`), of all flights together."""
+    """Of turns, take-offs and landings (`missions.checks.manoeuvres`), of all flights together."""
     charging_sd: float = 0.04
     """Of all charging: the age of the battery, its warmth, the charger."""
     ground_sd: float = 0.6

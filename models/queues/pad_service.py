@@ -66,6 +66,11 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
     drones: tuple[DroneOnPad, ...] = ()
     """Drones that asked to be charged here."""
 
+    @property
+    def present(self) -> int:
+        """How many drones are there: on the pads and in line."""
+        return self.busy + self.waiting
+
     def others(self, drone: str) -> tuple[int, int]:
         """Others on the pads and in line: those that a drone finds before it, and those that came after it.
 
@@ -73,9 +78,9 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
         """
         ours = next((one for one in self.drones if one.drone == drone and one.state != "absent"), None)
         if ours is None:
-            return self.busy + self.waiting, 0
+            return self.present, 0
         before = self.busy + ours.place_in_line if ours.state == "waiting" else max(self.busy - 1, 0)
-        return before, max(self.busy + self.waiting - 1 - before, 0)
+        return before, max(self.present - 1 - before, 0)
 
 
 class PadService(Protocol):

@@ -36,9 +36,7 @@ def _rates(problem: Problem, nodes: Sequence[int]) -> tuple[NDArray[np.float64],
     """Arrivals, and departures from a busy pad, per s in each hour from that of the departure on, shape (nodes, hours)."""
     load = problem.load
     at = np.ix_(np.asarray(nodes, dtype=np.int64), hours_of_week(load.timezone, problem.depart_s, HORIZON_H))
-    charging = load.mean_charging_s[at]
-    services = np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
-    return np.ascontiguousarray(load.arrivals_per_s[at]), services
+    return np.ascontiguousarray(load.arrivals_per_s[at]), _services(load.mean_charging_s[at])
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity:
@@ -97,12 +95,9 @@ def no_place_probability(
     Who comes before it is in its way, who comes later is not; who leaves until then makes room. Times are POSIX seconds.
     """
     station, load = scenario.network.stations[node], scenario.load
-    begin_s = now_s % S_PER_H
-    come_s = begin_s + max(lands_s - now_s, 0.0)
-    end_s = come_s + max(hover_s, 0.0)
-    hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
-    come = expected(load.arrivals_per_s[node, hours], begin_s, come_s)
-    gone = expected(_services(load, node, hours), begin_s, end_s)
+    lands_s = max(lands_s, now_s)
+    come, _ = _come_and_gone(load, node, now_s, lands_s)
+    _, gone = _come_and_gone(load, node, now_s, lands_s + max(hover_s, 0.0))
     return float(chance_full(station.pads, station.holding_spots, come, gone, present))
 
 
@@ -122,27 +117,32 @@ def turned_for_room_probability(
     """
     station, load = scenario.network.stations[node], scenario.load
     half_s = 0.5 * (leaves_s + lands_s)
+    come, _ = _come_and_gone(load, node, half_s, lands_s)
+    _, gone = _come_and_gone(load, node, half_s, lands_s + hover_s)
     turned_by = (
         count
         for count in range(station.pads + station.holding_spots + 1)
-        if no_place_probability(scenario, node, count, half_s, lands_s, hover_s) > most
+        if chance_full(station.pads, station.holding_spots, come, gone, count) > most
     )
     least = next(turned_by, None)
     if least is None:
         return 0.0
-    begin_s, end_s = now_s % S_PER_H, now_s % S_PER_H + half_s - now_s
-    hours = hours_of_week(load.timezone, now_s, int(end_s // S_PER_H) + 1)
-    come, gone = (
-        expected(load.arrivals_per_s[node, hours], begin_s, end_s),
-        expected(_services(load, node, hours), begin_s, end_s),
-    )
+    come, gone = _come_and_gone(load, node, now_s, half_s)
     return float(chance_full(station.pads, least - station.pads, come, gone, present))
 
 
-def _services(load: PadLoad, node: int, hours: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Departures from a busy pad of a station, per s in some hours of the week."""
-    charging = load.mean_charging_s[node, hours]
-    return np.asarray(np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0))
+def _come_and_gone(load: PadLoad, node: int, begin_s: float, end_s: float) -> tuple[float, float]:
+    """Expected numbers of drones that come to a station from one time to another, POSIX seconds, and that leave one busy pad of it."""
+    hour_s = begin_s - begin_s % S_PER_H
+    arrivals, charging = load.hourly(node, begin_s, int((end_s - hour_s) // S_PER_H) + 1)
+    return expected(arrivals, begin_s - hour_s, end_s - hour_s), expected(
+        _services(charging), begin_s - hour_s, end_s - hour_s
+    )
+
+
+def _services(charging_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Departures from a busy pad, per s, from mean charging times."""
+    return np.divide(1.0, charging_s, out=np.zeros_like(charging_s), where=charging_s > 0.0)
 
 
 def blocking_probability_after(problem: Problem, after_s: float, *, behind: int) -> float:

@@ -22,11 +22,10 @@ from skyway.dispatch.simulation import ADDRESS
 from skyway.dispatch.status import status_of
 from skyway.models.base.errors import InputError, LinkLostError
 from skyway.models.base.files import write_atomically
-from skyway.models.base.geodesy import coarse_distance_m
-from skyway.models.base.units import S_PER_H
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
+from skyway.planner.capacity.demand import Demand, drones_of, orders_of
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.transports.lockstep_client import LockstepClient
 
@@ -36,12 +35,7 @@ if TYPE_CHECKING:
 
 LEDGER, ORDERS, FLEET, OUTPUT = "fleet.db", "orders.csv", "fleet.csv", "run.out"
 JOURNALS = "flights"
-MASSES_KG = (0.2, 0.5, 0.8)
 DUE_MIN = (90.0, 120.0, 150.0)
-FAR_M = 20_000.0
-"""Packages go no farther, as the crow flies."""
-LEAST_SOC = 0.5
-"""Drones begin with this charge or more."""
 NOTICE_MIN = 10.0
 """Orders come so long before they are ready."""
 URGENT = 0.2
@@ -69,37 +63,29 @@ class FleetDemo:
 def draw(demo: FleetDemo) -> tuple[str, str]:
     """Return files of drones and of orders, as CSV: orders from one station with pads to another that is near."""
     scenario = load_scenario(None)
-    stations = [one for one in scenario.network.stations if one.pads and not one.flyover]
-    lats, lons = (np.array([getattr(one, axis) for one in stations]) for axis in ("lat", "lon"))
+    vehicles = drones_of(scenario, DRONE, demo.drones, demo.seed, 0)
+    demand = Demand(most_per_h=demo.rate_per_h, hours=demo.hours)
+    heaviest_kg = scenario.drone(DRONE).max_payload_kg
+    ordered = orders_of(scenario, demand, demo.rate_per_h, 0.0, demo.begin, demo.seed, 0, heaviest_kg)
+    if not ordered:
+        raise InputError(
+            f"no order is drawn in {demo.hours:g} h at {demo.rate_per_h:g} an hour: give a greater --rate or --hours, or another --seed"
+        )
     random = np.random.default_rng(demo.seed)
-    drones = [
-        (f"d{number:03d}", DRONE, home.id, str(round(100.0 * random.uniform(LEAST_SOC, 1.0))))
-        for number, home in enumerate((stations[int(at)] for at in random.integers(len(stations), size=demo.drones)), 1)
-    ]
     orders = []
-    for number, at_s in enumerate(_arrivals_s(random, demo), 1):
-        origin = stations[int(random.integers(len(stations)))]
-        far_m = coarse_distance_m(origin.lat, origin.lon, lats, lons)
-        near = np.flatnonzero((far_m > 0.0) & (far_m <= max(FAR_M, float(np.partition(far_m, 1)[1]))))
-        destination = stations[int(random.choice(near))]
-        ready = demo.begin + timedelta(seconds=round(at_s))
-        due = ready + timedelta(minutes=float(random.choice(DUE_MIN)))
+    for one in ordered:
+        due = one.ready + timedelta(minutes=float(random.choice(DUE_MIN)))
         urgent = int(random.random() < URGENT)
-        mass_kg = float(random.choice(MASSES_KG))
         orders.append(
-            (f"o{number:03d}", origin.id, destination.id, mass_kg, ready.isoformat(), due.isoformat(), urgent)
+            (one.id, one.origin, one.destination, one.mass_kg, one.ready.isoformat(), due.isoformat(), urgent)
         )
     return (
-        _csv(("id", "type", "home", "charge_percent"), drones),
+        _csv(
+            ("id", "type", "home", "charge_percent"),
+            [(one.id, one.type, one.home, round(100.0 * one.soc)) for one in vehicles],
+        ),
         _csv(("id", "from", "to", "mass_kg", "ready", "due", "priority"), orders),
     )
-
-
-def _arrivals_s(random: np.random.Generator, demo: FleetDemo) -> list[float]:
-    """When orders are ready, at random over the time; one at least."""
-    lasts_s = demo.hours * S_PER_H
-    count = max(int(random.poisson(demo.rate_per_h * demo.hours)), 1)
-    return sorted(float(one) for one in random.uniform(0.0, lasts_s, count))
 
 
 def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -15,10 +15,12 @@ from fleet_runs import ROOT, START
 from simulated import world_of
 
 from benchmarks.fleet.invariants import judge
-from skyway.dispatch.demonstration import FAR_M, ORDERS, FleetDemo, draw, how_it_ended
+from skyway.dispatch.demonstration import ORDERS, FleetDemo, draw, how_it_ended
+from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import distance_m
 from skyway.models.orders.files import read_orders, read_vehicles
 from skyway.models.orders.fitting import fit
+from skyway.planner.capacity.demand import Demand
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.transports.lockstep_client import LockstepClient
 
@@ -37,7 +39,14 @@ def test_what_is_drawn_fits_the_city_and_is_the_same_each_time(tmp_path):
     place = {one.id: (one.lat, one.lon) for one in scenario.network.stations}
     for order in work.orders:
         assert START <= order.ready < order.due
-        assert 0.0 < distance_m(*place[order.origin], *place[order.destination]) <= 1.01 * FAR_M
+        assert (
+            0.0 < distance_m(*place[order.origin], *place[order.destination]) <= 1.01 * Demand(most_per_h=1.0).within_m
+        )
+
+
+def test_a_time_without_orders_is_told(tmp_path):
+    with pytest.raises(InputError, match="greater --rate or --hours"):
+        draw(FleetDemo(folder=tmp_path, rate_per_h=0.1, hours=0.01))
 
 
 def test_bytes_come_at_whole_seconds_and_at_once_where_some_were_sent():

@@ -273,7 +273,7 @@ def _pads(ctx: Context, service: DroneService) -> Check:
     said = f"{service.destination}: {status.busy} of {status.pads} pads busy, {status.holding_free} holding spots free"
     now_s, flight_s = ctx.now_s, (service.arrive - service.depart).total_seconds()
     spare = max(service.soc_arrive - ctx.request.reserve_soc, 0.0) / max(service.soc_depart - service.soc_arrive, 1e-6)
-    present = status.busy + status.waiting
+    present = status.present
     chance = no_place_probability(scenario, node, present, now_s, now_s + flight_s, spare * flight_s)
     full = chance > ctx.job.parameters.online.p_begin
     said += f"; no place for the landing with probability {probability(chance, 1)}" if chance > SAID else ""

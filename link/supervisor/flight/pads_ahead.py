@@ -39,8 +39,8 @@ class PadsAhead(Mapping[str, int]):
         except (LinkError, InputError) as error:
             self._silent_until_s = now_s + SILENT_S
             raise KeyError(station) from error
-        self._told[station] = now_s, status.busy + status.waiting
-        return status.busy + status.waiting
+        self._told[station] = now_s, status.present
+        return status.present
 
     def __iter__(self) -> Iterator[str]:
         """Over those that were told of."""

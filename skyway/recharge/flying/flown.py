@@ -107,7 +107,7 @@ class SetPlanner:
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
         """Plan what is left."""
-        problem = rest.anew(self.found.problem, self._options(known))
+        problem = rest.with_known(self.found.problem, self._options(known))
         options = problem.options
         belief = known.belief.next_flight()
         sure = max(belief.mean_ratio, ROUNDED * belief.quantile(1.0 - options.epsilon))
@@ -151,7 +151,7 @@ class SetPlanner:
         )
         left = replace(plan, stops=moved, depart_s=0.0, end_s=plan.end_s - depart_s)
         planned = rest.RestPlan(cuts_of(left), 0.0, soc, left)
-        problem = rest.anew(self.found.problem, self._options(known))
+        problem = rest.with_known(self.found.problem, self._options(known))
         return self._told(family, problem, begin, planned, known)
 
     def flight(self, family: Family, span: Span, known: Known) -> WorkFlight:
@@ -184,7 +184,7 @@ class SetPlanner:
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
         """Return the flight that leaves the work where it keeps the reserve after all; the least bad one where none does."""
         options = self._options(aloft)
-        problem = rest.anew(self.found.problem, options)
+        problem = rest.with_known(self.found.problem, options)
         first = self._next_point(aloft)
         if first is None:
             return None

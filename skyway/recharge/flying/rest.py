@@ -37,7 +37,7 @@ class RestPlan:
     """Stops that follow; positions are points of the work."""
 
 
-def anew(problem: RechargeProblem, options: RechargeOptions) -> RechargeProblem:
+def with_known(problem: RechargeProblem, options: RechargeOptions) -> RechargeProblem:
     """Return the same work with other winds, another belief, or another charge."""
     return problem_of(problem.work, problem.ways, options)
 
