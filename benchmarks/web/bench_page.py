@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pymavlink.dialects.v20 import common as mavlink
 
 from benchmarks.web.memory import rss_mb, unwatched
@@ -27,8 +28,10 @@ from tests.web.simulated import free_port
 
 EACH = 125
 """Vehicles on one connection."""
-EVERY_S = 60.0
-"""Memory is looked at so often."""
+LOOKS = 24
+"""Times that memory is looked at in a run of up to `LONGEST_S` between them."""
+LONGEST_S = 60.0
+"""Between two looks at memory."""
 SETTLE_S = 120.0
 """Browsers have loaded and laid out everything after so long."""
 STAMP = 10_000_000
@@ -114,9 +117,12 @@ def memory(page: Any, seconds: float, browsers: int) -> None:
         moves = json.loads(page.ask("/api/positions?since=0")[2])["version"]
         begun, used = time.monotonic(), cpu_s(page.process.pid)
         last = first
+        every_s = min(LONGEST_S, seconds / LOOKS)
+        seen: list[tuple[float, ...]] = []
         while (left := begun + seconds - time.monotonic()) > 0.0:
-            time.sleep(min(EVERY_S, left))
+            time.sleep(min(every_s, left))
             last = rss_mb(page.process.pid), [one.held() for one in opened]
+            seen.append(((time.monotonic() - begun) / 3600.0, last[0], *(one.own_mb for one in last[1])))
             own = ", ".join(f"{one.own_mb:.1f} ({one.page_mb:.1f} page, {one.pss_mb:.1f} PSS)" for one in last[1])
             minutes = (time.monotonic() - begun) / 60.0
             print(
@@ -131,9 +137,18 @@ def memory(page: Any, seconds: float, browsers: int) -> None:
             print(f"  kept by scripts: {before} -> {one.kept()}", flush=True)
     told(f"server with {browsers} browsers", share, "% of a core", "<= 60")
     told(f"growth of the server in {seconds:.0f} s", last[0] - first[0], "MB", "<= 50 in 2 h")
+    for number, slope in enumerate(slopes(seen)):
+        who = f"browser {number}" if number else "the server"
+        told(f"growth of {who}, fitted to the second half", slope, "MB/h", "<= 25")
     for name in ("own_mb", "page_mb", "pss_mb"):
         most = max(getattr(b, name) - getattr(a, name) for a, b in zip(first[1], last[1], strict=True))
         told(f"growth of a browser in {seconds:.0f} s, {name}", most, "MB", "<= 50 in 2 h")
+
+
+def slopes(seen: list[tuple[float, ...]]) -> list[float]:
+    """Growth an hour of each column, by a straight line through the second half of the rows; the first column is the time in hours."""
+    rows = np.array(seen[len(seen) // 2 :])
+    return [float(np.polyfit(rows[:, 0], column, 1)[0]) for column in rows[:, 1:].T] if len(rows) > 2 else []
 
 
 def measure(vehicles: int, seconds: float, browsers: int) -> None:

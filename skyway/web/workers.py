@@ -14,49 +14,77 @@ from skyway.web.work.calls import begin, call, prepare
 if TYPE_CHECKING:
     from skyway.web.work.weather_and_zones import Given
 
-PROCESSES = 2
+AT_ONCE = 2
 """One plans while the other reads files."""
+SPARE = 1
+"""Process that has loaded its libraries, and takes the place of one whose work was cancelled."""
 
 
 class Workers:
-    """A pool of processes; a call that kills its process is told, and the next one finds a new pool."""
+    """Processes, one call each at a time. A call that nobody waits for any more ends with its process, and so does one that kills it."""
 
     def __init__(self, given: Given) -> None:
         self._given = given
-        self._pool: ProcessPoolExecutor | None = None
+        self._scenario: str | None = None
+        self._turns = asyncio.Semaphore(AT_ONCE)
+        self._idle: list[ProcessPoolExecutor] = []
+        self._busy: set[ProcessPoolExecutor] = set()
 
     def start(self, scenario: str | None) -> None:
-        """Start a process, which loads what it will need."""
-        self._opened().submit(prepare, scenario)
+        """Start the processes, which load what they will need: one that works, and the spare one."""
+        self._scenario = scenario
+        for _ in range(1 + SPARE):
+            self._idle.append(self._prepared())
 
     def close(self) -> None:
         """End all processes, and what they are at."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            for process in list((self._pool._processes or {}).values()):  # noqa: SLF001  there is no other way to end a call under way
-                process.terminate()
-            self._pool = None
+        for process in (*self._idle, *self._busy):
+            _end(process)
+        self._idle, self._busy = [], set()
 
     async def ask(self, name: str, *arguments: Any) -> Any:
         """Return what a function of `skyway.web.work` answers: ``module.function``; its `SkywayError` is raised here.
 
-        Answers wait in line; a caller that is cancelled leaves it.
+        Calls wait in line. One that is cancelled leaves it, or its process is ended: nobody else waits for what nobody wants.
         """
-        try:
-            return _answer(await asyncio.wrap_future(self._opened().submit(call, name, arguments)))
-        except BrokenProcessPool:
-            self._pool = None
-            raise SkywayError("the process that works things out has ended; ask again") from None
+        async with self._turns:
+            process = self._idle.pop() if self._idle else self._prepared()
+            self._busy.add(process)
+            done = False
+            try:
+                found = await asyncio.wrap_future(process.submit(call, name, arguments))
+                done = True
+            except BrokenProcessPool:
+                raise SkywayError("the process that works things out has ended; ask again") from None
+            finally:
+                self._left(process, done=done)
+        if isinstance(found, SkywayError):
+            raise found
+        return found
 
-    def _opened(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                PROCESSES, mp_context=multiprocessing.get_context("spawn"), initializer=begin, initargs=(self._given,)
-            )
-        return self._pool
+    def _left(self, process: ProcessPoolExecutor, *, done: bool) -> None:
+        """Keep a process that has answered for the next call, and put another in the place of one that has not."""
+        if process not in self._busy:
+            return  # all have ended
+        self._busy.remove(process)
+        if done:
+            self._idle.append(process)
+        else:
+            _end(process)
+            self._idle.insert(0, self._prepared())
+
+    def _prepared(self) -> ProcessPoolExecutor:
+        """Start a process, which loads what it will need."""
+        process = ProcessPoolExecutor(
+            1, mp_context=multiprocessing.get_context("spawn"), initializer=begin, initargs=(self._given,)
+        )
+        process.submit(prepare, self._scenario)
+        return process
 
 
-def _answer(found: Any) -> Any:
-    if isinstance(found, SkywayError):
-        raise found
-    return found
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End a process, whatever it is at."""
+    started = list((pool._processes or {}).values())  # noqa: SLF001  there is no other way to end a call under way
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in started:
+        process.kill()

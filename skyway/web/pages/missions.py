@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,13 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import SkywayError
 from skyway.report.svg import safe
 from skyway.web import drawn, shell
-from skyway.web.controls import Button, CommandShown, Drop, Field, Status
+from skyway.web.controls import Button, CommandShown, Drop, Field
 from skyway.web.folder import MISSIONS
 from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages import mission_answer
 from skyway.web.pages.mission_transfer import Transfer
+from skyway.web.pages.under_way import UnderWay
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -91,7 +93,8 @@ class MissionsPage:
         self.transfer = Transfer(self.site, self.client, lambda: self.file, self._differ)
 
     def _answer(self) -> None:
-        self.status = Status()
+        self.at_work = UnderWay(self.client, self._show, "Check it now")
+        self.status = self.at_work.status
         self.verdict = ui.html("")
         self.differences = ui.html("")
         self.differences.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
@@ -141,12 +144,16 @@ class MissionsPage:
         await self._show()
 
     async def _show(self) -> None:
-        """Read and check the file, and show what was found."""
+        """Read and check the file, in place of what was being read, and show what was found."""
+        await asyncio.wait({self.at_work.begin(self._checked())})
+
+    async def _checked(self) -> None:
         if not self.file:
             self.status.tell("Choose a mission, or drop one.")
             return
         try:
             path = self.site.folder.existing(self.file)
+            self.at_work.tell("Checking …")
             self.found = await self.site.workers.ask("missions.shown", str(path), self.site.scenario, self.asked)
         except SkywayError as error:
             self.found = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
@@ -14,31 +15,24 @@ from nicegui import Client, ui
 from skyway.models.base.errors import SkywayError
 from skyway.models.base.formatting import direction_text
 from skyway.web import shell
-from skyway.web.controls import Button, CommandShown, Field, Status, say, text
+from skyway.web.controls import Button, CommandShown, Field, say, text
 from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
-from skyway.web.pages import plan_answer
+from skyway.web.pages import plan_answer, plan_on_map
 from skyway.web.pages.plan_files import PlanFiles
 from skyway.web.pages.plan_form import PlanForm
+from skyway.web.pages.under_way import UnderWay
 from skyway.web.undo import Undo
-from skyway.web.work.question import MOST_PLANS, ROBUST, Question
+from skyway.web.work.question import MOST_PLANS, Question
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
+FRESH_S = 60.0
+"""So long an answer is shown again, without being worked out again, when a person turns back to its question."""
 LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
 """What can be left out of the map: as it is called, and its name there."""
-PLACE_ACTIONS = (
-    {"name": "start", "words": "Start here"},
-    {"name": "to", "words": "Deliver here"},
-    {"name": "stop_at", "words": "Stop here on the way", "station": True, "unlisted": "stopAt"},
-    {"name": "not_stop_at", "words": "No need to stop here", "station": True, "listed": "stopAt"},
-    {"name": "carry", "words": "Move this stop to another station", "stop": True},
-    {"name": "avoid_segment", "words": "Do not fly this segment", "segment": True},
-    {"name": "avoid", "words": "Do not land here", "station": True, "unlisted": "avoid"},
-    {"name": "not_avoid", "words": "Landing here is fine again", "station": True, "listed": "avoid"},
-)
 
 
 def add(site: Site) -> None:
@@ -56,10 +50,10 @@ class PlanPage:
         self.region: dict[str, Any] | None = None
         self.answer: dict[str, Any] | None = None
         self.more: dict[str, Any] | None = None
+        self.answered: tuple[Question, float] | None = None
         self.chosen = 0
         self.winds: dict[str, Any] = {"hours": []}
         self.layers: dict[str, bool] = {}
-        self.task: asyncio.Task[None] | None = None
         self.weather: asyncio.Task[None] | None = None
         self._lay_out()
         ui.timer(0.01, self._begin, once=True)
@@ -95,7 +89,8 @@ class PlanPage:
                         layer: Field(layer, partial(self._see, layer), kind="check", value=True) for layer in LAYERS
                     }
             with ui.element("section").classes("panel answer").props('aria-label="Answer"'):
-                self.status = Status()
+                self.at_work = UnderWay(self.client, self._begin_answer, "Plan now", self._cancelled)
+                self.status = self.at_work.status
                 self.first = ui.element("p")
                 with self.first:
                     text("a", "Or watch a delivery being flown: the demonstration", href="/fly")
@@ -111,7 +106,7 @@ class PlanPage:
 
     async def _begin(self) -> None:
         """Fill the page: the map fetches the region by itself, the form needs it here."""
-        self.map.put(actions=list(PLACE_ACTIONS))
+        self.map.put(actions=list(plan_on_map.ACTIONS))
         try:
             self.region = await self.site.region()
         except SkywayError as error:
@@ -121,7 +116,7 @@ class PlanPage:
         self.seen["terrain"].set_visibility(self.region["terrain"])
         self.form.offer(self.region, self.wanted.zone(self.region["timezone"]))
         self.form.show(self.question)
-        self.task = asyncio.create_task(self._answer())
+        self._begin_answer()
 
     def _see(self, layer: str, on: object) -> None:
         self.layers[LAYERS[layer]] = bool(on)
@@ -148,36 +143,32 @@ class PlanPage:
         self.question = question
         self.form.show(question)
         self.client.run_javascript(f"history.replaceState(null, '', {json.dumps(question.address())})")
-        if self.task is not None:
-            self.task.cancel()
-        self.task = asyncio.create_task(self._answer())
+        self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:
         """Take a place of the map."""
-        place = chosen.get("station") or f"{float(chosen['lat']):.5f},{float(chosen['lon']):.5f}"
-        action, q = chosen.get("action"), self.question
-        if action in {"start", "to"}:
-            self.changed(**{action: place})
-        elif action == "stop_at":
-            self.changed(stop_at=(*q.stop_at, place), avoid=without(q.avoid, place), planner=ROBUST)
-        elif action == "avoid":
-            self.changed(avoid=(*q.avoid, place), stop_at=without(q.stop_at, place))
-        elif action in {"not_stop_at", "not_avoid", "not_others"}:
-            name = str(action).removeprefix("not_")
-            self.changed(**{name: without(getattr(q, name), place)})
-        elif action == "avoid_segment":
-            self.changed(avoid=(*q.avoid, str(chosen["segment"])))
+        self.ask(plan_on_map.chosen_there(self.question, chosen))
 
     def dragged(self, moved: dict[str, Any]) -> None:
-        """Move a stop to another station: the drone stops there and does not land where it did."""
-        old, new, q = str(moved["from"]), str(moved["to"]), self.question
-        stops = [new if one == old else one for one in q.stop_at]
-        if new not in stops:
-            made = self.plans[self.chosen]["stops"] if self.plans else []
-            stops = [new if one == old else one for one in made if one == old or one in q.stop_at]
-        self.changed(stop_at=tuple(dict.fromkeys(stops)), avoid=(*without(q.avoid, new, old), old), planner=ROBUST)
+        """Move a stop to another station."""
+        made = self.plans[self.chosen]["stops"] if self.plans else []
+        self.ask(plan_on_map.stop_moved(self.question, made, str(moved["from"]), str(moved["to"])))
 
     # the answer
+
+    def _begin_answer(self) -> None:
+        self.at_work.begin(self._answer())
+
+    def _cancelled(self) -> str:
+        """What stands on the page when a person has cancelled what was under way."""
+        if self.is_current:
+            return "Reasons and other routes are left out."
+        return "Below stands the plan of what was asked before." if self.plans else ""
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the plan that is shown answers what is asked now."""
+        return self.answered is not None and self.answered[0] == self.question
 
     async def _answer(self) -> None:
         """Plan, and show the answer as it comes: first the plan, then what is told beside it."""
@@ -188,40 +179,50 @@ class PlanPage:
             self.weather = asyncio.create_task(self._weather())
             self.first.style(f"display: {'none' if self.question.complete else 'block'}")
             if not self.question.complete:
-                self.answer = self.more = None
-                self._draw()
+                self._answered(None)
                 self.status.tell("Choose a start and a target: click on the map, or type a station.")
                 return
-            self.status.tell("Planning …")
             asked = msgspec.to_builtins(self.question), "UTC" if self.wanted.time == "utc" else None
-            try:
-                self.answer, self.more, self.chosen = (
-                    await self.site.workers.ask("planned.plan", self.site.scenario, *asked),
-                    None,
-                    0,
-                )
-            except SkywayError as error:
-                self.answer = self.more = None
+            if not (self.is_current and self.answered is not None and time.monotonic() - self.answered[1] < FRESH_S):
+                self.shown.classes("old")
+                self.at_work.tell("Planning …")
+                try:
+                    found = await self.site.workers.ask("planned.plan", self.site.scenario, *asked)
+                except SkywayError as error:
+                    self._answered(None)
+                    self.status.tell(str(error), wrong=True)
+                    return
+                self._answered(found)
+            if self.more is None:
                 self._draw()
-                self.status.tell(str(error), wrong=True)
-                return
-            self._draw()
-            self.status.tell("Reasons and other routes follow …")
-            try:
-                self.more = await self.site.workers.ask("planned.explained", self.site.scenario, *asked)
-            except SkywayError as error:
-                self.status.tell(str(error), wrong=True)
-                return
+                self.at_work.tell("Reasons and other routes follow …")
+                try:
+                    self.more = await self.site.workers.ask("planned.explained", self.site.scenario, *asked)
+                except SkywayError as error:
+                    self.status.tell(str(error), wrong=True)
+                    return
             self._draw()
             self.status.tell("")
 
+    def _answered(self, found: dict[str, Any] | None) -> None:
+        """Keep the answer to what is asked now, or that there is none."""
+        self.answer, self.more, self.chosen = found, None, 0
+        self.answered = None if found is None else (self.question, time.monotonic())
+        if found is None:
+            self._draw()
+
     async def _weather(self) -> None:
         """Wind and queues of the hours from the departure on."""
-        given = {name: value for name, value in self.question.conditions().items() if value}
+        conditions = self.question.conditions()
+        given = {name: value for name, value in conditions.items() if value}
         try:
-            self.winds = await self.site.workers.ask("region.winds", self.site.scenario, self.question.conditions())
+            found = await self.site.workers.ask("region.winds", self.site.scenario, conditions)
         except SkywayError:
-            self.winds = {"hours": []}
+            found = {"hours": []}
+        if conditions != self.question.conditions():
+            return  # other hours are asked for by now
+        self.winds = found
+        if not found["hours"]:
             return
         address = f"?{urlencode(given)}"
         self.map.load("wind", f"/api/wind{address}")
@@ -255,8 +256,8 @@ class PlanPage:
         return [first, *planners, *others][:MOST_PLANS]
 
     def _shown_plan(self) -> dict[str, Any] | None:
-        """The plan that is shown, as its file has it."""
-        return self.plans[self.chosen]["composition"] if self.plans else None
+        """The plan that is shown, as its file has it; None where it is not of what is asked."""
+        return self.plans[self.chosen]["composition"] if self.plans and self.is_current else None
 
     def show(self, number: int) -> None:
         """Show another plan of those beside each other."""
@@ -266,6 +267,8 @@ class PlanPage:
 
     def _draw(self) -> None:
         plans, answer = self.plans, self.answer
+        if self.is_current or answer is None:
+            self.shown.classes(remove="old")
         shapes = [{name: one[name] for name in ("path", "stops", "route")} for one in plans]
         self.map.put(plans=shapes, chosen=self.chosen)
         if answer is None:
@@ -315,11 +318,6 @@ class PlanPage:
             avoid=list(self.question.avoid),
             stopAt=list(self.question.stop_at),
         )
-
-
-def without(names: tuple[str, ...], *gone: str) -> tuple[str, ...]:
-    """Return names without some."""
-    return tuple(one for one in names if one not in gone)
 
 
 _PLAN_OF_CLICK = "(e) => { const b = e.target.closest('[data-plan]'); if (b) emit(b.dataset.plan); }"

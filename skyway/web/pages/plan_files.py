@@ -81,7 +81,7 @@ class PlanFiles:
     async def _made(self) -> list[tuple[str, bytes]]:
         plan = self._shown()
         if plan is None:
-            raise SkywayError("there is no plan yet")
+            raise SkywayError("there is no plan yet of what is asked")
         stem = safe_name(self.stem) if self.stem.strip() else safe_name(f"{plan['from']}-{plan['to']}")
         more = {"autopilot": self.autopilot, "contacts": self.contacts, "elevation": self.elevation}
         found: list[tuple[str, bytes]] = await self.site.workers.ask(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer
 from skyway.web.pages.recharge import answer
 from skyway.web.pages.recharge.form import CutForm
+from skyway.web.pages.under_way import UnderWay
 from skyway.web.undo import Undo
 from skyway.web.work.question import OF_SCENARIO, Cut, Put
 
@@ -50,7 +50,6 @@ class RechargePage:
         self.undos: Undo[Cut] = Undo(self._turn_to)
         self.pads: list[dict[str, Any]] = []
         self.found: dict[str, Any] | None = None
-        self.task: asyncio.Task[None] | None = None
         self.folder = ""
         with ui.element("div").classes("work"):
             with (
@@ -70,7 +69,8 @@ class RechargePage:
         ui.timer(0.01, self._begin, once=True)
 
     def _answer_part(self) -> None:
-        self.status = Status()
+        self.at_work = UnderWay(self.client, self._begin_answer, "Cut it now", self._cancelled)
+        self.status = self.at_work.status
         self.figures = ui.html("")
         self.pictures = ui.html("")
         self.flights = ui.html("")
@@ -117,9 +117,7 @@ class RechargePage:
     def _turn_to(self, asked: Cut) -> None:
         self.asked = asked
         self.form.show(asked)
-        if self.task is not None:
-            self.task.cancel()
-        self.task = asyncio.create_task(self._answer())
+        self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:
         """Take what was chosen on the map."""
@@ -146,6 +144,15 @@ class RechargePage:
         self.changed(put=tuple(one for one in self.asked.put if one.id != name))
 
     # the answer
+
+    def _begin_answer(self) -> None:
+        self.at_work.begin(self._answer())
+
+    def _cancelled(self) -> str:
+        """Show nothing of what was cut before: it is not what is asked."""
+        self.found = None
+        self._draw()
+        return ""
 
     def _builtins(self) -> dict[str, Any]:
         """What is asked as a worker wants it: with the paths of files."""
@@ -178,7 +185,7 @@ class RechargePage:
                 self.status.tell(f"Choose {lacking}.")
                 await self._show_mission(asked)
                 return
-            self.status.tell("Cutting the mission …")
+            self.at_work.tell("Cutting the mission …")
             try:
                 self.found = await self.site.workers.ask("recharged.shown", self.site.scenario, asked)
             except SkywayError as error:
