@@ -22,6 +22,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -46,6 +47,8 @@ KM_PER_DEG = 111.2
 GRID = (40.55, 40.85, 41.15), (-74.25, -73.9, -73.55)
 """Latitudes and longitudes that are asked for."""
 NEAR_KM = 5.0
+AGE_H = 2
+"""Forecasts are issued each hour, are out an hour later, and orders leave within the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,17 @@ class DayForecasts:
                 }
             )  # fmt: skip
         return json.dumps(places)
+
+    def file(self, folder: Path, issue_s: float) -> Path:
+        """What the service answers of an issue, as a file of a folder."""
+        path = folder / f"{int(issue_s)}.json"
+        if not path.exists():
+            path.write_text(self.answer(issue_s), encoding="utf-8")
+        return path
+
+    def newest(self, folder: Path, time_s: float) -> Path:
+        """The newest answer that is out at a time, as a file of a folder."""
+        return self.file(folder, HOUR_S * (time_s // HOUR_S - (AGE_H - 1)))
 
 
 def rest_by_lead(sites: Sequence[Site], issues_s: Sequence[float]) -> NDArray[np.float64]:

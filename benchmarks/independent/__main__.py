@@ -20,7 +20,7 @@ MOST_DAYS = 12
 def main(argv: list[str] | None = None) -> int:
     """Fly order by order, each in all worlds; lines are kept as they come, so that a run that was stopped goes on."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.independent", description=__doc__)
-    parser.add_argument("--city", choices=("new-york", "melbourne"), default="new-york")
+    parser.add_argument("--city", choices=sorted(planning.CITIES), default="new-york")
     parser.add_argument("--worlds", default="all-of-them", help="names with commas between; default: every one")
     parser.add_argument("--requests", type=int, default=10)
     parser.add_argument("--order", default="", help="instead: one, as bellevue,jacobi,2013-07-10T14:00-04:00,0.8")

@@ -33,6 +33,7 @@ from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from datetime import date
     from pathlib import Path
 
     from skyway.link.forwarding.forwarder import Forwarder
@@ -83,6 +84,10 @@ class Story:
     vehicle: dict[str, Any] = field(default_factory=dict)
     target: tuple[float, float] | None = None
     """Place without pads to deliver to, instead of a station."""
+    held_out: bool = False
+    """The day of the true wind is left out of the record that it is planned with."""
+    weather: tuple[Path, ...] = ()
+    """Forecasts that it is planned with, as ``skyway fly --forecast``."""
     asked: dict[str, Any] = field(default_factory=dict)
     """What else is asked of the plan, see `Request`."""
 
@@ -97,6 +102,10 @@ class Story:
     def instant(self) -> datetime:
         return datetime.fromisoformat(self.depart)
 
+    def day(self) -> date:
+        """The day of the record whose wind blows."""
+        return (datetime.fromisoformat(self.truth) if self.truth else self.instant()).astimezone(LOCAL).date()
+
     def plan(self) -> tuple[Request, WindEnsemble, Composition]:
         scenario, depart = self.scenario(), self.instant()
         request = Request(
@@ -107,7 +116,11 @@ class Story:
             seed=self.seed,
             **self.asked,
         )
-        forecast = scenario.forecast(depart, HORIZON_H)
+        left_out = self.day() if self.held_out else None
+        if self.weather:
+            forecast = scenario.forecast_from(self.weather, depart, HORIZON_H, truth=left_out)
+        else:
+            forecast = scenario.forecast(depart, HORIZON_H, truth=left_out)
         return request, forecast, plan(scenario, request, planner=self.planner, forecast=forecast).composition
 
 
@@ -158,7 +171,7 @@ class Stage:
         scenario, depart = story.scenario(), story.instant()
         self.scenario = scenario
         self.request, self.forecast, self.composition = story.plan()
-        day = (datetime.fromisoformat(story.truth) if story.truth else depart).astimezone(LOCAL).date()
+        day = story.day()
         self.told = scenario.truth(day, depart - timedelta(seconds=EARLIER_S), HORIZON_H)
         wind = None if story.still else RecordedWind(scenario.truth(day, depart, HORIZON_H))
         self.world = World(

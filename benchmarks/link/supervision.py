@@ -2,7 +2,8 @@
 
 Every seed is another delivery: autopilot, day, hour, way, package, and what goes wrong. The days are those of the record whose
 ordinal leaves 5 when divided by 7; nothing else in the project uses them as a set (while supervision was made, those that leave 3
-were looked at). The planner is the one that people get who name none.
+were looked at), and each is left out of the record that its delivery is planned with. The planner is the one that people get who name none. With ``--forecast``
+a delivery is planned with what a weather service of realistic error says (`benchmarks.cases.day_forecast`), issued up to two hours before.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import random
 import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
-from datetime import date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from datetime import time as daytime
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from benchmarks.cases.day_forecast import DayForecasts, rest_by_lead
+from benchmarks.independent.product import planning
 from benchmarks.link.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import read_journal
 from skyway.models.base import geodesy
@@ -33,7 +36,9 @@ from skyway.sim_stub.transports.channel import Impairment
 LOCAL = ZoneInfo("America/New_York")
 NEAR_M, FAR_M = 9_000.0, 22_000.0
 GO_AFTER_S = 45.0
-REMAINDER = 5
+REMAINDER, OTHER_REMAINDER = 5, 2
+"""Of the ordinals of days, divided by 7: those that are flown on, and those of which the weather service is made."""
+CITY = "new-york"
 
 
 @dataclass(frozen=True)
@@ -80,8 +85,17 @@ def _is_whole(day: date) -> bool:
     return True
 
 
-def story_of(seed: int, *, reports: bool = False) -> tuple[Story, tuple[str, ...]]:
-    """One delivery with its faults."""
+@cache
+def service() -> DayForecasts:
+    """A weather service, its error measured on days that nothing here is flown on."""
+    sites = planning.city(CITY).sites
+    first = datetime(2013, 1, 10, tzinfo=UTC)
+    learnt = [day for day in (first + timedelta(days=n) for n in range(340)) if day.toordinal() % 7 == OTHER_REMAINDER]
+    return DayForecasts(sites, rest_by_lead(sites, [day.timestamp() for day in learnt]))
+
+
+def story_of(seed: int, *, reports: bool = False, answers: Path | None = None) -> tuple[Story, tuple[str, ...]]:
+    """One delivery with its faults; `answers`: it is planned with a forecast, whose files are put into this folder."""
     luck = random.Random(f"supervision/{seed}")
     scenario = newyork()
     stations = [s for s in scenario.network.stations if s.pads > 0]
@@ -114,13 +128,15 @@ def story_of(seed: int, *, reports: bool = False) -> tuple[Story, tuple[str, ...
         impairment=Impairment(0.2, 0.02, 0.005, 0.02, 0.02) if lossy else None,
         planner=ROBUST,
         reports=reports,
+        held_out=True,
+        weather=() if answers is None else (service().newest(answers, depart.timestamp()),),
     )
     return story, (*faults, *(["upload-loss=0.2"] if lossy else []))
 
 
-def tell(seed: int, folder: Path, *, supervised: bool, reports: bool = False) -> Told | None:
+def tell(seed: int, folder: Path, *, supervised: bool, reports: bool = False, forecast: bool = False) -> Told | None:
     """Fly one; None where there is no plan."""
-    story, faults = story_of(seed, reports=reports)
+    story, faults = story_of(seed, reports=reports, answers=folder if forecast else None)
     try:
         stage = Stage(replace(story, supervised=supervised), folder)
     except InfeasibleError:
@@ -180,6 +196,7 @@ def main() -> None:
     asked.add_argument("--first", type=int, default=0)
     asked.add_argument("--output", type=Path, default=Path("out/supervision.jsonl"))
     asked.add_argument("--blind", action="store_true", help="also fly the first plan as it is")
+    asked.add_argument("--forecast", action="store_true", help="planned with a forecast of realistic error")
     given = asked.parse_args()
     given.output.parent.mkdir(parents=True, exist_ok=True)
     kinds = (True, False) if given.blind else (True,)
@@ -188,7 +205,7 @@ def main() -> None:
             for supervised in kinds:
                 place = Path(folder) / f"{seed}-{supervised}"
                 place.mkdir()
-                one = tell(seed, place, supervised=supervised)
+                one = tell(seed, place, supervised=supervised, forecast=given.forecast)
                 if one is not None:
                     out.write(json.dumps(asdict(one)) + "\n")
                     out.flush()

@@ -51,8 +51,6 @@ ONLINE = "decided again at each stop"
 RECORD = "record alone"
 ARMS = (RECORD, "forecast, published error", "forecast, learnt error", "the same and reports of now")
 LEVELS = (0.05, 0.5, 0.8, 0.95)
-AGE_H = 2
-"""Forecasts are issued each hour, are out an hour later, and orders leave within the next."""
 OWN_RUNS = 200
 
 
@@ -105,7 +103,7 @@ class Service:
         ]
         found = cls(DayForecasts(sites, rest_by_lead(sites, issues), scale), folder, folder / "error.json")
         scenario = planning.told_scenario(CITY, "")
-        weathers = [one for issue in issues for one in read_weather([found.file(issue)])]
+        weathers = [one for issue in issues for one in read_weather([found.made.file(folder, issue)])]
         seen = [
             WindObservation(
                 float(at) + 0.5 * HOUR_S,
@@ -125,16 +123,9 @@ class Service:
         found.error.write_text(lead_error_text(learnt), encoding="utf-8")
         return found
 
-    def file(self, issue_s: float) -> Path:
-        """The answer of an issue."""
-        path = self.folder / f"{int(issue_s)}.json"
-        if not path.exists():
-            path.write_text(self.made.answer(issue_s), encoding="utf-8")
-        return path
-
     def newest(self, time_s: float) -> Path:
         """The newest answer that is out at a time."""
-        return self.file(HOUR_S * (time_s // HOUR_S - (AGE_H - 1)))
+        return self.made.newest(self.folder, time_s)
 
 
 def forecasts(service: Service, order: Order, day: date) -> dict[str, WindEnsemble]:

@@ -1,5 +1,6 @@
 """The studies of forecasts: their errors are as large as they say, nothing looks ahead, and what does not fit is refused."""
 
+from dataclasses import replace
 from datetime import UTC, date, datetime
 
 import numpy as np
@@ -9,6 +10,7 @@ from benchmarks.cases.day_forecast import COMPONENT_RMSE_MPS, HOURS, LEAD_H, Day
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning
 from benchmarks.independent.weather.reports import new_york
+from benchmarks.link.supervision import days, story_of
 from benchmarks.tables.anemometer import crps
 from benchmarks.tables.forecast_gain import CITY, Service, held_out_days, learning_days
 from skyway.models.base.errors import InputError
@@ -60,3 +62,15 @@ def test_a_policy_is_not_flown_where_other_sites_measure_the_wind():
     truths = sample_realizations(scenario, request, [day], runs=2)
     with pytest.raises(InputError, match="sites"):
         fly_charging(truths, "m200", plan.result.robust.policy)
+
+
+def test_supervised_deliveries_are_planned_without_their_day_and_with_a_forecast_that_was_out(tmp_path):
+    story, _ = story_of(8200, answers=tmp_path)
+    (answer,) = story.weather
+    issued_s, departs_s = int(answer.stem), story.instant().timestamp()
+    assert 3600.0 <= departs_s - issued_s < 7200.0
+    assert story.day() in days()
+    names = replace(story, weather=()).plan()[1].labels
+    assert len(names) > 10
+    assert str(story.day()) not in names
+    assert story.plan()[1].labels != names

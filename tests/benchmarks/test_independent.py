@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.independent import ground, pads
+from benchmarks.independent.product import planning
 from benchmarks.independent.vehicle import battery, craft, energy
 from benchmarks.independent.weather import profile, reports, series, turbulence, wind
 
@@ -330,3 +331,12 @@ def test_records_of_one_site_are_read_in_their_units_and_clocks(read, count, uni
     assert np.hypot(*site.wind[5]) == pytest.approx(
         round(float(np.hypot(*site.wind[5])) / unit_mps, 2) * unit_mps, abs=0.01
     )
+
+
+@pytest.mark.skipif(not reports.WIND.exists(), reason="the records are beside the checkout")
+def test_london_is_new_yorks_network_about_another_anemometer():
+    here, there = planning.scenario_of("london"), planning.scenario_of("new-york")
+    assert here.network.distance_m == pytest.approx(there.network.distance_m, rel=2e-3)
+    (site,) = here.wind_sites
+    assert np.hypot(here.network.lat.mean() - site.lat, here.network.lon.mean() - site.lon) < 0.01
+    assert len(here.history) == 65_533

@@ -14,6 +14,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from benchmarks.cases.london import london as london_scenario
 from benchmarks.cases.melbourne import melbourne as melbourne_scenario
 from benchmarks.cases.networks import new_york as new_york_scenario
 from benchmarks.independent.build import City
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
     from benchmarks.independent.information import Order
     from benchmarks.independent.vehicle.energy import Power
+    from benchmarks.independent.weather.reports import Site
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
@@ -50,8 +52,14 @@ if TYPE_CHECKING:
 
 LEVELS = (0.5, 0.8, 0.95)
 GRAVITY = 9.806_65
-DRONES = {"new-york": "m200", "melbourne": "m200-v2"}
-LEAVING_UTC_H = {"new-york": (13, 26), "melbourne": (-2, 11)}
+CITIES = {"new-york": new_york_scenario, "melbourne": melbourne_scenario, "london": london_scenario}
+REPORTS: dict[str, Callable[[], tuple[Site, ...]]] = {
+    "new-york": reports.new_york,
+    "melbourne": reports.melbourne,
+    "london": reports.london,
+}
+DRONES = {"new-york": "m200", "melbourne": "m200-v2", "london": "m200"}
+LEAVING_UTC_H = {"new-york": (13, 26), "melbourne": (-2, 11), "london": (8, 21)}
 """Orders leave between 8 and 21 o'clock local time."""
 
 
@@ -91,7 +99,7 @@ class Planned:
 
 def scenario_of(city: str) -> Scenario:
     """The product's scenario of a city, on level ground: the worlds have no hills, and the wind on a leg depends on them."""
-    scenario = {"new-york": new_york_scenario, "melbourne": melbourne_scenario}[city]()
+    scenario = CITIES[city]()
     level = tuple(replace(station, elevation_m=0.0) for station in scenario.network.stations)
     return replace(scenario, network=replace(scenario.network, stations=level))
 
@@ -153,10 +161,9 @@ def city(name: str) -> City:
         drone.cruise_airspeed_mps, drone.max_ground_speed_mps, rules.climb_rate_mps, rules.descent_rate_mps,
         rules.cruise_height_m,
     )  # fmt: skip
-    sites = reports.new_york() if name == "new-york" else reports.melbourne()
     return City(
         name,
-        sites,
+        REPORTS[name](),
         ground,
         sheet,
         how,
