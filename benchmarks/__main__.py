@@ -23,32 +23,32 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "fleet-gap": ("fleet.bench_gap", []),
     "fleet-city": ("fleet.bench_city", []),
     "page": ("web.bench_page", ["--seconds", "30"]),
-    "rolling": ("planners.bench_rolling", ["--deliveries", "12"]),
-    "why": ("planners.rolling_why", ["--deliveries", "6"]),
-    "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
+    "rolling": ("online.bench_rolling", ["--deliveries", "12"]),
+    "why": ("online.rolling_why", ["--deliveries", "6"]),
+    "risk": ("online.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = (
-    "speed",
-    "ies",
-    "exact",
-    "robust",
-    "dense",
-    "decisions",
-    "evaluate",
-    "promises",
-    "gap",
-    "weather",
-    "airspace",
-    "terrain",
-    "recharge",
-)
-"""Benchmarks that return figures."""
+MEASURED = {
+    "speed": "planners",
+    "ies": "planners",
+    "exact": "planners",
+    "robust": "planners",
+    "dense": "planners",
+    "decisions": "online",
+    "evaluate": "planners",
+    "promises": "planners",
+    "gap": "planners",
+    "weather": "files",
+    "airspace": "files",
+    "terrain": "files",
+    "recharge": "planners",
+}
+"""Benchmarks that return figures, and where they are."""
 
 
 def measured(name: str) -> list[Figure]:
     """Run one benchmark that returns figures."""
-    module = importlib.import_module(f"benchmarks.planners.bench_{name}")
+    module = importlib.import_module(f"benchmarks.{MEASURED[name]}.bench_{name}")
     figures: list[Figure] = module.measure()
     return figures
 

@@ -37,7 +37,7 @@ PAYLOADS_KG = (0.4, 0.8, 1.2)
 SEED = 1
 RUNS = 20
 LONG = ("new-york", 0.5, 125, 4)
-"""Network, utilisation, deliveries and runs of the long instance: 500 deliveries on many days, for `benchmarks.planners.bench_rolling`."""
+"""Network, utilisation, deliveries and runs of the long instance: 500 deliveries on many days, for `benchmarks.online.bench_rolling`."""
 LONG_FILE = FOLDER / f"{LONG[0]}-{LONG[1]:g}-{LONG[2]}.json"
 HOLDING_SPOTS = 1000
 ERRORS = Errors(energy=EnergyBelief(mean_ratio=1.0, sd_between=0.029, sd_within=0.0))

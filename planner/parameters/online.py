@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from skyway.models.base.parameters import Parameters, parameter
 
 _FAULTS = "deliveries through faults (`benchmarks.link.supervision`, decision 72)"
-_ROLLING = "30 instead of 10 futures gained nothing in 500 deliveries (`benchmarks.planners.bench_rolling`)"
+_ROLLING = "30 instead of 10 futures gained nothing in 500 deliveries (`benchmarks.online.bench_rolling`)"
 _UPDATED = (
     "60 hours of the record above 9.5 m/s: CRPS 1 and 2 h after a measurement 1.07 and 1.45 m/s, with 8 members an hour after it and 6 h "
     "1.15 and 1.53 (decision 82)"
@@ -58,7 +58,7 @@ class OnlineParameters(Parameters):
     )
     energy_shares: float = parameter(
         4.0, "flights that may need more than they were charged for, among which it does too: not many are begun with no more than "
-        "what they need", 1, 100, measured="landings below the reserve in `benchmarks.planners.rolling_risk`",
+        "what they need", 1, 100, measured="landings below the reserve in `benchmarks.online.rolling_risk`",
     )  # fmt: skip
 
     least_members: float = parameter(
@@ -103,11 +103,11 @@ class OnlineParameters(Parameters):
     flight_futures: int = parameter(4, "the same in the air, where every option is followed in each", 1, 1000)
     large_labels: int = parameter(
         200, "labels in which the best way on is looked for in a future on large networks (`robust.large_network`)", 1, 10**9,
-        measured="`benchmarks.planners.bench_decisions`: with a proof of the best, decisions took minutes",
+        measured="`benchmarks.online.bench_decisions`: with a proof of the best, decisions took minutes",
     )  # fmt: skip
     near_stations: int = parameter(
         60, "in the air, stations near the straight way over which a way on is looked for on dense networks", 2, 10**6,
-        measured="`benchmarks.planners.bench_decisions`: 120 take twice as long",
+        measured="`benchmarks.online.bench_decisions`: 120 take twice as long",
     )  # fmt: skip
     hours: float = parameter(
         12.0, "how far ahead the wind of a future is looked at; its last hour holds on", 1, 168, unit="h"

@@ -14,7 +14,8 @@ sys.path.append(str(ROOT))
 from benchmarks.cases.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
 from benchmarks.cases.melbourne import melbourne  # noqa: E402
 from benchmarks.cases.networks import geometric, random_pairs  # noqa: E402
-from benchmarks.planners import bench_gap, bench_planners, bench_promises, bench_rolling, rolling_risk, rolling_why  # noqa: E402
+from benchmarks.online import bench_rolling, rolling_risk, rolling_why  # noqa: E402
+from benchmarks.planners import bench_gap, bench_planners, bench_promises  # noqa: E402
 from benchmarks.planners.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
 from benchmarks.planners.trials import ROLLING, case_of, contenders  # noqa: E402
 from benchmarks.tables import pictures, report  # noqa: E402
@@ -170,7 +171,7 @@ def long_instance():
 @pytest.mark.slow
 def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
     few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, rolling horizon", "pfs, full"})
-    monkeypatch.setattr("benchmarks.planners.bench_rolling.RIVALS", few)
+    monkeypatch.setattr("benchmarks.online.bench_rolling.RIVALS", few)
     instance = read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
     told = []
     bench_rolling.run(instance.cut(1, 1), tmp_path / "rows.jsonl", progress=told.append)

@@ -1,0 +1,1 @@
+"""How fast files of weather, airspace and terrain become part of a plan."""

@@ -1,0 +1,1 @@
+"""How good and how fast what is decided on the way is."""
