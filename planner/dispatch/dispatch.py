@@ -12,10 +12,7 @@ from skyway.models.base.formatting import duration
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.window import Window
 from skyway.planner.dispatch.bound import lower_bound
-from skyway.planner.dispatch.flights import Laid, lay_out_problem
-from skyway.planner.dispatch.improve import Before, solve
-from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
-from skyway.planner.dispatch.route_kernels import (
+from skyway.planner.dispatch.flight_kernels import (
     BEGIN,
     CHARGE,
     END,
@@ -30,6 +27,9 @@ from skyway.planner.dispatch.route_kernels import (
     SOC_AFTER,
     TO,
 )
+from skyway.planner.dispatch.flights import Laid, lay_out_problem
+from skyway.planner.dispatch.improve import Before, solve
+from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
 from skyway.planner.dispatch.search import Search
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.problem import HORIZON_H
@@ -137,10 +137,7 @@ def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int,
     first_pad, pads = laid.problem.flights.first_pad, laid.problem.flights.pads
     routes, answers = [], {}
     for drone in np.flatnonzero(search.routes.length):
-        if not search.lay_out(int(drone)):  # what others changed since closed its way: better refused than told wrongly
-            search.clear(int(drone))
-            continue
-        rows = search.trace.rows[: search.trace.filled[0]].copy()
+        rows = search.steps[drone]
         steps = []
         windows: dict[int, list[Window]] = {}
         last = search.route(int(drone))[-1]
@@ -210,7 +207,7 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: f
     before = alone.saved(drone)
     if not alone.insert(number, drone, int(position[best])):
         return otherwise, False
-    rows = alone.trace.rows[: alone.trace.filled[0]]
+    rows = alone.steps[drone]
     done_s = float(rows[(rows[:, ORDER] == number) & (rows[:, PHASE] == LOADED)][-1, END])
     alone.restore(drone, before)
     alone.drone_of[number] = -1

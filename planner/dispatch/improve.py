@@ -28,6 +28,14 @@ REGRETTED = 12
 """Up to so many orders are put in with regret."""
 KEEPS_BEST = 200
 """Up to so many drones worse routes are accepted for a while, and the best ones kept apart."""
+HALTED = 1
+"""Up to so many orders whose drones fly again get another stop to charge at, on the way to the package or with it, or lose it."""
+NEAREST = 6
+"""Such a stop is one of so many."""
+LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Charges with which they are left."""
+AGAIN = 0.1
+"""Chance that drones are only flown again, in another order: who is first has the pads."""
 RESTYLED = 0.3
 """Share of the drones whose routes change that try another charge to wait for."""
 GAINS = (3.0, 1.0, 0.2)
@@ -66,7 +74,10 @@ class Improver:
             warmth = 1.0 - max(number / iterations, (now - begin) / max(end_at - begin, 1e-9)) if keeps else 0.0
             way = int(self.random.choice(len(self._ways), p=weight / weight.sum()))
             search.watch()
-            done = self._changed(self._ways[way](int(self.random.integers(1, most + 1))), most)
+            if self.random.random() < AGAIN:
+                done = self._again()
+            else:
+                done = self._changed(self._ways[way](int(self.random.integers(1, most + 1))), most)
             cost = search.cost
             gain = GAINS[0] if cost < best_cost - 1e-6 else GAINS[1] if cost < current - 1e-6 else GAINS[2]
             weight[way] = MEMORY * weight[way] + (1.0 - MEMORY) * gain
@@ -81,6 +92,17 @@ class Improver:
         if best is not None and search.cost > best_cost:
             search.all_back(best)
 
+    def _again(self) -> bool:
+        """Fly some drones again with other stops, in another order; false where one is not flown."""
+        drones = [
+            int(one)
+            for one in self.random.permutation(np.flatnonzero(self.search.routes.length))[: self.random.integers(1, 4)]
+        ]
+        self._restyle(set(drones))
+        flown = [one for drone in drones for one in self.search.route(drone)]
+        self._halted(flown)
+        return self.search.again(drones)
+
     def _changed(self, chosen: list[int], most: int) -> bool:
         """Take orders out and put them in again, with some that are not served; false where a route does not fly without them."""
         search = self.search
@@ -90,6 +112,7 @@ class Improver:
         if not search.remove(chosen):
             return False
         waiting = list(dict.fromkeys((*chosen, *(int(one) for one in outside))))
+        self._halted(waiting)
         how = self.random.random()
         if how < 0.4 and len(waiting) <= REGRETTED:
             search.insert_with_regret(waiting)
@@ -111,6 +134,24 @@ class Improver:
                 if search.undo is not None:
                     search.undo.saved.setdefault(drone, search.saved(drone))
                 search.routes.most[drone] = self.random.choice(CHARGED_WAITING)
+
+    def _halted(self, chosen: Sequence[int]) -> None:
+        """Give a few orders that are about to be flown other stops to charge at, or none."""
+        halts = self.search.routes.halts
+        for one in self.random.permutation(np.array(chosen, dtype=np.int64))[: self.random.integers(0, HALTED + 1)]:
+            phase = int(self.random.integers(0, 2))
+            halts.place[one, phase] = -1
+            if self.random.random() < 0.7:
+                halts.place[one, phase] = self.random.choice(self._stops(one, phase))
+                halts.soc[one, phase] = self.random.choice(LEVELS)
+
+    def _stops(self, order: int, phase: int) -> NDArray[np.int64]:
+        """Stops with pads that are near to the origin of an order, or on the way of its package."""
+        flights, orders = self.search.problem.flights, self.orders
+        way = flights.to_go_s[0, 0]
+        stops, origin = flights.stops, orders.origin[order]
+        far = way[stops, origin] + (way[stops, orders.destination[order]] if phase else 0.0)
+        return stops[np.argsort(far)[:NEAREST]]
 
     def _served(self) -> NDArray[np.int64]:
         return np.flatnonzero(self.search.drone_of >= 0)

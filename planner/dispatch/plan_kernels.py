@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled
-from skyway.planner.dispatch.route_kernels import (
-    BEGIN,
-    CHARGE,
-    END,
-    KIND,
-    PAD,
-    Calendar,
-    Trace,
-    go_home,
-    serve,
-)
+from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, KIND, PAD, Calendar, Trace
+from skyway.planner.dispatch.route_kernels import Halts, go_home, serve
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,6 +35,7 @@ class Routes(NamedTuple):
     """Shape (drones,)."""
     most: NDArray[np.float64]
     """Shape (drones,): up to which charge a drone charges while it waits for a package."""
+    halts: Halts
 
 
 @compiled
@@ -74,7 +66,7 @@ def insertions(
             time_s, soc, cost = routes.time_s[drone, begin], routes.soc[drone, begin], routes.cost[drone, begin]
             for step in range(begin, length + 1):
                 one = order if step == begin else routes.order[drone, step - 1]
-                time_s, soc, more = serve(flights, fleet, orders, weights, calendar, trace, drone, one, place, time_s, soc, routes.most[drone])  # fmt: skip
+                time_s, soc, more = serve(flights, fleet, orders, weights, routes.halts, calendar, trace, drone, one, place, time_s, soc, routes.most[drone])  # fmt: skip
                 cost += more
                 place = orders.destination[one]
                 if not cost - routes.total[drone] < added[number]:
@@ -159,7 +151,19 @@ def lay_out(
         routes.time_s[drone, step], routes.soc[drone, step], routes.cost[drone, step] = time_s, soc, cost
         one = routes.order[drone, step]
         time_s, soc, more = serve(
-            flights, fleet, orders, weights, calendar, trace, drone, one, place, time_s, soc, routes.most[drone]
+            flights,
+            fleet,
+            orders,
+            weights,
+            routes.halts,
+            calendar,
+            trace,
+            drone,
+            one,
+            place,
+            time_s,
+            soc,
+            routes.most[drone],
         )
         cost += more
         place = orders.destination[one]

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.planner.dispatch.flight_kernels import Calendar, Trace
 from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
-from skyway.planner.dispatch.route_kernels import Calendar, Trace
+from skyway.planner.dispatch.route_kernels import Halts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,15 +23,26 @@ if TYPE_CHECKING:
 
 MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
 """Orders, windows of pads, and flights and charges of one drone."""
-SAVED = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
+PARTS = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
+
+
+@dataclass(frozen=True)
+class Flown:
+    """All that there is of one drone."""
+
+    parts: tuple[NDArray[np.float64], ...]
+    """Its rows of the `Routes`."""
+    steps: NDArray[np.float64]
+    """Its flights and charges, as `lay_out` traced them."""
 
 
 @dataclass
-class Undo:
-    """What drones were before a change, so that it can be taken back."""
+class Known:
+    """What some drones were, so that they can be made that again."""
 
     drone_of: NDArray[np.int64]
-    saved: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
+    halts: Halts
+    saved: dict[int, Flown] = field(default_factory=dict)
 
 
 class Search:
@@ -53,6 +65,7 @@ class Search:
             window=np.zeros((self.drones, min(MAX_WINDOWS, 12 * most + 12), 3)),
             windows=np.zeros(self.drones, dtype=np.int64),
             most=np.ones(self.drones),
+            halts=Halts(np.full((self.orders, 2), -1, dtype=np.int64), np.zeros((self.orders, 2))),
         )
         pads = int(flights.pads.sum())
         taken = np.bincount([pad for pad, _, _ in problem.taken], minlength=pads)
@@ -65,12 +78,14 @@ class Search:
             book(self.calendar, pad, begin_s, end_s, -1)
         self.trace = Trace(np.zeros((MAX_ROWS, 10)), np.zeros(1, dtype=np.int64))
         self._silent = Trace(np.zeros((0, 10)), np.zeros(1, dtype=np.int64))
+        self.steps = [np.zeros((0, 10))] * self.drones
+        """Flights and charges of each drone; they are never flown again to be told, since others have changed their pads since."""
         self.drone_of = np.full(self.orders, -1, dtype=np.int64)
         """Which drone serves each order; -1: none."""
         self._wanted = [int(one) for one in np.lexsort((orders.due_s, -orders.refusal_s))]
         self._least = self._least_arrivals()
         self.iterations = 0
-        self.undo: Undo | None = None
+        self.undo: Known | None = None
         """Remembers what drones were before they change, where that may be taken back."""
 
     @property
@@ -116,9 +131,12 @@ class Search:
         return drones, added, position
 
     def lay_out(self, drone: int) -> bool:
-        """Fly a route again; what the drone does is in `trace`."""
+        """Fly a route again; what the drone does is in `steps`."""
         p = self.problem
-        return bool(lay_out(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self.trace, drone))
+        if not lay_out(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self.trace, drone):
+            return False
+        self.steps[drone] = self.trace.rows[: self.trace.filled[0]].copy()
+        return True
 
     def _changed(self, drone: int, route: Sequence[int]) -> bool:
         """Give a drone another route; false, and all as before, where it cannot fly it."""
@@ -132,19 +150,20 @@ class Search:
         self.restore(drone, before)
         return False
 
-    def saved(self, drone: int) -> list[NDArray[np.float64]]:
+    def saved(self, drone: int) -> Flown:
         """Return all that there is of a drone, for `restore`."""
-        return [getattr(self.routes, name)[drone].copy() for name in SAVED]
+        return Flown(tuple(getattr(self.routes, name)[drone].copy() for name in PARTS), self.steps[drone])
 
-    def restore(self, drone: int, saved: list[NDArray[np.float64]]) -> None:
+    def restore(self, drone: int, saved: Flown) -> None:
         """Make a drone what it was."""
         unbook(self.calendar, self.routes, drone)
         self.put(drone, saved)
 
-    def put(self, drone: int, saved: list[NDArray[np.float64]]) -> None:
+    def put(self, drone: int, saved: Flown) -> None:
         """Make a drone that has nothing booked what it was."""
-        for name, value in zip(SAVED, saved, strict=True):
+        for name, value in zip(PARTS, saved.parts, strict=True):
             getattr(self.routes, name)[drone] = value
+        self.steps[drone] = saved.steps
         rebook(self.calendar, self.routes, drone)
 
     def take(self, drone: int, route: Sequence[int]) -> None:
@@ -161,38 +180,46 @@ class Search:
         drone = int(self.drone_of[order])
         return math.inf if drone < 0 else float(self.routes.time_s[drone, self.route(drone).index(order) + 1])
 
-    def all(self) -> tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]:
+    def all(self) -> Known:
         """Return all that there is of all drones, for `all_back`."""
-        return {drone: self.saved(drone) for drone in range(self.drones)}, self.drone_of.copy()
+        found = self._known()
+        found.saved.update({drone: self.saved(drone) for drone in range(self.drones)})
+        return found
 
-    def clear(self, drone: int) -> None:
-        """Take all orders from a drone."""
-        for one in self.route(drone):
-            self.drone_of[one] = -1
-        unbook(self.calendar, self.routes, drone)
-        self.routes.length[drone], self.routes.total[drone] = 0, 0.0
+    def _known(self) -> Known:
+        halts = self.routes.halts
+        return Known(self.drone_of.copy(), Halts(halts.place.copy(), halts.soc.copy()))
 
     def watch(self) -> None:
         """Remember from now on what drones were."""
-        self.undo = Undo(self.drone_of.copy())
+        self.undo = self._known()
 
     def back(self) -> None:
         """Take back what has changed since `watch`."""
         undo, self.undo = self.undo, None
         if undo is not None:
-            self.all_back((undo.saved, undo.drone_of))
+            self.all_back(undo)
 
-    def all_back(self, known: tuple[dict[int, list[NDArray[np.float64]]], NDArray[np.int64]]) -> None:
+    def all_back(self, known: Known) -> None:
         """Make some drones what they were, and the orders theirs."""
-        for drone in known[0]:
+        for drone in known.saved:
             unbook(self.calendar, self.routes, drone)
-        for drone, one in known[0].items():
+        for drone, one in known.saved.items():
             self.put(drone, one)
-        self.drone_of[:] = known[1]
+        self.drone_of[:] = known.drone_of
+        self.routes.halts.place[:], self.routes.halts.soc[:] = known.halts
 
     def route(self, drone: int) -> list[int]:
         """Orders of a drone."""
         return [int(one) for one in self.routes.order[drone, : self.routes.length[drone]]]
+
+    def again(self, drones: Sequence[int]) -> bool:
+        """Fly the routes of some drones again, the first one's in pads that none of them has; false where one is not flown."""
+        for drone in drones:
+            if self.undo is not None:
+                self.undo.saved.setdefault(drone, self.saved(drone))
+            unbook(self.calendar, self.routes, drone)
+        return all(self.lay_out(drone) for drone in drones)
 
     def insert(self, order: int, drone: int, position: int) -> bool:
         """Put an order into a route."""

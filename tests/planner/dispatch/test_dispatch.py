@@ -19,8 +19,7 @@ from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.dispatch.bound import lower_bound
 from skyway.planner.dispatch.dispatch import dispatch
-from skyway.planner.dispatch.improve import solve
-from skyway.planner.dispatch.route_kernels import (  # fmt: skip
+from skyway.planner.dispatch.flight_kernels import (  # fmt: skip
     BEGIN,
     CHARGE,
     END,
@@ -34,6 +33,7 @@ from skyway.planner.dispatch.route_kernels import (  # fmt: skip
     SOC_AFTER,
     TO,
 )
+from skyway.planner.dispatch.improve import solve
 from skyway.planner.parameters.dispatch import DispatchParameters
 
 USUAL = DispatchParameters()
@@ -44,11 +44,6 @@ def solved(problem, iterations=60, seed=0):
     return solve(problem, USUAL, seed=seed, time_limit_s=120.0, iterations=iterations)
 
 
-def steps_of(search, drone):
-    assert search.lay_out(drone)
-    return search.trace.rows[: search.trace.filled[0]].copy()
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_every_step_can_be_flown_and_no_pad_is_held_twice(seed):
     problem = small_world(seed, drones=4, orders=7, stations=5)
@@ -57,7 +52,7 @@ def test_every_step_can_be_flown_and_no_pad_is_held_twice(seed):
     held, served, cost = {}, [], 0.0
     for drone in range(4):
         place, time_s, soc = fleet.place[drone], fleet.from_s[drone], fleet.soc[drone]
-        for row in steps_of(search, drone):
+        for row in search.steps[drone]:
             assert row[FROM] == place
             assert row[BEGIN] >= time_s - 1e-6
             assert row[SOC] == pytest.approx(soc)
@@ -75,7 +70,7 @@ def test_every_step_can_be_flown_and_no_pad_is_held_twice(seed):
             place, time_s, soc = row[TO], row[END], row[SOC_AFTER]
         assert place == fleet.home[drone]
         for order in search.route(drone):
-            flown = [row for row in steps_of(search, drone) if row[ORDER] == order and row[PHASE] == LOADED and row[KIND] != CHARGE]  # fmt: skip
+            flown = [row for row in search.steps[drone] if row[ORDER] == order and row[PHASE] == LOADED and row[KIND] != CHARGE]  # fmt: skip
             assert (flown[0][FROM], flown[-1][TO]) == (orders.origin[order], orders.destination[order])
             assert flown[0][BEGIN] >= orders.ready_s[order]
             late_s = max(flown[-1][END] - orders.due_s[order], 0.0)
@@ -97,17 +92,25 @@ def test_it_finds_what_the_referee_proves_and_is_never_below():
     assert lower_bound(problem) <= verdict.cost + 1e-6
 
 
+def test_a_pad_that_another_drone_needs_is_left_to_it():
+    """The referee proves 18,120 here: one drone leaves the only pad early and charges elsewhere on its way; who never does that pays 37,920."""
+    problem = small_world(1014, drones=2, orders=4, stations=4, pads=1, horizon=24)
+    assert solved(problem, 400).cost == pytest.approx(18_120.0)
+
+
 @pytest.mark.slow
 def test_the_gap_to_the_proved_optimum():
     gaps = []
     for seed in range(20):
-        problem = small_world(seed, drones=3, orders=5, stations=4, horizon=24, pads=2)
+        problem = small_world(
+            seed, drones=3 - seed % 2, orders=5 - seed % 2, stations=4, horizon=24, pads=1 + seed // 10
+        )
         verdict = judge(problem, STEP_S, LEVELS)
         assert verdict.proved
         assert lower_bound(problem) <= verdict.cost + 1e-6
         gaps.append(solved(problem, 1500).cost / verdict.cost - 1.0)
     assert min(gaps) > -1e-6, "below the optimum: something was flown that cannot be"
-    assert np.mean(gaps) < 0.05
+    assert np.mean(gaps) < 0.03
 
 
 def test_the_same_seed_gives_the_same_plan_and_more_search_none_worse():
@@ -121,7 +124,7 @@ def test_what_is_booked_already_is_left_alone():
     problem = small_world(2, drones=2, orders=4, stations=3)
     taken = tuple((pad, 0.0, 6 * STEP_S) for pad in range(3))
     search = solved(replace(problem, taken=taken))
-    rows = np.concatenate([steps_of(search, drone) for drone in range(2)])
+    rows = np.concatenate([search.steps[drone] for drone in range(2)])
     assert (rows[rows[:, KIND] == CHARGE][:, BEGIN] >= 6 * STEP_S - 1e-6).all()
     assert search.cost >= solved(problem).cost - 1e-6
 
