@@ -60,6 +60,7 @@ def dispatch(
     seed: int = 0,
     parameters: PlannerParameters = USUAL,
     kept: Mapping[str, Sequence[str]] | None = None,
+    stops: Mapping[tuple[str, str], tuple[str, float]] | None = None,
     promised: Mapping[str, datetime] | None = None,
 ) -> DispatchPlan:
     """Plan which drone takes which order when, over which pads.
@@ -84,6 +85,8 @@ def dispatch(
         Tuned numbers.
     kept : mapping of str to sequence of str, optional
         Orders of each drone as they were planned before, in their order: the search begins with them.
+    stops : mapping of (str, str) to (str, float), optional
+        Where the drone of an order charged last in a phase, in that plan, and with which charge it left.
     promised : mapping of str to datetime, optional
         When orders were promised to be delivered. Whatever the search finds is taken only where it is worth the promises that it changes.
 
@@ -97,7 +100,7 @@ def dispatch(
     laid = lay_out_problem(work, depart, forecast, parameters, holds=holds, reserve=reserve)
     search = solve(
         laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
-        before=_before(work, kept or {}, promised or {}),
+        before=_before(work, laid, kept or {}, stops or {}, promised or {}),
     )  # fmt: skip
     routes, answers = told(work, laid, search)
     health = {one.id: one.battery_health for one in work.vehicles}
@@ -119,16 +122,26 @@ def dispatch(
     )
 
 
-def _before(work: Work, kept: Mapping[str, Sequence[str]], promised: Mapping[str, datetime]) -> Before | None:
-    """What was planned before, by the numbers of drones and orders."""
+def _before(
+    work: Work, laid: Laid, kept: Mapping[str, Sequence[str]], stops: Mapping[tuple[str, str], tuple[str, float]],
+    promised: Mapping[str, datetime],
+) -> Before | None:  # fmt: skip
+    """What was planned before, by the numbers of drones, orders and places."""
     if not kept and not promised:
         return None
     order = {one.id: number for number, one in enumerate(work.orders)}
+    place = {work.scenario.network.stations[node].id: number for number, node in enumerate(laid.places)}
     routes = {
         number: [order[one] for one in kept.get(drone.id, ()) if one in order]
         for number, drone in enumerate(work.vehicles)
     }
-    return Before(routes, {order[one]: at.timestamp() for one, at in promised.items() if one in order})
+    phases: dict[str, int] = {phase: number for number, phase in enumerate(PHASES)}
+    halts = {
+        (order[name], phases[phase]): (place[station], soc)
+        for (name, phase), (station, soc) in stops.items()
+        if name in order and station in place and laid.problem.flights.pads[place[station]]
+    }
+    return Before(routes, halts, {order[one]: at.timestamp() for one, at in promised.items() if one in order})
 
 
 def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:

@@ -196,10 +196,14 @@ class Improver:
 
 @dataclass(frozen=True)
 class Before:
-    """What was planned before, by numbers: the orders of each drone, and when orders were promised, POSIX seconds."""
+    """What was planned before, by numbers."""
 
     routes: Mapping[int, Sequence[int]]
+    """Orders of each drone, in their order."""
+    halts: Mapping[tuple[int, int], tuple[int, float]]
+    """Where its drone charged last for an order and phase, and with which charge it left."""
     promised_s: Mapping[int, float]
+    """When orders were promised, POSIX seconds."""
 
     def changed(self, search: Search) -> int:
         """How many promises the routes break: the order is not served, or more than `TOLERATED_S` later."""
@@ -230,7 +234,7 @@ def solve(
     end_at = time.perf_counter() + time_limit_s
     if before is not None:
         for drone, route in before.routes.items():
-            search.take(drone, route)
+            search.take(drone, route, before.halts)
     search.build(end_at)
     if before is None:
         Improver(search).improve(end_at=end_at, iterations=iterations)

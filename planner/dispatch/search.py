@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.dispatch.flight_kernels import Calendar, Trace
+from skyway.planner.dispatch.flight_kernels import EMPTY, LOADED, Calendar, Trace
 from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
 from skyway.planner.dispatch.route_kernels import Halts
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -166,14 +166,30 @@ class Search:
         self.steps[drone] = saved.steps
         rebook(self.calendar, self.routes, drone)
 
-    def take(self, drone: int, route: Sequence[int]) -> None:
-        """Give a drone without orders a route, as far from its beginning on as it can fly it."""
+    def take(self, drone: int, route: Sequence[int], halts: Mapping[tuple[int, int], tuple[int, float]]) -> None:
+        """Give a drone without orders a route, as far from its beginning on as it can fly it, with the stops that it had or without, as costs less.
+
+        `halts` has a place and a charge by order and phase.
+        """
         wanted = [one for one in route if self.drone_of[one] < 0][: self.routes.order.shape[1]]
         while wanted:
-            if self._changed(drone, wanted):
+            costs = {}
+            for had in (True, False):
+                self._stop(wanted, halts if had else {})
+                if self._changed(drone, wanted):
+                    costs[float(self.routes.total[drone])] = had
+            if costs:
+                self._stop(wanted, halts if costs[min(costs)] else {})
+                self._changed(drone, wanted)
                 self.drone_of[wanted] = drone
                 return
             wanted.pop()
+
+    def _stop(self, orders: Sequence[int], halts: Mapping[tuple[int, int], tuple[int, float]]) -> None:
+        for one in orders:
+            for phase in (EMPTY, LOADED):
+                place, soc = halts.get((one, phase), (-1, 0.0))
+                self.routes.halts.place[one, phase], self.routes.halts.soc[one, phase] = place, soc
 
     def delivered_s(self, order: int) -> float:
         """Return when an order is delivered, POSIX seconds; infinite where it is not served."""

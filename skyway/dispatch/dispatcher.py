@@ -337,12 +337,7 @@ class Dispatcher:
                     drone.route = ()
                     self._drone(name, self.drones[name][0], drone)
             return
-        kept = {
-            name: [
-                part.order for part in self.drones[name][1].route if part.phase == WITH_PACKAGE and part.order in pool
-            ]
-            for name in vehicles
-        }
+        kept = {name: self.drones[name][1].route for name in vehicles}
         promised = {name: from_posix(one.promise.delivered_s) for name, one in pool.items() if one.promise is not None}
         orders = [replace(one.order, origin=one.place) for one in pool.values()]
         if not vehicles:

@@ -87,7 +87,7 @@ def plan_around(
     vehicles: Sequence[Vehicle],
     holds: Sequence[Hold],
     *,
-    kept: Mapping[str, Sequence[str]],
+    kept: Mapping[str, Sequence[PlannedPart]],
     promised: Mapping[str, datetime],
     time_limit_s: float,
     iterations: int,
@@ -103,9 +103,22 @@ def plan_around(
     if max_late_s is not None:
         parameters = replace(parameters, dispatch=replace(parameters.dispatch, max_late_s=max_late_s))
     work = Work(scenario, tuple(orders), tuple(vehicles))
+    known = {one.id for one in orders}
+    before = {
+        name: [one.order for one in parts if one.phase == WITH_PACKAGE and one.order in known]
+        for name, parts in kept.items()
+    }
+    stops = {
+        (one.order, one.phase): (step.origin, step.soc_end)
+        for parts in kept.values()
+        for one in parts
+        for step in one.steps
+        if step.kind == "charge" and one.order is not None
+    }
     plan = dispatch(
         work, from_posix(now_s), forecast=region.forecast(now_s), holds=holds, reserve=region.service.reserve,
-        time_limit_s=time_limit_s, iterations=iterations, seed=seed, parameters=parameters, kept=kept, promised=promised,
+        time_limit_s=time_limit_s, iterations=iterations, seed=seed, parameters=parameters, kept=before, stops=stops,
+        promised=promised,
     )  # fmt: skip
     routes = {route.drone: tuple(part_of(one) for one in flights_of(route)) for route in plan.routes}
     return Planned(routes, {one.order: one for one in plan.answers}, plan)

@@ -101,13 +101,23 @@ class Service:
         end = time.monotonic() + TAKE_OVER_WALL_S
         while True:
             try:
-                self._leases.take(self.options.dispatcher)
+                self._token = self._leases.take(self.options.dispatcher).token
             except FencedError:
                 if time.monotonic() >= end:
                     raise
                 time.sleep(0.1)
             else:
                 return
+
+    def _take_again(self, lost: FencedError) -> None:
+        """Take a lease again that ran out while this process was kept from renewing it; end where another process has had it since."""
+        lease = self._leases.take(self.options.dispatcher)
+        if lease.token != self._token + 1:
+            self._leases.give_back([self.options.dispatcher])
+            raise lost
+        self._token = lease.token
+        self._say(f"{lost}: nobody else has had it, so it is taken again")
+        self.dispatcher = self._dispatcher()
 
     def _dispatcher(self) -> Dispatcher:
         o = self.options
@@ -218,6 +228,8 @@ class Service:
             except LedgerError as error:
                 self._say(f"{error}; waiting for it")
                 self._reopen()
+            except FencedError as error:
+                self._take_again(error)
             else:
                 return
 
@@ -267,6 +279,8 @@ class Service:
     def _end(self, world: LockstepClient) -> None:
         """End the service: workers finish their flights and end, and then the world."""
         found = self._desk.get("service", "service")
+        if self._leases.kept(self.options.dispatcher) is None:
+            self._take_again(FencedError("the lease of the dispatcher is lost"))
         if found is not None:
             self._desk.put(
                 self._lease, [Entry("service", "service", found.version, "ended", found.keeper, found.document)]

@@ -62,3 +62,19 @@ def test_the_dispatcher_and_a_worker_killed_together(tmp_path):
         run.stop()
     status = nothing_is_forgotten(run)
     assert {state for state, _ in status.orders.values()} == {"delivered"}
+
+
+def test_a_dispatcher_that_was_held_up_beyond_its_lease_takes_it_again(tmp_path):
+    run = FleetRun(tmp_path, ORDERS, FLEET)
+    try:
+        run.start()
+        run.look(flying)
+        run.process.send_signal(signal.SIGSTOP)
+        run.look(lambda desk: not desk.ledger.led("dispatch"))
+        run.process.send_signal(signal.SIGCONT)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}
+    assert "taken again" in run.said()

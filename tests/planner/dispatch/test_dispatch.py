@@ -33,7 +33,7 @@ from skyway.planner.dispatch.flight_kernels import (  # fmt: skip
     SOC_AFTER,
     TO,
 )
-from skyway.planner.dispatch.improve import solve
+from skyway.planner.dispatch.improve import Before, solve
 from skyway.planner.parameters.dispatch import DispatchParameters
 
 USUAL = DispatchParameters()
@@ -95,7 +95,19 @@ def test_it_finds_what_the_referee_proves_and_is_never_below():
 def test_a_pad_that_another_drone_needs_is_left_to_it():
     """The referee proves 18,120 here: one drone leaves the only pad early and charges elsewhere on its way; who never does that pays 37,920."""
     problem = small_world(1014, drones=2, orders=4, stations=4, pads=1, horizon=24)
-    assert solved(problem, 400).cost == pytest.approx(18_120.0)
+    search = solved(problem, 400)
+    assert search.cost == pytest.approx(18_120.0)
+    halts = {
+        (int(row[ORDER]), int(row[PHASE])): (int(row[FROM]), float(row[SOC_AFTER]))
+        for rows in search.steps
+        for row in rows
+        if row[KIND] == CHARGE
+    }
+    routes = {drone: search.route(drone) for drone in range(2)}
+    promised = {order: search.delivered_s(order) for order in range(4)}
+    again = solve(problem, USUAL, iterations=0, before=Before(routes, halts, promised))
+    assert again.cost == pytest.approx(18_120.0), "replanned without a search it is the plan that there was"
+    assert Before(routes, halts, promised).changed(again) == 0
 
 
 @pytest.mark.slow
