@@ -79,8 +79,11 @@ def leaves_fence(ends: NDArray[np.float64], fence: Geofence, *, every: bool) -> 
 
     `every`: several inclusion areas mean all of them at once, otherwise any of them.
     """
+    if not fence.areas:
+        return np.zeros(len(ends), dtype=bool)
     allowed, forbidden = fence_shapes(fence, every=every)
-    return _outside(_lines(ends), allowed) | _crossing(_lines(ends), forbidden)
+    lines = _lines(ends)
+    return _outside(lines, allowed) | _crossing(lines, forbidden)
 
 
 def _broken_areas(fence: Geofence) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ A way that the mission does not have is as high as the ways to pads: no lower th
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -65,6 +66,7 @@ class Reorderer:
         self.work, self.division, self.level_m, self.zero = work, division, level_m, keeps_height_of_zero
         self.items, self.steps, self.order = work.mission.items, work.steps, work.route.order
         self.step_of = {step.taken: number for number, step in enumerate(work.steps)}
+        self.picture_steps = [one.step for one in work.pictures]
         self.head_until = work.steps[division.units[0].first].taken
         self.tail_step = division.units[-1].last + 1
         self.tail_from = self._taken(self.tail_step)
@@ -245,7 +247,8 @@ class Reorderer:
 
     def _pictures(self, unit: Unit) -> list[Picture]:
         """Return the pictures of a unit on its ways, those included that an order takes at once where a line begins."""
-        return [one for one in self.work.pictures if unit.first <= one.step <= unit.last and not self._is_event(one)]
+        begin, until = bisect_left(self.picture_steps, unit.first), bisect_right(self.picture_steps, unit.last)
+        return [one for one in self.work.pictures[begin:until] if not self._is_event(one)]
 
     def _is_event(self, picture: Picture) -> bool:
         return picture.item is not None and not _by_distance(self.items[picture.item])

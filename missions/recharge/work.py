@@ -91,10 +91,14 @@ class Work:
 
     def at(self, step: int, share: float) -> tuple[float, float, float]:
         """Return latitude, longitude and height above home of a point on the way to a step."""
+        place = self.places[0] if step < 0 else _between(self.places[step], self.places[step + 1], share)
+        return (*place, self.height_m(step, share))
+
+    def height_m(self, step: int, share: float) -> float:
+        """Return the height above home of a point on the way to a step."""
         if step < 0:
-            return (*self.places[0], self.heights_m[0])
-        height = self.heights_m[step] + share * (self.heights_m[step + 1] - self.heights_m[step])
-        return (*_between(self.places[step], self.places[step + 1], share), height)
+            return self.heights_m[0]
+        return self.heights_m[step] + share * (self.heights_m[step + 1] - self.heights_m[step])
 
     def state(self, point: WorkPoint) -> dict[str, MissionItem]:
         """Return what holds at a point: the latest order of each kind, in the order given."""
@@ -356,18 +360,21 @@ def _plane(place: Place, origin: Place) -> tuple[float, float]:
 
 def _between(start: Place, end: Place, share: float) -> Place:
     """Return the place at a share of a straight way."""
-    return _all_between(start, end, [share])[0]
+    if share in (0.0, 1.0):
+        return end if share else start
+    length, bearing = geodesy.way(*start, *end)
+    return geodesy.direct(*start, bearing, share * length)
 
 
 def _all_between(start: Place, end: Place, shares: Sequence[float]) -> list[Place]:
     """Return the places at shares of a straight way."""
-    length, bearing = geodesy.inverse(*start, *end)
+    length, bearing = geodesy.way(*start, *end)
     count = len(shares)
     lat, lon = geodesy.ahead(
         np.full(count, start[0]),
         np.full(count, start[1]),
-        np.full(count, float(bearing)),
-        np.array(shares) * float(length),
+        np.full(count, bearing),
+        np.array(shares) * length,
     )
     places = zip(lat.tolist(), lon.tolist(), strict=True)
     return [start if share == 0.0 else end if share == 1.0 else at for share, at in zip(shares, places, strict=True)]

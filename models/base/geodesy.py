@@ -67,12 +67,19 @@ def coarse_distance_m(lat: float, lon: float, lats: ArrayLike, lons: ArrayLike) 
 
 def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
     """Length of the geodesic between two points, metres."""
-    return float(inverse(lat1, lon1, lat2, lon2)[0])
+    return way(lat1, lon1, lat2, lon2)[0]
+
+
+def way(lat1: float, lon1: float, lat2: float, lon2: float) -> tuple[float, float]:
+    """Length and initial bearing of the geodesic between two points, as `inverse` has them of many."""
+    azimuth, _, length = _wgs84().inv(lon1, lat1, lon2, lat2)
+    bearing = float(azimuth) % 360.0
+    return float(length), 0.0 if bearing >= 360.0 else bearing
 
 
 def bearing_deg(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
     """Initial bearing of the geodesic from the first point to the second, degrees in [0, 360)."""
-    return float(inverse(lat1, lon1, lat2, lon2)[1])
+    return way(lat1, lon1, lat2, lon2)[1]
 
 
 def direct(lat: float, lon: float, bearing: float, length_m: float) -> tuple[float, float]:

@@ -55,7 +55,9 @@ def remaining(
     """
     positions, pads = hops.to_s.shape[1], hops.to_s.shape[2]
     left = np.full((positions, pads), math.inf)
-    least_on = np.full(positions, math.inf)  # from each position, over any pad
+    least_on = np.full(positions, math.inf)  # from each position, over any pad, its charge by the least price
+    # what a way costs at least: charge is worth no less than where the fastest curve is the fastest
+    per_soc = ratios[0] * (tau_s[1] - tau_s[0]) / (tau_soc[1] - tau_soc[0])
     done_s, done_soc = np.zeros(positions), np.zeros(positions)
     for position in range(positions - 1):
         done_s[position + 1] = done_s[position] + hops.work_s[0, position]
@@ -81,13 +83,15 @@ def remaining(
                     need = reserve_soc + ratios[1] * soc
                     if need <= 1.0 + 1e-12:  # what is left at the end is of no use
                         best = min(best, seconds + interpolate(need, tau_soc, tau_s))
-                if until <= position or not can_leave[until] or seconds + least_on[until] >= best:
+                least_s = seconds + per_soc * soc
+                if until <= position or not can_leave[until] or least_s + least_on[until] >= best:
                     continue
                 for to_pad in range(pads):
                     time_s = seconds + hops.to_s[0, until, to_pad] + least_wait_s[to_pad]
-                    if time_s + left[until, to_pad] >= best:
+                    energy = soc + hops.to_soc[0, until, to_pad]
+                    if time_s + per_soc * energy + left[until, to_pad] >= best:
                         continue
-                    cost = way_cost(time_s, soc + hops.to_soc[0, until, to_pad], ratios, reserve_soc, tau_soc, tau_s)
+                    cost = way_cost(time_s, energy, ratios, reserve_soc, tau_soc, tau_s)
                     best = min(best, cost + left[until, to_pad])
             left[position, pad] = best
         changed = True
@@ -103,9 +107,8 @@ def remaining(
                         left[position, pad] = cost + left[position, to_pad]
                         changed = True
         for pad in range(pads):
-            least_on[position] = min(
-                least_on[position], hops.to_s[0, position, pad] + least_wait_s[pad] + left[position, pad]
-            )
+            there_s = hops.to_s[0, position, pad] + least_wait_s[pad] + per_soc * hops.to_soc[0, position, pad]
+            least_on[position] = min(least_on[position], there_s + left[position, pad])
     return left
 
 

@@ -22,6 +22,8 @@ import numpy as np
 from skyway.planner.fixed_route.charging_stops import fastest
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from skyway.planner.fixed_route.orders import FreeOrder
@@ -63,8 +65,9 @@ def bound_of_orders(work: FreeOrder) -> float:
         most.append(drones * credit_s - slope * base_soc)
     answer = math.inf
     columns = tour.first_columns()
+    equal, wanted = tour.degrees(drones)
     for _ in range(ROUNDS):
-        solved = _priced(objective, np.array(rows), np.array(most), *tour.degrees(drones), columns)
+        solved = _priced(objective, _sparse(rows), np.array(most), equal, wanted, columns)
         if solved is None:
             return math.inf
         answer, x = solved
@@ -112,11 +115,18 @@ def _least_hop(hops: NDArray[np.float64]) -> float:
     return float(away.min()) if len(away) else 0.0
 
 
+def _sparse(rows: Sequence[NDArray[np.float64]]) -> Any:
+    """Return rows as a table that is looked at by columns."""
+    from scipy.sparse import csc_array
+
+    return csc_array(np.array(rows))
+
+
 def _priced(
     objective: NDArray[np.float64],
-    rows: NDArray[np.float64],
+    rows: Any,
     most: NDArray[np.float64],
-    equal: NDArray[np.float64],
+    equal: Any,
     wanted: NDArray[np.float64],
     columns: NDArray[np.bool_],
 ) -> tuple[float, NDArray[np.float64]] | None:
@@ -133,7 +143,7 @@ def _priced(
             columns[:] = True
             continue
         answer, part, prices = found
-        reduced = objective - np.concatenate((rows, equal)).T @ prices
+        reduced = objective - rows.T @ prices[: len(most)] - equal.T @ prices[len(most) :]
         missing = ~columns & (reduced < -REDUCED_S)
         if not missing.any():
             x = np.zeros(len(objective))
@@ -144,18 +154,15 @@ def _priced(
 
 def _solved(
     objective: NDArray[np.float64],
-    rows: NDArray[np.float64],
+    rows: Any,
     most: NDArray[np.float64],
-    equal: NDArray[np.float64],
+    equal: Any,
     wanted: NDArray[np.float64],
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]] | None:
     """Solve a linear program over columns that are 0 or more: its answer, the columns, and the prices of its rows; None where nothing does it."""
     from scipy.optimize import linprog
-    from scipy.sparse import csr_array
 
-    table: Any = csr_array(rows)
-    exact: Any = csr_array(equal)
-    found = linprog(objective, table, most, exact, wanted, method="highs")
+    found = linprog(objective, rows, most, equal, wanted, method="highs")
     if found.status != 0:
         return None
     prices = np.concatenate((found.ineqlin.marginals, found.eqlin.marginals))
@@ -215,14 +222,17 @@ class _Ways:
             return bool(groups[one] == groups.max())
         return bool(groups[one] <= groups[other] <= groups[one] + 1)
 
-    def degrees(self, drones: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the equations: each unit is come to once and left once, head and tail once by each drone."""
-        columns = len(self.heads) + EXTRA
+    def degrees(self, drones: int) -> tuple[Any, NDArray[np.float64]]:
+        """Return the equations, as a sparse table: each unit is come to once and left once, head and tail once by each drone."""
+        from scipy.sparse import csc_array
+
         sides = (self.heads, self.tails) if self.apart else (self.heads,)
-        rows = np.zeros((len(sides) * (self.units + 1), columns))
-        for number, side in enumerate(sides):
-            rows[number * (self.units + 1) + side, np.arange(len(side))] = 1.0
-        wanted = np.ones(len(rows))
+        ways = len(self.heads)
+        at = np.concatenate([number * (self.units + 1) + side for number, side in enumerate(sides)])
+        count = len(sides) * (self.units + 1)
+        columns = np.tile(np.arange(ways), len(sides))
+        rows: Any = csc_array((np.ones(len(at)), (at, columns)), shape=(count, ways + EXTRA))
+        wanted = np.ones(count)
         wanted[self.units :: self.units + 1] = drones
         return rows, wanted
 

@@ -153,7 +153,7 @@ def pictures_off_m(before: Work, after: Sequence[Work]) -> float:
     from scipy.spatial import KDTree
 
     spots = [
-        np.array([work.at(one.step, one.share) for work in works for one in work.pictures])
+        np.array([(one.lat, one.lon, work.height_m(one.step, one.share)) for work in works for one in work.pictures])
         for works in ([before], after)
     ]
     lat0, lon0 = spots[0][:, :2].mean(axis=0)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.recharge.item_roles import role_of
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, energy_text, percent
@@ -21,6 +22,8 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
     """Return the error of a mission that no stops make flyable: the first stretch of work that no battery flies."""
     work, ways = problem.work, problem.ways
     can_leave = np.array([point.hinders is None for point in work.points])
+    if not can_leave.any():
+        return _nowhere(problem)
     reached, lacking, to_point = _reach(problem, sure_ratio, can_leave)
     if not np.isfinite(ways.level_m[can_leave]).any():
         what = "leaves the fence, enters a zone, or is over unknown ground"
@@ -42,6 +45,15 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
         f" to go on and land with the reserve; the nearest pad, {pad}, is {distance_text(away)} from there"
     )
     return InputError(text, field="--pads", remedy="add a pad nearer by, lower the reserve, or fly a larger battery")
+
+
+def _nowhere(problem: RechargeProblem) -> InputError:
+    """Return the error of a mission that is nowhere left: the item for which not, else its first one."""
+    items = problem.work.mission.items
+    hinders = [point.hinders for point in problem.work.points if point.hinders is not None]
+    number = next((one for one in hinders if role_of(items[one]) == "bound"), hinders[0])
+    told = f"item {number} ({items[number].name}) cannot be cut, nor what comes behind it: the mission is nowhere left for a pad"
+    return InputError(told, field="mission", remedy="a larger battery, or fly that part as a mission of its own")
 
 
 def _hindering(problem: RechargeProblem, sure_ratio: float, reached: int) -> int | None:

@@ -210,6 +210,9 @@ def test_what_cannot_be_cut_is_told_in_one_line():
     vtol = [at(0, 300), do(Command.DO_VTOL_TRANSITION, 4), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
     line = told(mission_of(vtol), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25))
     assert "DO_VTOL_TRANSITION" in line
+    plane = [at(0, 9000, Command.NAV_VTOL_TAKEOFF), at(0, 100), at(0, 0, Command.NAV_VTOL_LAND, 0.0)]
+    line = told(replace(far, items=tuple(plane)), [pad("a", 0, 500)])
+    assert "item 0 (NAV_VTOL_TAKEOFF) cannot be cut" in line
 
 
 def longest(found_with):
