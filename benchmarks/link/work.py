@@ -227,7 +227,7 @@ class Stage:
 
 
 def whole(story: Story, folder: Path) -> list[tuple[float, float]]:
-    """Fly the mission undivided, with a battery that is always full, and return where its pictures are."""
+    """Fly the mission undivided, with a battery that is always full, as fast as it is planned; return where its pictures are."""
     stage = Stage(story, folder)
     craft, lockstep = stage.craft, stage.lockstep
     connection = Connection(lockstep.connect(craft, seed=story.seed), lockstep.clock)
@@ -248,7 +248,10 @@ def whole(story: Story, folder: Path) -> list[tuple[float, float]]:
     craft.autopilot.after_step = charged  # type: ignore[method-assign]
     for _ in vehicle.samples(3.0):
         pass
-    if not vehicle.upload(replace(story.mission, firmware=stage.family.firmware)).verified:
+    first, *others = story.mission.items
+    speed = MissionItem(Command.DO_CHANGE_SPEED, Frame.MISSION, 1.0, story.mission.hover_speed_mps or 0.0, -1.0)
+    mission = replace(story.mission, firmware=stage.family.firmware, items=(first, speed, *others))
+    if not vehicle.upload(mission).verified:
         raise ValueError("the undivided mission was not taken")
     vehicle.start(patience_s=60.0)
     for _ in vehicle.samples(60.0):

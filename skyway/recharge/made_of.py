@@ -178,10 +178,20 @@ def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
         )
 
 
+def sets_in(folder: Path) -> tuple[Path, ...]:
+    """Return the folders of the drones that a folder is the work of: itself, one for each of several drones, or none."""
+    if (folder / SET).is_file():
+        return (folder,)
+    found = []
+    while (one := folder / f"drone-{len(found) + 1}") and (one / SET).is_file():
+        found.append(one)
+    return tuple(found)
+
+
 def _listed(folder: Path) -> dict[str, Any]:
     """Return what a folder says of itself, unedited."""
     file = folder / SET
-    if not file.is_file() and (folder / "drone-1" / SET).is_file():
+    if not file.is_file() and sets_in(folder):
         remedy = f"fly {folder / 'drone-1'} and the others, each with a skyway of its own, begun together"
         raise InputError("is the work of several drones", str(folder), remedy=remedy)
     if not file.is_file():

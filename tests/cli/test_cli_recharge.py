@@ -246,6 +246,9 @@ def test_two_drones_share_a_survey_and_each_flies_a_folder_of_its_own(skyway, tm
     refused = skyway("fly", str(out), "--connect", "tcp:127.0.0.1:1")
     assert refused.code == 2
     assert "is the work of several drones" in refused.err
+    world = skyway("sim", str(out), "--tcp", "0", "--duration", "0.1", "--speedup", "20")
+    assert world.code == 0
+    assert [line.split(":")[0] for line in world.out.splitlines() if "tcp" in line] == ["vehicle 1", "vehicle 2"]
     one_drone = skyway(*map(str, typed), "--drones", "2", "-o", str(out))
     assert one_drone.code == 2
     assert "exists already" in one_drone.err

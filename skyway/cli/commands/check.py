@@ -209,7 +209,7 @@ def recharge(
     ] = None,
     single: Annotated[
         bool,
-        typer.Option("--single", help="Also one mission with disarmed stays, where the autopilot flies one (PX4)."),
+        typer.Option("--single", help="Also one mission for all batteries, with disarmed stays on the pads."),
     ] = False,
     seed: Annotated[int, typer.Option(help="Random seed of the simulated flights.", min=0, max=2**32 - 1)] = 0,
     as_json: options.AsJson = False,

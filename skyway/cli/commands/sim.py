@@ -129,10 +129,11 @@ def sim(
     if lasting is not None and not lasting > 0.0:
         raise InputError("out of range", field="--duration", value=lasting, remedy="seconds, above 0")
     begins = typed_values.parse_depart(depart)
-    region, start = _region(scenario)
-    known, places = _placed(region, at or start)
+    region, starts = _region(scenario)
+    known, places = _placed(region, at) if at or not starts else (region, starts)
+    vehicles = max(vehicles, 1 if at else len(starts))
     asked = FleetOptions(
-        stations=known.network.stations,
+        stations=tuple({one.id: one for one in (*known.network.stations, *starts)}.values()),
         places=places,
         vehicles=vehicles,
         first_system=system,
@@ -170,17 +171,19 @@ def sim(
     _run(world, loop, listening, lasting, as_json=as_json)
 
 
-def _region(folder: Path | None) -> tuple[Scenario, list[str] | None]:
-    """Return a scenario; of the folder of a cut mission its pads, and where the mission begins."""
-    from skyway.recharge.made_of import SET, opened
+def _region(folder: Path | None) -> tuple[Scenario, tuple[Station, ...]]:
+    """Return a scenario; of the folder of a cut mission its pads, and where its drone or each of its drones stands."""
+    from skyway.recharge.made_of import opened, sets_in
 
-    if folder is None or not (folder / SET).is_file():
-        return load_scenario(folder), None
-    from skyway.recharge.flying.places import places_of, region_with
+    sets = () if folder is None else sets_in(folder)
+    if not sets:
+        return load_scenario(folder), ()
+    from skyway.recharge.flying.places import places_of, region_with, starts_of
 
-    cut = opened(folder)
-    places = places_of(cut.found)
-    return region_with(cut.found, places, cut.region), [places.start.id]
+    cuts = [opened(one) for one in sets]
+    places = places_of(cuts[0].found)
+    region = region_with(cuts[0].found, places, cuts[0].region)
+    return region, (places.start,) if len(cuts) == 1 else starts_of([one.found for one in cuts])
 
 
 def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:

@@ -56,6 +56,16 @@ def places_of(found: Recharged) -> WorkPlaces:
     return WorkPlaces(pads, start, end)
 
 
+def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
+    """Return where each of several drones that share a mission stands, each at a station of its own, however near they are."""
+    starts = []
+    for number, found in enumerate(drones, start=1):
+        home = found.problem.work.mission.home
+        place = found.problem.work.places[0]
+        starts.append(Station(f"start-{number}", f"start-{number}", *place, home and home.altitude_m, 0, 0))
+    return tuple(starts)
+
+
 def _station(name: str, place: tuple[float, float], ground_m: float | None, known: Sequence[Station]) -> Station:
     """Return the station at a place, one that is known where it is there."""
     away, _ = geodesy.inverse(*place, [one.lat for one in known], [one.lon for one in known])
