@@ -182,7 +182,7 @@ def sets_in(folder: Path) -> tuple[Path, ...]:
     """Return the folders of the drones that a folder is the work of: itself, one for each of several drones, or none."""
     if (folder / SET).is_file():
         return (folder,)
-    found = []
+    found: list[Path] = []
     while (one := folder / f"drone-{len(found) + 1}") and (one / SET).is_file():
         found.append(one)
     return tuple(found)

@@ -62,7 +62,9 @@ def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
     for number, found in enumerate(drones, start=1):
         home = found.problem.work.mission.home
         place = found.problem.work.places[0]
-        starts.append(Station(f"start-{number}", f"start-{number}", *place, home and home.altitude_m, 0, 0))
+        starts.append(
+            Station(f"start-{number}", f"start-{number}", *place, None if home is None else home.altitude_m, 0, 0)
+        )
     return tuple(starts)
 
 
