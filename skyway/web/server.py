@@ -55,6 +55,10 @@ class ServeOptions:
         """Return the same, or raise an `InputError` that says what is not safe or not there."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
+        if self.scenario is not None and not self.scenario.is_dir():
+            raise InputError(
+                "no such folder", str(self.scenario), remedy="skyway scenario init DIR writes one to start from"
+            )
         self.base.checked()
         if self.outline is not None:
             shapes(str(self.outline))

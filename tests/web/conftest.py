@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import os
 import re
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -12,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
+from skyway.flights.live import read_live
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,3 +94,23 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     found = served(tmp_path_factory.mktemp("work"))
     yield found
     ended(found)
+
+
+@pytest.fixture
+def pages(tmp_path):
+    """The page that is served now, if any: at the end it is ended, and so is each flight that is still under way."""
+    found = []
+    yield found
+    for one in found:
+        ended(one)
+    for live in tmp_path.glob("*.live"):
+        told = read_live(live)
+        if not told.ended:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(told.pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def site(pages, tmp_path):
+    pages.append(served(tmp_path))
+    return pages[0]

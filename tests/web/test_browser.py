@@ -133,8 +133,8 @@ def test_what_is_typed_is_planned_saved_in_every_format_and_opened_again(opened,
                          ("Reserve %", "25"), ("Aim", "p95")):  # fmt: skip
         tab.get_by_label(label, exact=True).fill(words)
         tab.get_by_label(label, exact=True).press("Tab")
-    tab.get_by_label("Beside it").select_option("pfs")
-    tab.get_by_label("Beside it").select_option("shortest")
+    tab.get_by_label("Compare with").select_option("pfs")
+    tab.get_by_label("Compare with").select_option("shortest")
     command = "document.querySelector('#plan-command').textContent"
     for option in ("--return home", "--dwell 5min", "--if-undelivered back", "--reserve 25", "--objective p95"):
         tab.wait_for_function(f"(option) => {command}.includes(option)", arg=option)

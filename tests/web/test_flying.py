@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import random
@@ -13,16 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from skyway.cli.main import main
 from skyway.flights.live import read_live
 from skyway.link.pads import TcpPads
 from skyway.link.supervisor import read_journal
 from tests.web.browsing import AXE, chromium, hold, person, state
-from tests.web.conftest import ended, served
-from tests.web.simulated import DEPART, simulated
+from tests.web.conftest import served
+from tests.web.departures import ENDS, departs, no_flight_twice, planned, taken, the_journal
+from tests.web.simulated import simulated
 
 pytestmark = pytest.mark.slow
-ENDS = ("delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
 KILLS = int(os.environ.get("SKYWAY_KILLS", "3"))
 """Beside one flight the page is killed once, as often again with the word to start, and twice as often with orders to pause and go on."""
 DELIVERIES = int(os.environ.get("SKYWAY_DELIVERIES", "1"))
@@ -33,72 +31,6 @@ DELIVERIES = int(os.environ.get("SKYWAY_DELIVERIES", "1"))
 def browser():
     with chromium() as found:
         yield found
-
-
-@pytest.fixture
-def pages(tmp_path):
-    """The page that is served now, if any: at the end it is ended, and so is each flight that is still under way."""
-    found = []
-    yield found
-    for one in found:
-        ended(one)
-    for live in tmp_path.glob("*.live"):
-        told = read_live(live)
-        if not told.ended:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(told.pid, signal.SIGKILL)
-
-
-@pytest.fixture
-def site(pages, tmp_path):
-    pages.append(served(tmp_path))
-    return pages[0]
-
-
-def planned(folder, start, target, **more):
-    words = [word for name, value in more.items() for word in (f"--{name}", value)]
-    assert main(["plan", "--from", start, "--to", target, "--payload", "0.8", "--drone", "m200", "--depart", DEPART, "--wind", "3@250",
-                 "-o", str(folder / "plan.json"), *words]) == 0  # fmt: skip
-
-
-def departs(tab, simulation, plan="plan.json", *, pads=True):
-    """Fill the form and start; the flight's tab is open then. Without pads people charge."""
-    tab.wait_for_function(
-        "(plan) => [...document.querySelectorAll('option')].some((one) => one.value === plan)", arg=plan
-    )
-    tab.get_by_label("Plan", exact=True).select_option(plan)
-    for label, words in (
-        ("Connection to the drone", simulation.drone),
-        ("Pads", simulation.pads if pads else "manual"),
-    ):
-        tab.get_by_label(label).fill(words)
-        tab.get_by_label(label).press("Tab")
-    told = "--pads tcp:" if pads else "--pads manual"
-    tab.wait_for_function("(told) => document.querySelector('#fly-command').textContent.includes(told)", arg=told)
-    tab.get_by_role("button", name="Connect and check").click()
-    tab.wait_for_selector(".flight")
-
-
-def the_journal(folder):
-    (path,) = folder.glob("*.jsonl")
-    return read_journal(path).records
-
-
-def taken(records):
-    return [r.data["word"] for r in records if r.event == "order" and r.data["done"] == "taken"]
-
-
-def no_flight_twice(records, simulation):
-    """Every leg was begun once, and every order taken once; each take-off was one arming."""
-    ids = Counter(
-        r.data["id"]
-        for r in records
-        if r.event == "order" and r.data["done"] in {"taken", "refused"} and r.data.get("id")
-    )
-    assert set(ids.values()) <= {1}
-    legs = [(r.data["origin"], r.data["destination"]) for r in records if r.event == "leg"]
-    assert len(set(legs)) == len(legs)
-    assert simulation.count(r" armed \(") == len(legs)
 
 
 def fits(tab, sizes=((1024, 768), (1920, 1080), (820, 1180))):

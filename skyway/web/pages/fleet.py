@@ -72,7 +72,11 @@ class FleetPage:
         return take
 
     def _show(self) -> None:
-        self.status.tell("" if self.ledger else "Choose a ledger: skyway dispatch run writes one.")
+        self.status.tell(
+            ""
+            if self.ledger
+            else "Choose a ledger: skyway dispatch run writes one, and skyway dispatch demo one to look at."
+        )
         self.board.follow(self.ledger, self.holder)
         words = ["skyway", "dispatch", "status", "--ledger", self.ledger or "LEDGER.db"]
         self.command.show(shlex.join([*words, *(["--holder", self.holder] if self.holder != "dispatch" else [])]))

@@ -37,6 +37,7 @@ class FlyPage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site = site
         self.connection = ""
+        flown = bool(site.flights.known())
         with ui.element("div").classes("work flying"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="Departure and connections"'),
@@ -46,6 +47,8 @@ class FlyPage:
                     self.form = DepartureForm(site, self._begun, self._show_plan)
                 with ui.element("div").classes("rows"):
                     self._watching()
+                    if flown:
+                        self._demonstration()
             with ui.element("section").classes("seen").props('aria-label="Map"'):
                 self.map = MapLayer(
                     "Map of all flights and vehicles",
@@ -55,6 +58,8 @@ class FlyPage:
             with ui.element("section").classes("panel answer").props('aria-label="Flights"'):
                 self.panel = FlightPanel(wanted, client.request.query_params.get("flight", "")[:300])
                 self.panel.on("resume", self._resume)
+                if not flown:
+                    self._demonstration()  # where who comes for the first time looks
         self._list()
         ui.timer(0.01, self._begin, once=True)
 
@@ -65,10 +70,13 @@ class FlyPage:
             Button("Watch", self.watch)
         self.status = Status()
         self.watched = ui.element("div").classes("chips")
+
+    def _demonstration(self) -> None:
         text("h2", "Demonstration")
         text("p", "A delivery across a simulated New York, ten times faster than life. No drone is needed.", "faint")
         with ui.element("div").classes("line"):
-            Button("Fly the demonstration", self.demonstrate)
+            Button("Fly the demonstration", self.demonstrate, "" if self.site.flights.known() else "main")
+        self.planned = Status()
 
     async def _begin(self) -> None:
         try:
@@ -102,13 +110,13 @@ class FlyPage:
 
     async def demonstrate(self) -> None:
         """Fly the demonstration, from the click on."""
-        self.status.tell("planning the demonstration: a few seconds")
+        self.planned.tell("Planning the demonstration: a few seconds …")
         try:
             name = await demonstration.begin(self.site)
         except SkywayError as error:
-            self.status.tell(str(error), wrong=True)
+            self.planned.tell(str(error), wrong=True)
             return
-        self.status.tell("")
+        self.planned.tell("")
         self._begun(name)
 
     # Watches

@@ -62,7 +62,9 @@ class HistoryPage:
             self.status.tell(str(error), wrong=True)
             return
         self.status.tell(
-            "" if self.rows else "No journals in the work folder yet: skyway fly and skyway demo write them.",
+            ""
+            if self.rows
+            else "No journals in the work folder yet: flights of the page Fly write them, and skyway fly and skyway demo.",
         )
         self._draw()
 

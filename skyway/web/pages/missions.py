@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,8 +103,9 @@ class MissionsPage:
         self.findings.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
         with ui.element("div").classes("line"):
             self.fix = Button("Mend what is certain, as a new file", self.mend)
-            Button("Convert to .plan", lambda: self.convert(".plan"))
-            Button("Convert to .waypoints", lambda: self.convert(".waypoints"))
+            self.conversions = [
+                Button(f"Convert to {suffix}", partial(self.convert, suffix)) for suffix in (".plan", ".waypoints")
+            ]
         self.flights = ui.html("")
         self.items = ui.html("")
         self.command = CommandShown("mission")
@@ -149,18 +151,29 @@ class MissionsPage:
 
     async def _checked(self) -> None:
         if not self.file:
-            self.status.tell("Choose a mission, or drop one.")
+            self._clear()
+            self.status.tell("Choose a mission, or drop one. The page Plan saves plans as missions, too.")
             return
         try:
             path = self.site.folder.existing(self.file)
             self.at_work.tell("Checking …")
             self.found = await self.site.workers.ask("missions.shown", str(path), self.site.scenario, self.asked)
         except SkywayError as error:
-            self.found = None
+            self._clear()
             self.status.tell(str(error), wrong=True)
             return
         self.status.tell("")
         self._draw(self.found)
+
+    def _clear(self) -> None:
+        """Show no mission."""
+        self.found = None
+        for part in (self.profile, self.verdict, self.findings, self.flights, self.items):
+            part.set_content("")
+        for button in (self.fix, *self.conversions):
+            button.enable(False)  # noqa: FBT003  as of every button
+        self.map.put(tracks=[], marks=[])
+        self.command.show("")
 
     def _draw(self, found: dict[str, Any]) -> None:
         tracks = [
@@ -188,6 +201,8 @@ class MissionsPage:
         self.findings.set_content(mission_answer.findings(found["findings"], self.wanted))
         self.flights.set_content(mission_answer.flights(found["flights"], self.wanted))
         self.items.set_content(mission_answer.items(found, self.wanted))
+        for button in self.conversions:
+            button.enable(True)  # noqa: FBT003
         self.fix.enable(any(one["certain"] for one in found["findings"]))
         given = [
             ("--drone", self.asked["drone"]),

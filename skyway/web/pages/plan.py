@@ -289,7 +289,7 @@ class PlanPage:
         """What was asked of the route, each with a button that takes it back."""
         self.kept.clear()
         with self.kept:
-            for name, words in (("stop_at", "stop at"), ("avoid", "avoid"), ("others", "beside it")):
+            for name, words in (("stop_at", "stop at"), ("avoid", "avoid"), ("others", "compare with")):
                 for place in getattr(self.question, name):
                     act = {"action": f"not_{name}", "station": place}
                     Button(

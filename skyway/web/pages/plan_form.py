@@ -84,7 +84,9 @@ class PlanForm:
                 self.wind = Field(
                     "Wind", self._takes("wind"), value=q.wind, hint="8@270; empty: forecast", unit="m/s@° from"
                 )
-                self.others = Field("Beside it", self._takes_other, kind="select", value="", options=[("", "add one")])
+                self.others = Field(
+                    "Compare with", self._takes_other, kind="select", value="", options=[("", "add one")]
+                )
         self.after = ui.element("details").classes("after")
         with self.after:
             text("summary", "After the delivery")

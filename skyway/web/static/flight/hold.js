@@ -8,9 +8,11 @@ export default {
   props: { words: String, kind: String, disabled: Boolean, told: String },
   emits: ["held"],
   data() {
-    return { share: 0, asked: false };
+    return { share: 0, asked: false, slipped: false };
   },
   unmounted() {
+    clearTimeout(this.timer);
+    this.begun = 0;
     this.release();
   },
   methods: {
@@ -27,10 +29,19 @@ export default {
     },
     release() {
       cancelAnimationFrame(this.frame);
+      if (this.begun) this.tellHow();
       this.begun = 0;
       this.share = 0;
     },
+    // Who only clicks it is told to hold it.
+    tellHow() {
+      this.slipped = true;
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => (this.slipped = false), AGAIN_MS);
+    },
     done() {
+      this.begun = 0;
+      this.slipped = false;
       this.release();
       this.asked = false;
       this.$emit("held");
@@ -53,7 +64,7 @@ export default {
     },
   },
   render() {
-    const words = this.asked ? `Press again: ${this.words}` : this.words;
+    const words = this.asked ? `Press again: ${this.words}` : this.slipped ? `Hold it down: ${this.words}` : this.words;
     return h(
       "button",
       {

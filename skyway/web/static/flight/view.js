@@ -109,19 +109,23 @@ function ahead(view) {
   const now = live.time_s;
   const rows = [];
   let late = 0;
+  let more = 0; // charge that the drone leaves with, above what the plan has
   const first = plan.legs[0];
   if (known(live.expected.left_s) && live.leg) {
     const lands = now + live.expected.left_s;
     rows.push([`lands at ${live.leg.to}`, lands, live.expected.soc_land]);
     late = first && first.to === live.leg.to && known(first.arrive_s) ? lands - first.arrive_s : 0;
-  } else if (first && known(first.depart_s)) late = Math.max(0, now - first.depart_s);
+  } else if (first && known(first.depart_s)) {
+    late = Math.max(0, now - first.depart_s);
+    more = Math.max(0, (live.charge_to || 0) - first.soc_depart);
+  }
   plan.legs.forEach((leg, i) => {
     const flying = i === 0 && known(live.expected.left_s);
-    if (!flying && known(leg.depart_s)) rows.push([`leaves ${leg.from}`, leg.depart_s + late, leg.soc_depart]);
-    if (!flying && known(leg.arrive_s)) rows.push([`lands at ${leg.to}`, leg.arrive_s + late, leg.soc_arrive]);
+    if (!flying && known(leg.depart_s)) rows.push([`leaves ${leg.from}`, leg.depart_s + late, leg.soc_depart + (i ? 0 : more)]);
+    if (!flying && known(leg.arrive_s)) rows.push([`lands at ${leg.to}`, leg.arrive_s + late, leg.soc_arrive + (i ? 0 : more)]);
   });
   if (!rows.length) return null;
-  const body = rows.map(([words, at, soc], i) => h("tr", { key: `${i} ${words}` }, [h("td", words), h("td", { class: "n" }, duration(Math.max(0, at - now))), h("td", { class: "n" }, clock(at, view)), h("td", { class: "n" }, percent(soc))]));
+  const body = rows.map(([words, at, soc], i) => h("tr", { key: `${i} ${words}` }, [h("td", words), h("td", { class: "n" }, at > now ? duration(at - now) : "when decided"), h("td", { class: "n" }, clock(at, view)), h("td", { class: "n" }, percent(soc))]));
   const head = h("tr", [h("th", "what is to come"), h("th", { class: "n" }, "in"), h("th", { class: "n" }, zoneName(now, view)), h("th", { class: "n" }, "charge")]);
   return h("div", { class: "scroll" }, h("table", { class: "ahead" }, [h("thead", head), h("tbody", body)]));
 }

@@ -1,0 +1,57 @@
+"""Departures from the page, as a person begins them, and what their journals tell."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from skyway.cli.main import main
+from skyway.link.supervisor import read_journal
+from tests.web.simulated import DEPART
+
+ENDS = ("delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
+
+
+def planned(folder, start, target, **more):
+    words = [word for name, value in more.items() for word in (f"--{name}", value)]
+    assert main(["plan", "--from", start, "--to", target, "--payload", "0.8", "--drone", "m200", "--depart", DEPART, "--wind", "3@250",
+                 "-o", str(folder / "plan.json"), *words]) == 0  # fmt: skip
+
+
+def departs(tab, simulation, plan="plan.json", *, pads=True):
+    """Fill the form and start; the flight's tab is open then. Without pads people charge."""
+    tab.wait_for_function(
+        "(plan) => [...document.querySelectorAll('option')].some((one) => one.value === plan)", arg=plan
+    )
+    tab.get_by_label("Plan", exact=True).select_option(plan)
+    for label, words in (
+        ("Connection to the drone", simulation.drone),
+        ("Pads", simulation.pads if pads else "manual"),
+    ):
+        tab.get_by_label(label).fill(words)
+        tab.get_by_label(label).press("Tab")
+    told = "--pads tcp:" if pads else "--pads manual"
+    tab.wait_for_function("(told) => document.querySelector('#fly-command').textContent.includes(told)", arg=told)
+    tab.get_by_role("button", name="Connect and check").click()
+    tab.wait_for_selector(".flight")
+
+
+def the_journal(folder):
+    (path,) = folder.glob("*.jsonl")
+    return read_journal(path).records
+
+
+def taken(records):
+    return [r.data["word"] for r in records if r.event == "order" and r.data["done"] == "taken"]
+
+
+def no_flight_twice(records, simulation):
+    """Every leg was begun once, and every order taken once; each take-off was one arming."""
+    ids = Counter(
+        r.data["id"]
+        for r in records
+        if r.event == "order" and r.data["done"] in {"taken", "refused"} and r.data.get("id")
+    )
+    assert set(ids.values()) <= {1}
+    legs = [(r.data["origin"], r.data["destination"]) for r in records if r.event == "leg"]
+    assert len(set(legs)) == len(legs)
+    assert simulation.count(r" armed \(") == len(legs)
