@@ -65,7 +65,10 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
     distance_m, _ = inverse(lat[:, None], lon[:, None], lat[None], lon[None])
     parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], tuple[str, ...]]] = []
     for number, one in enumerate(used):
-        north, east, kept = _courses(one, region, lat, lon, middle_s)
+        north, east, kept, left = _courses(one, region, lat, lon, middle_s)
+        if left:
+            heights = " and ".join(f"{height:g}" for height in left)
+            notes.append(f"{one.model}: its wind at {heights} m has gaps and is not used")
         weight = (
             np.full(len(kept), 1.0 / len(kept))
             if one.probability is None
@@ -226,8 +229,8 @@ def _lattice(
 
 def _courses(
     one: Weather, region: Region, lat: NDArray[np.float64], lon: NDArray[np.float64], at_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """(north, east) at places and times, shape (members kept, times, places) each, and which members they are."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], tuple[float, ...]]:
+    """(north, east) at places and times, shape (members kept, times, places) each, which members they are, and heights with gaps, m."""
     placing = Placing(one, lat, lon, Box.around(region.lat, region.lon))
     heights, levels = [], []
     for height in one.wind_heights_m:
@@ -243,6 +246,7 @@ def _courses(
     north, east = wind_at_height(
         [heights[k] for k in whole], stack[0, whole], stack[1, whole], region.height_m, region.exponent
     )
+    used = {heights[k] for k in whole}
     known = np.asarray(np.isfinite(north + east).all(axis=-1))  # (member, time)
     kept = np.flatnonzero(known.any(axis=1))
     found = np.empty((2, len(kept), len(at_s), len(lat)))
@@ -251,7 +255,7 @@ def _courses(
         _check_gaps(one, one.times_s[times], at_s)
         for part, values in enumerate((north[member, times], east[member, times])):
             found[part, row] = _in_time(one.times_s[times], values, at_s, holds=one.holds)
-    return found[0], found[1], kept
+    return found[0], found[1], kept, tuple(height for height in one.wind_heights_m if height not in used)
 
 
 def _check_gaps(one: Weather, times_s: NDArray[np.float64], at_s: NDArray[np.float64]) -> None:

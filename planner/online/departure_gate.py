@@ -17,7 +17,7 @@ from skyway.models.base.formatting import distance_text, percent, probability, s
 from skyway.models.base.units import from_posix
 from skyway.models.base.views import counted
 from skyway.planner.online.options import along_way
-from skyway.planner.reach.diverts import divert_cover
+from skyway.planner.reach.diverts import DivertCover, divert_cover
 from skyway.planner.reach.reach import SOC_SD
 from skyway.planner.robust.free_capacity import no_place_probability, turned_for_room_probability
 
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 STEPS = 1000
 """Into which the charge is divided."""
+FINE_SOC = 0.01
+"""So near to the least one is a charge with which every point has a divert station."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +204,7 @@ class DepartureGate:
         parameters = self._policy.parameters
         if self._info.watched:
             return _least(reach, self._turned_below(taken, self._reserve), parameters.p_begin)
-        return _least(reach, (taken.cost, self._reserve, taken.doubt), parameters.epsilon)
+        return _least(reach, (taken.cost, self._reserve, taken.doubt), self._policy.epsilon)
 
     def _taken(self, reach: Reach, way: list[Place], at_s: float) -> _Taken:
         """What a leg takes."""
@@ -223,7 +225,7 @@ class DepartureGate:
         It is turned where halfway, where that is done last, what is still unknown then breaks the reserve with more than epsilon: that must be
         left beside it, and what is known of the wind by then, the rest of the doubt now, is the doubt.
         """
-        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._policy.parameters.epsilon), self._reach.belief.mean_ratio
+        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._policy.epsilon), self._reach.belief.mean_ratio
         known = np.sqrt(np.maximum(taken.doubt**2 - taken.rest**2, 0.0))
         return taken.cost + sigmas * np.hypot(taken.rest, taken.energy_soc / ratio), reserve, known
 
@@ -232,24 +234,33 @@ class DepartureGate:
     ) -> tuple[float, tuple[str, ...]] | float:
         """Least charge from one on with which every point has a divert station, and these; or where the first gap is, m."""
         parameters = self._policy.parameters
-        soc, gap_m = least, math.nan
         reserve = self._policy.request.reserve_soc
         floor, kept = reserve * parameters.divert_share, reserve if self._info.watched else 0.0
         full = self._without_room(reach, way, at_s)
-        while soc <= 1.0 + 1e-9:
-            cover = divert_cover(
-                reach, way, at_s, soc, floor_soc=floor, epsilon=parameters.epsilon, destination=end,
-                full=full, reserve_soc=kept,
+
+        def cover(soc: float) -> DivertCover:
+            return divert_cover(
+                reach, way, at_s, soc, floor_soc=floor, epsilon=self._policy.epsilon, destination=end, full=full, reserve_soc=kept
             )  # fmt: skip
-            if cover.gap_m is None:
-                return min(soc, 1.0), cover.stations
-            gap_m = cover.gap_m
-            soc = soc + parameters.more_soc if soc + parameters.more_soc < 1.0 or soc >= 1.0 else 1.0
-        return gap_m
+
+        found, low, soc = cover(least), least, least
+        while found.gap_m is not None:
+            if soc >= 1.0:
+                return found.gap_m
+            low, soc = soc, min(soc + parameters.more_soc, 1.0)
+            found = cover(soc)
+        while soc - low > FINE_SOC:
+            middle = 0.5 * (low + soc)
+            closer = cover(middle)
+            if closer.gap_m is None:
+                soc, found = middle, closer
+            else:
+                low = middle
+        return soc, found.stations
 
     def _without_room(self, reach: Reach, way: list[Place], at_s: float) -> frozenset[str]:
         """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by who is there now."""
-        info, scenario, epsilon = self._info, self._policy.scenario, self._policy.parameters.epsilon
+        info, scenario, most = self._info, self._policy.scenario, self._policy.parameters.p_no_room
         if not info.watched:
             return frozenset()
         lands_s = at_s + 0.5 * float(reach.expected(reach.to_the_end(way, at_s).time_s))
@@ -262,7 +273,7 @@ class DepartureGate:
         def chance(name: str) -> float:
             return no_place_probability(scenario, index[name], present[name], info.time_s, lands_s, hover_s)
 
-        return frozenset(name for name in present if chance(name) > epsilon)
+        return frozenset(name for name in present if chance(name) > most)
 
     def _not_landed_at(self, step: Step, at_s: float) -> tuple[str, dict[str, Any]] | None:
         """Why the leg would end, at its fastest, while nobody lands there: before the earliest delivery, or at a station that is closed; else None."""
@@ -293,7 +304,7 @@ class DepartureGate:
             at_s,
             at_s + taken.time_s,
             hover_s,
-            self._policy.parameters.epsilon,
+            self._policy.parameters.p_no_room,
         )
 
     def _full(

@@ -53,11 +53,11 @@ class FlightDecision:
         info, here, memory = self._info, self._info.here, self._memory
         reach = self._reach()
         now, figures = self._outlook(here, reach)
-        bad = now.p_empty > self._parameters.max_probable if memory.turned else now.p_reserve > self._parameters.epsilon
+        bad = now.p_empty > self._parameters.max_probable if memory.turned else not self._policy.keeps_reserve(now)
         bad = bad and not self._may_turn_later(here, reach, now)
         memory.doubtful = memory.doubtful + 1 if bad else 0
         if bad and (memory.doubtful >= self._parameters.confirm or info.sudden) and self._due(now):
-            memory.weighed = info.time_s, now.p_reserve
+            memory.weighed = info.time_s, now.p_below
             decision = self._turn(here, reach, now, figures)
             if decision is not None:
                 return decision
@@ -69,7 +69,7 @@ class FlightDecision:
             return better
         reason = (
             f"{duration(figures['left_s'])} to {info.destination}, landing with {percent(now.soc)}, "
-            f"below the reserve with probability {probability(now.p_reserve, 1)}"
+            f"below the reserve with probability {probability(now.p_below, 1)}"
         )
         return Decision("continue", reason, figures)
 
@@ -93,7 +93,7 @@ class FlightDecision:
         Wind and energy are known the better the further it has flown.
         """
         info, parameters = self._info, self._parameters
-        if self._memory.turned or info.sudden or now.p_reserve > parameters.p_hopeless:
+        if self._memory.turned or info.sudden or now.p_below > parameters.p_hopeless:
             return False
         way = reach.way(here, info.via, info.destination)
         mean_s = float(reach.expected(reach.along(way, info.time_s).time_s[:, -1]))
@@ -103,7 +103,7 @@ class FlightDecision:
         cost = (info.soc - now.soc) * parameters.ahead_s / max(now.lands_s - info.time_s, 1.0)
         there = along_way(way, share * now.distance_m)
         others = self._others(there, reach, info.time_s + parameters.ahead_s, info.soc - cost)
-        return any(one.p_reserve <= parameters.epsilon for one in others)
+        return any(self._policy.keeps_reserve(one) for one in others)
 
     def _reach(self) -> Reach:
         info, chosen = self._info, self._memory.airspeed_mps
@@ -121,7 +121,7 @@ class FlightDecision:
         return (
             self._info.sudden
             or self._info.time_s >= at_s + self._parameters.weigh_again_s
-            or now.p_reserve > self._parameters.weigh_again * risk
+            or now.p_below > self._parameters.weigh_again * risk
         )
 
     @property
@@ -152,7 +152,7 @@ class FlightDecision:
             "left_s": now.lands_s - airborne.time_s,
             "left_m": now.distance_m,
             "soc_land": now.soc,
-            "p_below_reserve": now.p_reserve,
+            "p_below_reserve": now.p_below,
             "p_below_half": now.p_half,
             "p_empty": now.p_empty,
             "wanted_mps": min(max(wanted, 1.0), reach.drone.max_ground_speed_mps),
@@ -224,12 +224,13 @@ class FlightDecision:
 
     def _turn(self, here: Place, reach: Reach, now: Option, figures: dict[str, Any]) -> Decision | None:
         """Find what keeps the reserve and delivers earliest, else the least risk; None where that is flying on."""
-        epsilon, airborne = self._parameters.epsilon, self._info
+        airborne = self._info
         way = reach.way(here, airborne.via, airborne.destination)
         given = (reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors_at(airborne.destination))
         speeds = [self._with_room(one, reach) for one in other_airspeeds(*given)]
         options = [*speeds, *self._others(here, reach, airborne.time_s, airborne.soc)]
-        safe = [one for one in options if one.p_reserve <= min(epsilon, self._parameters.clearly * now.p_reserve)]
+        clearly = self._parameters.clearly * now.p_below
+        safe = [one for one in options if one.p_below <= clearly and self._policy.keeps_reserve(one)]
         if safe:
             weighed = self._weighed(safe, reach, self._onward(reach))
             figures |= {"options": [one.as_data() for one in weighed[:6]]}
@@ -257,10 +258,10 @@ class FlightDecision:
         """Tell the option that was chosen."""
         airborne = self._info
         why = (
-            f"landing at {now.station} would be below the reserve with probability {probability(now.p_reserve)} (about "
+            f"landing at {now.station} would be below the reserve with probability {probability(now.p_below)} (about "
             f"{percent(now.soc)})"
         )
-        there = f"about {percent(best.soc)} (below the reserve with probability {probability(best.p_reserve)})"
+        there = f"about {percent(best.soc)} (below the reserve with probability {probability(best.p_below)})"
         if math.isfinite(best.arrival_s):
             there += f", and the delivery comes in {duration(best.arrival_s - airborne.time_s)}"
         if best.station == airborne.destination:
@@ -270,7 +271,7 @@ class FlightDecision:
             return Decision("speed", reason, figures | {"airspeed_mps": best.airspeed_mps}, speed_mps=round(speed, 1))
         more = {
             "divert": best.station, "divert_m": best.distance_m, "divert_soc": best.soc,
-            "p_divert_below_reserve": best.p_reserve,
+            "p_divert_below_reserve": best.p_below,
         }  # fmt: skip
         self._memory.turned = True
         reason = f"{why}; {best.station}, {distance_text(best.distance_m)} away, is reached with {there}"
@@ -285,7 +286,7 @@ class FlightDecision:
         memory.better_s = airborne.time_s
         others = self._others(here, reach, airborne.time_s, airborne.soc)
         ahead = [one for one in others if one.station not in airborne.left]
-        safe = [one for one in ahead if one.p_reserve <= settings.epsilon]
+        safe = [one for one in ahead if self._policy.keeps_reserve(one)]
         if not safe:
             return None
         onward = self._onward(reach)

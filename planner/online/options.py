@@ -39,30 +39,36 @@ class Option:
     p_reserve: float
     p_half: float
     p_empty: float
-    """Probability of landing below the reserve, or hovering for a place until then; of landing below half of it, and of a battery that is empty before."""
+    """Probability of landing below the reserve, if there is a place; of landing below half of it, and of a battery that is empty before."""
     distance_m: float
     """Way left."""
+    p_no_room: float = 0.0
+    """Probability of finding no place there until it has hovered down to the reserve, wherever it could turn to meanwhile."""
     arrival_s: float = math.nan
     """Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out."""
 
     @property
+    def p_below(self) -> float:
+        """Probability of landing below the reserve, or hovering for a place until then."""
+        return 1.0 - (1.0 - self.p_reserve) * (1.0 - self.p_no_room)
+
+    @property
     def risk(self) -> float:
         """What is to be small where nothing keeps the reserve: landings below it, those that `HALF` and `EMPTY` weigh more among them."""
-        return self.p_reserve + HALF * self.p_half + EMPTY * self.p_empty
+        return self.p_below + HALF * self.p_half + EMPTY * self.p_empty
 
     def with_room(self, no_place: Callable[[float, float], float], soc_per_s: float, floors: Floors) -> Option:
         """Return the same with the risk of hovering for a place down to the reserve.
 
         `no_place` is the chance to find none at its station from a time, POSIX seconds, for so many seconds.
         """
-        waits = no_place(self.lands_s, max(self.soc - floors.reserve, 0.0) / soc_per_s)
-        return replace(self, p_reserve=1.0 - (1.0 - self.p_reserve) * (1.0 - waits))
+        return replace(self, p_no_room=no_place(self.lands_s, max(self.soc - floors.reserve, 0.0) / soc_per_s))
 
     def as_data(self) -> dict[str, Any]:
         """For the journal."""
         return {
             "station": self.station, "airspeed_mps": round(self.airspeed_mps, 1), "soc": round(self.soc, 3),
-            "p_below_reserve": round(self.p_reserve, 4), "p_empty": round(self.p_empty, 4),
+            "p_below_reserve": round(self.p_below, 4), "p_empty": round(self.p_empty, 4),
             "arrival_s": self.arrival_s,
         }  # fmt: skip
 

@@ -23,7 +23,7 @@ from skyway.planner.online.information import Decision, Departure
 from skyway.planner.online.told_plan import itinerary_of, segments_of, told_plan
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
-from skyway.planner.problem.problem import Problem
+from skyway.planner.problem.problem import MIN_EPSILON, Problem
 from skyway.planner.reach.reach import Reach
 from skyway.planner.reach.wind_ahead import WindAhead
 from skyway.planner.robust.charge_policy import known_at
@@ -78,6 +78,18 @@ class OnlinePolicy:
         self.load = None if drag is None else AirspeedLoad(drag)
 
     # What both need
+
+    @property
+    def epsilon(self) -> float:
+        """Probability with which a watched flight may land below the reserve: that of the request.
+
+        It is not shared out among the flights of a delivery: what is met is a tenth of it (decision 120).
+        """
+        return max(self.request.epsilon, MIN_EPSILON)
+
+    def keeps_reserve(self, option: Option) -> bool:
+        """Whether a landing keeps the reserve, as surely as was asked for, and most probably finds a place."""
+        return option.p_reserve <= self.epsilon and option.p_no_room <= self.parameters.p_no_room
 
     def reach(
         self,

@@ -20,14 +20,9 @@ class OnlineParameters(Parameters):
 
     # Risk
 
-    epsilon: float = parameter(
-        0.01, "probability of landing below the reserve: a watched leg is begun only where it is no greater at its end, or at a station in reach "
-        "of each point, where it is turned to in time; one that is not watched only where it is no greater at its end",
-        0, 1, measured=_FAULTS,
-    )  # fmt: skip
     p_begin: float = parameter(
         0.25,
-        "a watched leg is begun only where it is turned with no greater probability; what it costs to be turned is weighed besides",
+        "a watched leg is begun only where it is turned with no greater probability, and where each point has a station to which it is turned in time, with the risk of the request; what it costs to be turned is weighed besides",
         0,
         1,
     )
@@ -38,8 +33,12 @@ class OnlineParameters(Parameters):
         1,
     )
     p_hopeless: float = parameter(
-        0.5, "and is flown on only while it does with no greater one: it becomes surer the further it has flown", 0, 1,
+        0.5, "it is flown on only while its end breaks the reserve with no greater probability: it becomes surer the further it has flown", 0, 1,
         measured=_FAULTS,
+    )  # fmt: skip
+    p_no_room: float = parameter(
+        0.01, "probability of finding no place until it has hovered down to the reserve, with which a station is flown to: meanwhile it can turn to another",
+        0, 1, measured=_FAULTS,
     )  # fmt: skip
     epsilon_later: float = parameter(
         0.1, "charges of later legs of the plan that is told may be too low in this share of the forecast", 0, 1
@@ -57,7 +56,7 @@ class OnlineParameters(Parameters):
         4.0, "landings that must find room, among which a delivery shares epsilon, about", 1, 100
     )
     energy_shares: float = parameter(
-        4.0, "flights that may need more than they were charged for, among which it does too: not many are begun with no more than "
+        4.0, "flights that are not watched and may need more than they were charged for, among which it does too: not many are begun with no more than "
         "what they need", 1, 100, measured="landings below the reserve in `benchmarks.online.rolling_risk`",
     )  # fmt: skip
 

@@ -286,6 +286,6 @@ def _diverts(problem: Problem, reach: Reach, nodes: list[int], off: tuple[float,
     way = [(float(problem.network.lat[node]), float(problem.network.lon[node])) for node in nodes]
     cover = divert_cover(
         reach, way, *off, floor_soc=reserve * online.divert_share,
-        epsilon=online.epsilon, destination=problem.network.stations[nodes[-1]].id, reserve_soc=reserve, most=schedule.max_diverts, every_m=schedule.divert_every_m,
+        epsilon=problem.epsilon, destination=problem.network.stations[nodes[-1]].id, reserve_soc=reserve, most=schedule.max_diverts, every_m=schedule.divert_every_m,
     )  # fmt: skip
     return cover.stations

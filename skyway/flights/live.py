@@ -258,7 +258,7 @@ def refuges(ctx: Context) -> list[dict[str, Any]]:
         return []
     return [
         {
-            "station": one.station, "left_s": one.lands_s - ctx.now_s, "soc_land": one.soc, "p_below_reserve": one.p_reserve,
+            "station": one.station, "left_s": one.lands_s - ctx.now_s, "soc_land": one.soc, "p_below_reserve": one.p_below,
             "p_empty": one.p_empty, "lands": from_posix(one.lands_s).isoformat(),
         }
         for one in ctx.policy().refuges(known)

@@ -55,8 +55,7 @@ def _best(ctx: Context, goal: str, stations: Sequence[str]) -> Option | None:
     if known is None:
         return None
     found = ctx.policy().refuges(replace(known, destination=target, via=(), diverts=tuple(with_pads)))
-    most = ctx.job.parameters.online.epsilon
-    safe = [one for one in found if one.p_reserve <= most]
+    safe = [one for one in found if ctx.policy().keeps_reserve(one)]
     end = network.stations[network.index[goal]]
 
     def away_m(one: Option) -> float:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.missions.recharge.spans import Span
 
+LEAVES = 0.01
+"""It leaves earlier only where it would miss the reserve with more than this, or than was promised: it took off with no greater probability, and what is measured in flight has noise."""
 CLEARLY = 0.5
 """It leaves earlier only where the landing then misses the reserve with at most this share of the probability."""
 HOPELESS = 0.1
@@ -42,9 +44,7 @@ def look(ctx: Context) -> After | None:
     aloft = replace(aloft, belief=ctx.energy.now(leg, ctx.battery.soc))
     judged = planner.judge(family, aloft)
     _expect(ctx, judged)
-    # it took off with no greater probability than was promised: it is left to itself until more is to be won than lost
-    least = max(planner.epsilon, ctx.job.parameters.online.epsilon)
-    if not ctx.job.replanning or judged.p_below <= least:
+    if not ctx.job.replanning or judged.p_below <= max(planner.epsilon, LEAVES):
         return None
     found = planner.earlier(family, aloft, judged)
     if found is None or found[1].p_below > CLEARLY * judged.p_below:

@@ -91,6 +91,20 @@ def test_heights_left_out_of_a_real_forecast_are_found_from_the_others(shared_da
     )  # the logarithmic law: 0.16, the scenario's exponent from 10 m alone: 1.9 m/s
 
 
+@pytest.mark.parametrize("gaps", [(None,) * 6, (None, *(8.0,) * 5)])
+def test_a_height_with_gaps_is_left_out_and_told(tmp_path, gaps):
+    columns = {"wind_speed_10m": [5.0] * 6, "wind_direction_10m": [270.0] * 6}
+    more = {"wind_speed_80m": list(gaps), "wind_direction_80m": [None if one is None else 270.0 for one in gaps]}
+    units = {name: "°" if "direction" in name else "m/s" for name in (*columns, *more)}
+    found = []
+    for name, given_ in (("with.json", columns | more), ("without.json", columns)):
+        path = wf.write_json(tmp_path / name, wf.open_meteo(given_, units, hours=6))
+        found.append(forecast_ensemble(read_weather([path]), region(hours=3, height_m=60.0), NONE))
+    assert any("wind at 80 m has gaps and is not used" in note for note in found[0].notes)
+    assert not any("is not used" in note for note in found[1].notes)
+    np.testing.assert_allclose(found[0].east, found[1].east)
+
+
 def test_members_keep_their_courses(tmp_path):
     path = wf.write_grib(tmp_path / "e.grib2", linear, members=[0, 1, 2, 3], hours=(0, 3, 6, 9), heights=(80,))
     found = forecast_ensemble(read_weather([path]), region(), NONE)

@@ -222,7 +222,7 @@ def test_a_plan_names_the_divert_stations_that_the_policy_would_find(newyork, re
         for leg in composition.services:
             found = divert_cover(
                 reach, reach.way(leg.origin, leg.via, leg.destination), leg.depart.timestamp(), leg.soc_depart,
-                floor_soc=0.2 * fine.online.divert_share, epsilon=fine.online.epsilon, destination=leg.destination, reserve_soc=0.2,
+                floor_soc=0.2 * fine.online.divert_share, epsilon=request_.epsilon, destination=leg.destination, reserve_soc=0.2,
             )  # fmt: skip
             assert leg.diverts == found.stations
             assert leg.destination not in leg.diverts
@@ -420,7 +420,7 @@ def test_a_small_risk_ahead_is_not_left_for_a_landing_below_the_reserve_elsewher
     floors = Floors(0.2, 0.1)
     ahead = Option("ahead", 15.0, 0.0, 0.30, 0.0, 0.0, 0.0, 3000.0).with_room(lambda *_: 0.013, 6e-4, floors)
     back = Option("back", 15.0, 0.0, 0.17, 1.0, 0.0, 0.0, 9000.0)
-    assert ahead.p_reserve == pytest.approx(0.013)
+    assert ahead.p_below == pytest.approx(0.013)
     assert ahead.risk < 0.5 * back.risk
     empty = replace(ahead, p_half=0.3, p_empty=0.05)
     assert back.risk < 0.5 * empty.risk  # what saves the drone costs the reserve
@@ -539,7 +539,7 @@ def test_parameters_say_when_a_plan_is_left(newyork, request_, composition):
     assert eager.figures["arrival_mean_s"] <= calm.figures["arrival_mean_s"] + 1.0
 
 
-@pytest.mark.parametrize("wrong", [{"epsilon": 1.5}, {"futures": 0}, {"margin_s": math.nan}])
+@pytest.mark.parametrize("wrong", [{"p_begin": 1.5}, {"futures": 0}, {"margin_s": math.nan}])
 def test_parameters_out_of_range_are_refused_by_name(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         OnlineParameters(**wrong)
