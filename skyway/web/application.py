@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING, Any
 from fastapi import FastAPI
 from nicegui import app as pages
 from nicegui import ui
+from starlette.requests import ClientDisconnect
+from starlette.responses import PlainTextResponse
 
 from skyway.web.live import demonstration
 from skyway.web.server import RECONNECT_S
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+
+    from starlette.requests import Request
+    from starlette.responses import Response
 
     from skyway.web.site import Site
 
@@ -34,6 +39,7 @@ def application(site: Site) -> Any:
         site.stop()
 
     outer = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    outer.add_exception_handler(ClientDisconnect, _cut_off)
     documents.add(outer, site)
     for page in (plan, missions, recharge, fly, fleet, replay, history):
         page.add(site)
@@ -44,3 +50,8 @@ def application(site: Site) -> Any:
         message_history_length=200, binding_refresh_interval=None, show_welcome_message=False, gzip_middleware_factory=None,
     )  # fmt: skip
     return outer
+
+
+async def _cut_off(_: Request, __: Exception) -> Response:
+    """Answer a request that `Guard` has cut off, or whose sender has gone."""
+    return PlainTextResponse("skyway: the request was too large, or too slow\n", 413)

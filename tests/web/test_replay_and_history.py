@@ -47,6 +47,11 @@ def test_two_logs_are_played_forwards_and_backwards_and_from_event_to_event(flow
         tab.evaluate(f"window.skywayPlayer.jump({begun} + 200)")
         assert tab.evaluate(apart) < 400.0  # the same flight, told by the supervisor every few seconds and by the drone
         assert tab.evaluate("window.skywayMap.state.vehicles.length") == 2
+        assert min(tab.evaluate("window.skywayPlayer.logs.flatMap((log) => log.columns.time_s)")) == 0.0
+        ends = tab.evaluate("window.skywayPlayer.logs.map((log) => log.columns.time_s.at(-1))")
+        tab.evaluate("window.skywayPlayer.jump(window.skywayPlayer.end)")
+        assert tab.get_by_text("ended: its last values").count() == (abs(ends[0] - ends[1]) > 1.0)
+        tab.evaluate(f"window.skywayPlayer.jump({begun} + 200)")
         before = tab.evaluate(AT)
         tab.get_by_label("Speed", exact=True).select_option("30")
         tab.get_by_role("button", name="Play").click()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
 import json
 import shlex
 import subprocess
@@ -154,3 +156,19 @@ def test_without_a_base_map_there_are_no_tiles(page):
     assert page.ask("/api/base")[2] == "{}"
     assert page.ask("/api/tile?z=1&x=0&y=0")[0] == 204
     assert page.ask("/api/tile?z=a&x=0&y=0")[0] == 422
+
+
+@pytest.mark.slow
+def test_a_file_of_unknown_length_is_refused_where_it_grows_too_large(page):
+    piece = b"a" * 2**20
+    before = set(page.folder.iterdir())
+    with contextlib.closing(http.client.HTTPConnection("127.0.0.1", page.port, timeout=60)) as connection:
+        connection.putrequest("POST", "/api/upload?name=large.tlog")
+        for name, value in (("Origin", page.address), ("Transfer-Encoding", "chunked")):
+            connection.putheader(name, value)
+        connection.endheaders()
+        with contextlib.suppress(ConnectionError):
+            for _ in range(80):
+                connection.send(f"{len(piece):x}\r\n".encode() + piece + b"\r\n")
+        assert connection.getresponse().status == 413
+    assert set(page.folder.iterdir()) == before

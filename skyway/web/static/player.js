@@ -6,9 +6,10 @@ import { inWords, zoneName } from "skyway-flight/words.js";
 const SPEEDS = [-60, -10, -1, 1, 5, 10, 30, 60, 120];
 const COLOURS = ["vehicle", "start"];
 
-// Two logs are put together where they took off first: the second is moved in time.
-function together(log, first) {
-  const shift = log.flights.length && first.flights.length ? first.flights[0][0] - log.flights[0][0] : 0;
+// Two logs are put together where they took off first: the one that did so sooner after its begin is moved in time.
+function together(log, logs) {
+  const begun = logs.map((one) => one.flights[0]?.[0]);
+  const shift = log.flights.length && begun.every((one) => one !== undefined) ? Math.max(...begun) - log.flights[0][0] : 0;
   if (!shift) return log;
   const later = (one) => Math.round(100 * (one + shift)) / 100;
   return {
@@ -24,7 +25,7 @@ export default {
   props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String },
   emits: ["failed"],
   data() {
-    return { logs: [], at: 0, speed: 10, playing: false };
+    return { logs: [], at: 0, speed: 10, playing: false, reading: "" };
   },
   computed: {
     end() {
@@ -37,9 +38,11 @@ export default {
     },
   },
   render() {
-    if (!this.logs.length) return h("div", { class: "player" });
+    const reading = h("p", { class: this.reading ? "status" : "only-heard", role: "status" }, this.reading && `Reading ${this.reading} …`);
+    if (!this.logs.length) return h("div", { class: "player" }, [reading]);
     const button = (words, act, title) => h("button", { type: "button", onClick: act, title, "aria-label": title }, words);
     return h("div", { class: "player" }, [
+      reading,
       h("div", { class: "line" }, [
         button("|<", () => this.jump(0), "To the beginning"),
         button("<", () => this.jump(this.nextEvent(-1)), "Event before"),
@@ -78,13 +81,22 @@ export default {
   methods: {
     async open(names) {
       const logs = [];
-      for (const name of names) {
-        const answer = await fetch(`/api/replay?log=${encodeURIComponent(name)}`);
-        const told = await answer.json();
-        if (answer.ok) logs.push(told);
-        else this.$emit("failed", told.error);
+      this.asked?.abort(); // what was chosen before comes too late
+      const asked = (this.asked = new AbortController());
+      try {
+        for (const name of names) {
+          this.reading = name;
+          const answer = await fetch(`/api/replay?log=${encodeURIComponent(name)}`, { signal: asked.signal });
+          const told = await answer.json();
+          if (answer.ok) logs.push(told);
+          else this.$emit("failed", told.error);
+        }
+      } catch (error) {
+        if (!asked.signal.aborted) this.$emit("failed", `the page's server does not answer: ${error.message}`);
       }
-      this.logs = logs.map((log) => Object.freeze(together(log, logs[0])));
+      if (asked.signal.aborted) return;
+      this.reading = "";
+      this.logs = logs.map((log) => Object.freeze(together(log, logs)));
       this.at = 0;
       this.playing = false;
       this.drawn = undefined;
@@ -92,7 +104,7 @@ export default {
     },
     frameMap() {
       const places = this.logs.flatMap((log) => log.columns.lat.map((lat, i) => [lat, log.columns.lon[i]]).filter(([lat, lon]) => lat !== null && lon !== null));
-      if (!places.length) return;
+      if (!places.length) return void window.skywayMap?.set({ tracks: [], vehicles: [], wind: null });
       const lat = places.map((p) => p[0]).sort((a, b) => a - b);
       const lon = places.map((p) => p[1]).sort((a, b) => a - b);
       const tracks = this.logs.map((log, i) => ({
@@ -129,11 +141,17 @@ export default {
       }
       return low;
     },
+    // Whether it tells of this time: "" or what is shown in place of it.
+    outside(log) {
+      const { time_s } = log.columns;
+      return this.at > time_s.at(-1) + 1 ? "ended: its last values" : this.at < time_s[0] - 1 ? "not begun: its first values" : "";
+    },
     show() {
+      if (!this.logs.length) return;
       const vehicles = this.logs.flatMap((log, i) => {
         const k = this.row(log);
         const c = log.columns;
-        return c.lat[k] === null ? [] : [{ id: i, name: log.name, lat: c.lat[k], lon: c.lon[k], heading_deg: c.heading_deg[k] }];
+        return c.lat[k] === null ? [] : [{ id: i, name: log.name, lat: c.lat[k], lon: c.lon[k], heading_deg: c.heading_deg[k], stale: Boolean(this.outside(log)) }];
       });
       const log = this.logs[0];
       const k = this.row(log);
@@ -167,7 +185,7 @@ export default {
         ["wind filter", health],
       ];
       return h("dl", { class: "figures", "aria-label": log.name }, [
-        h("div", [h("dt", ["log", ` ${i + 1}`]), h("dd", { class: "small-dd" }, log.name)]),
+        h("div", [h("dt", ["log", ` ${i + 1}`]), h("dd", { class: "small-dd" }, [log.name, h("span", { class: "small" }, this.outside(log))])]),
         ...cells.map(([name, words]) => h("div", [h("dt", name), h("dd", { class: "small-dd" }, words)])),
       ]);
     },

@@ -44,7 +44,7 @@ function area(times, course, sigma, factor, x, y) {
   const [up, down] = [[], []];
   for (let i = 0; i < times.length; i += every) {
     if (course[i] === null || sigma[i] === null) continue;
-    up.push(`${x(times[i]).toFixed(1)} ${y(course[i] + sigma[i] * factor).toFixed(1)}`);
+    up.push(`${x(times[i]).toFixed(1)} ${Math.max(4, y(course[i] + sigma[i] * factor)).toFixed(1)}`);
     down.push(`${x(times[i]).toFixed(1)} ${y(Math.max(course[i] - sigma[i] * factor, 0)).toFixed(1)}`);
   }
   return up.length > 1 ? `M${[...up, ...down.reverse()].join("L")}Z` : "";
