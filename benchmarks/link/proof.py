@@ -272,7 +272,7 @@ class Stage:
             if math.isnan(judged.left_s) and item > last:
                 told = None if line_m is None else line_m >= WINCH_HEIGHT_M - LINE_M
                 judged.tell("released", acknowledged=told, how="the winch")
-                judged.tell("leaves")
+                judged.tell("leaves", hovered=True)
         raise RuntimeError("it did not leave")
 
     def fly(self, mission: Mission, until_s: float = math.inf) -> None:

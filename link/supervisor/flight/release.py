@@ -80,7 +80,7 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
     acknowledged, how = _said(ctx, watch)
     ctx.note(ReleaseNote(), how)
     ctx.proof.released(ctx, acknowledged=acknowledged, how=how)
-    ctx.proof.leaves(ctx)
+    ctx.proof.leaves(ctx, hovered=ctx.job.options.release == "winch")
     flies_on(ctx, leg, delivered=acknowledged is not False, why=how)
 
 

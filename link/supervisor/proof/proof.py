@@ -90,6 +90,8 @@ class Proof:
     def released(self, ctx: Context, *, acknowledged: bool | None, by_person: bool = False, how: str = "") -> None:
         """Take what the gripper, the winch or the person said of the release; `how` is what was seen of one in the air."""
         kg = ctx.job.request.payload_kg
+        if self._scale is not None:
+            self._scale.may_be_empty()
         self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, how=how, package_kg=kg))
 
     def before_release(self, ctx: Context) -> None:
@@ -101,10 +103,14 @@ class Proof:
     def begins_release(self) -> None:
         """It hovers to release the package."""
         self._releasing = True
-
-    def leaves(self, ctx: Context) -> None:
-        """It leaves the place where it hovered to release the package: weigh it from now on."""
         if self._scale is not None:
+            self._scale.may_be_empty()
+
+    def leaves(self, ctx: Context, *, hovered: bool) -> None:
+        """It leaves the place over which it released the package: weigh it from now on; and by the hover, where it only hovered there."""
+        if self._scale is not None:
+            if hovered:
+                self._scale.hovered()
             self._scale.take_off(ctx.now_s)
             self._open = True
 

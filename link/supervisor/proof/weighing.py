@@ -6,7 +6,8 @@ airspeed V and climb v the model is
     P = k ((T / W)^kappa F(V) + c max(v, 0) T / W)
 
 where W is the drone's weight without a package, kappa and the power of hover are those of its energy model, F is momentum theory in forward
-flight (`models.drones.airspeed_load`) and c what a metre a second of climb takes. Flights under the package give k; then power gives m.
+flight (`models.drones.airspeed_load`) and c what a metre a second of climb takes. Flights under the package give k, and how much F and c are those of this
+drone (`own_power`); then power gives m. A drone that hovers before and after the release is weighed by that as well.
 """
 
 from __future__ import annotations
@@ -14,9 +15,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from statistics import fmean, median, pstdev
+from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from skyway.link.supervisor.proof.own_power import OwnPower, Terms
+from skyway.link.supervisor.proof.power_fall import PowerFall
 from skyway.models.base.units import GRAVITY_MPS2
 from skyway.models.drones.airspeed_load import BLADE_SHARE, INDUCED_FACTOR, INFLOW_MPS
 
@@ -35,26 +40,15 @@ _STEADY_MPS2, _DESCENT_MPS = 0.7, -0.4
 USUAL_KAPPA = 1.6
 GAIN_SIGMA, MODEL_SIGMA = 0.008, 0.008
 """Standard deviations of power, relative: between two take-offs of one drone, and of the model over them."""
-STEP_S = 8
-"""Seconds before and after a moment that are compared for a package that is lost on the way."""
-SHORT_S, BESIDE_S, _CLEAN_SHARE = 4, 3, 0.1
-"""A fall between stretches that are as steady as this share of it is one though the wind drifts: then so many seconds before it will do, and the drone
-flies alike only in so many on either side."""
-_STEP_SHARE, _STEADY_SHARE, _STEP_WAIT_S = 0.6, 0.3, 4.0
-_PER_RAD, _PER_MPS = 2.5, 0.03
-"""Share of the power that a lean less by a radian, or an airspeed other by a metre a second, may take away at most: the fall must be so much deeper.
-A drone that has lost its package leans as before or more; one that brakes, or is pushed by a gust from behind, leans less, and has less drag."""
-_LEAST_FALL, _MOST_SHARE, _STEEP_RAD = 0.1, 1.5, 0.35
-"""A package whose weight takes less of the power is not told from gusts; a fall of so many times as much is something else; and a drone that leans further
-fights the wind: most of its power is drag."""
-_SAME_AIRSPEED_MPS, _SAME_CLIMB_MPS = 4.0, 0.5
-"""Airspeeds and climbs further apart are not compared: the model knows them too roughly."""
-_AIRSPEED, _LEAN, _CLIMB_RATE = 2, 3, 4
+_KAPPA_SIGMA = 0.05
+"""Standard deviation of the exponent of mass, relative."""
 _SLOW_CLIMB_MPS, _SLOW_MPS, _SLOW_S, _SLOW_SIGMA, _IDLE_SHARE = 1.0, 2.0, 14.0, 0.035, 0.4
-"""What it weighs before the release: by the last seconds of slow descent, or hover; there power knows the mass to so much, relative. It is idle below that share."""
+_HOVER_SIGMA = 0.012
+"""What it weighs before the release: by the last seconds of slow descent, or hover; there power knows the mass to so much, relative. It is idle below that share.
+And between two hovers over one place, minutes apart."""
 
-Points = list[tuple[float, float, float, float, float]]
-"""Time, power in units of the model, airspeed, lean and climb, a second apart."""
+_Flown = tuple[float, float, Terms, float, float]
+"""Time, power, its terms by the model, airspeed and climb."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,20 +77,25 @@ class Scale:
     gains: list[float] = field(default_factory=list)
     """Power in units of the model, W, of each take-off under the package."""
     took_off_s: float = math.nan
-    _sums: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
+    _own: OwnPower = field(default_factory=OwnPower)
+    _learns: bool = True
+    _hung: float = math.nan
+    """Power before the release, in units of hover."""
+    _hovered: Weight | None = None
+    _seconds: dict[int, list[_Flown]] = field(default_factory=dict)
+    """What is weighed since the take-off, by the second."""
     _was: TelemetrySample | None = None
     _newest_s: float = -math.inf
     _second: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
     """Of the second under way: time, power, lift, airspeed by the wind, climb and lean."""
-    _steady: deque[tuple[float, float, float, float, float]] = field(default_factory=lambda: deque(maxlen=2 * STEP_S))
+    _fall: PowerFall = field(default_factory=PowerFall)
 
     def take_off(self, time_s: float) -> None:
         """Begin to weigh: it has left the ground."""
         self.took_off_s, self._was = time_s, None
-        self._sums.clear()
-        self._steady.clear()
+        self._seconds.clear()
+        self._fall.clear()
         self._second.clear()
-        self._lost_s = None
         self._slow.clear()
 
     def hear(self, s: TelemetrySample, wind: tuple[float, float]) -> None:
@@ -117,9 +116,23 @@ class Scale:
         lift = (1.0 + rise / GRAVITY_MPS2) / lean
         self._hear_slow(s, lift, airspeed, climb)
         after_s = s.time_s - self.took_off_s
-        if climb > _DESCENT_MPS and BEGIN_S <= after_s <= END_S:
-            self._sums.setdefault(int(after_s), []).append((s.power_w, self._units(lift, airspeed, climb)))
+        if climb > _DESCENT_MPS and after_s >= BEGIN_S:
+            flown = (s.time_s, s.power_w, self._terms(lift, airspeed, climb), airspeed, climb)
+            if after_s <= END_S:
+                self._seconds.setdefault(int(after_s), []).append(flown)
+            else:
+                self._learn(flown)
         self._second.append((s.time_s, s.power_w, lift, airspeed, climb, math.acos(lean)))
+
+    def _learn(self, flown: _Flown) -> None:
+        """Learn what this drone draws under its package."""
+        time_s, power_w, terms, airspeed, climb = flown
+        if self._learns and self.gains and power_w > _IDLE_SHARE * fmean(self.gains) * sum(terms):
+            self._own.hear(time_s, power_w, terms, (airspeed, climb))
+
+    def may_be_empty(self) -> None:
+        """From now on the package may be off: nothing more is learnt of the drone under it."""
+        self._learns = False
 
     def _end_second(self, s: TelemetrySample) -> None:
         """Keep the mean of a second that is over, for a package that is lost on the way."""
@@ -131,12 +144,11 @@ class Scale:
             time_s, power_w, lift, airspeed, climb, lean = map(fmean, zip(*self._second, strict=True))
             if by_tilt is not None and math.isfinite(by_tilt):
                 airspeed = by_tilt
-            self._steady.append((time_s, power_w / self._units(lift, airspeed, climb), airspeed, lean, climb))
-            self._lost_s = self._look()
+            wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
+            self._fall.hear((time_s, power_w / self._units(lift, airspeed, climb), airspeed, lean, climb), wanted)
         self._second.clear()
 
     _last_power: float = math.nan
-    _lost_s: float | None = None
     _slow: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=400))
     """Time, and power in units of hover, of slow descent and hover."""
 
@@ -150,103 +162,106 @@ class Scale:
         """Weigh what is aboard by the last seconds of slow descent or hover; None where there were too few, or nothing was flown under the package."""
         if not self._slow or not self.gains or not self.package_kg > 0.0:
             return None
+        seconds, units = self._slow_units()
+        if seconds < _LEAST_S:
+            return None
+        self._hung = units
+        return self._weight(units / fmean(self.gains), self.kappa, _SLOW_SIGMA, seconds)
+
+    def hovered(self) -> None:
+        """It leaves the place over which it has hovered since the package was weighed before its release: that hover weighs it, too."""
+        seconds, units = self._slow_units()
+        if seconds >= _LEAST_S and math.isfinite(self._hung):
+            self._hovered = self._weight(units / self._hung, self.kappa, _HOVER_SIGMA, seconds)
+
+    def _slow_units(self) -> tuple[int, float]:
+        """So many of the last seconds were slow descent or hover, and their power, in units of hover."""
         seconds: dict[int, list[float]] = {}
         for time_s, units in self._slow:
             if time_s > self._slow[-1][0] - _SLOW_S:
                 seconds.setdefault(int(time_s), []).append(units)
-        if len(seconds) < _LEAST_S:
-            return None
-        ratio = median(fmean(found) for found in seconds.values()) / fmean(self.gains)
-        mass = (self.drone_kg + self.package_kg) * ratio ** (1.0 / self.kappa)
-        sigma = mass * _SLOW_SIGMA / self.kappa
-        return Weight((mass - self.drone_kg) / self.package_kg, sigma / self.package_kg, len(seconds))
+        return len(seconds), median(fmean(found) for found in seconds.values()) if seconds else math.nan
+
+    def _weight(self, ratio: float, exponent: float, relative: float, seconds: int) -> Weight:
+        """What is aboard where so much of the power under the package is drawn, known to so much."""
+        mass = (self.drone_kg + self.package_kg) * ratio ** (1.0 / exponent)
+        sigma = mass * math.hypot(relative, _KAPPA_SIGMA * (1.0 - ratio)) / exponent
+        return Weight((mass - self.drone_kg) / self.package_kg, sigma / self.package_kg, seconds)
 
     def _units(self, lift: float, airspeed_mps: float, climb_mps: float) -> float:
         """Power by the model with the whole package, in units of that of hover without it."""
+        return sum(self._terms(lift, airspeed_mps, climb_mps))
+
+    def _terms(self, lift: float, airspeed_mps: float, climb_mps: float) -> Terms:
+        """What hover, airspeed and climb take with the whole package, in units of hover without it."""
         load = lift * (self.drone_kg + self.package_kg) / self.drone_kg
+        level = load**self.kappa
         factor = 1.0 if self.load is None else float(self.load.factor(airspeed_mps))
-        return float(load**self.kappa * factor + _CLIMB * max(climb_mps, 0.0) * load)
+        return level, level * (factor - 1.0), _CLIMB * max(climb_mps, 0.0) * load
 
-    def gain(self) -> tuple[float, float, int] | None:
-        """Mean of power over the model since the take-off, its standard error (relative), and seconds; None for too few.
-
-        The quarter of the seconds that is farthest from the median does not count: there the drone ends its climb, or meets a gust.
-        """
-        seconds = [sum(power for power, _ in pairs) / sum(units for _, units in pairs) for pairs in self._sums.values()]
-        middle = median(seconds) if seconds else 0.0
-        seconds = sorted(seconds, key=lambda one: abs(one - middle))[: math.ceil(_KEPT_SHARE * len(seconds))]
-        if len(seconds) < _LEAST_S:
-            return None
-        mean = sum(seconds) / len(seconds)
-        spread = math.sqrt(sum((one - mean) ** 2 for one in seconds) / (len(seconds) - 1)) / mean
-        return mean, spread / math.sqrt(len(seconds) / 2.0), len(seconds)  # neighbours are not independent
+    def gain(self) -> float | None:
+        """Mean of power over the model since the take-off, W; None for too few seconds."""
+        shares = [sum(one[1] for one in flown) / sum(sum(one[2]) for one in flown) for flown in self._seconds.values()]
+        return fmean(_middle(shares)) if len(_middle(shares)) >= _LEAST_S else None
 
     def keep(self) -> float | None:
         """Keep what this take-off shows as one under the whole package; returns it, W, or None for too little."""
         found = self.gain()
         if found is not None:
-            self.gains.append(found[0])
-        return None if found is None else found[0]
+            self.gains.append(found)
+            for second in self._seconds.values():
+                for flown in second:
+                    self._learn(flown)
+        return found
 
     def remember(self, gains: Iterable[float]) -> None:
         """Take what earlier take-offs under the package have shown."""
         self.gains.extend(gains)
 
     def weigh(self) -> Weight | None:
-        """Weigh what is aboard since the take-off; None where nothing was flown under the package, or too little now."""
-        found = self.gain()
-        if found is None or not self.gains or not self.package_kg > 0.0:
+        """Weigh what is aboard since the take-off, and by the hover before it; None where nothing was flown under the package, or too little now."""
+        known = [one for one in (self._risen(), self._hovered) if one is not None]
+        return _together(known) if known and self.package_kg > 0.0 else None
+
+    def _risen(self) -> Weight | None:
+        """Weigh what is aboard by the power since the take-off."""
+        own = self._own.fit(self.gains)
+        if own is None or not self.package_kg > 0.0:
             return None
-        now, error, seconds = found
-        before = sum(self.gains) / len(self.gains)
-        ratio = now / before
-        full = self.drone_kg + self.package_kg
-        exponent = self._exponent()
-        mass = full * ratio ** (1.0 / exponent)
-        relative = math.hypot(error, MODEL_SIGMA, GAIN_SIGMA * math.sqrt(1.0 + 1.0 / len(self.gains)))
-        sigma = mass * math.hypot(relative, 0.1 * (1.0 - ratio)) / exponent
-        return Weight((mass - self.drone_kg) / self.package_kg, sigma / self.package_kg, seconds)
+        powers = np.array([fmean(one[1] for one in flown) for flown in self._seconds.values()])
+        terms = np.array([np.mean([one[2] for one in flown], axis=0) for flown in self._seconds.values()])
+        shares = powers / own.expected_w(terms) if len(powers) else powers
+        kept = _middle(shares.tolist())
+        if len(kept) < _LEAST_S:
+            return None
+        ratio = fmean(kept)
+        spread = stdev(kept) / ratio / math.sqrt(len(kept) / 2.0)  # neighbours are not independent
+        relative = math.hypot(own.error(terms), spread, GAIN_SIGMA, MODEL_SIGMA)
+        return self._weight(ratio, self._exponent(), relative, len(kept))
 
     def _exponent(self) -> float:
         """Exponent of mass in the power as it was flown: that of hover, and 1 for what climbing takes."""
-        pairs = [one for pairs in self._sums.values() for one in pairs]
-        total = sum(units for _, units in pairs)
+        flown = [one for second in self._seconds.values() for one in second]
+        total = sum(sum(one[2]) for one in flown)
         load = (self.drone_kg + self.package_kg) / self.drone_kg
-        level = len(pairs) * load**self.kappa
+        level = len(flown) * load**self.kappa
         share = min(level / total, 1.0) if total > 0.0 else 1.0
         return share * self.kappa + (1.0 - share)
 
     def lost(self) -> float | None:
         """Return when the package left on the way, POSIX seconds: power fell at once, and stayed so; None where not."""
-        return self._lost_s
+        return self._fall.at_s
 
-    def _look(self) -> float | None:
-        """Look for a fall of the power in the middle of the last seconds."""
-        points = list(self._steady)
-        if len(points) < 2 * STEP_S or not self.package_kg > 0.0:
-            return None
-        before, after = points[: STEP_S - 1], points[STEP_S + 1 :]
-        clean = before[-SHORT_S:], after
-        beside = before[-BESIDE_S:], after[:BESIDE_S]
-        if self._fell(before, after, _STEADY_SHARE, (before, after)) or self._fell(*clean, _CLEAN_SHARE, beside):
-            return points[STEP_S][0]
-        return None
 
-    def _fell(self, before: Points, after: Points, steady_share: float, alike: tuple[Points, Points]) -> bool:
-        """Whether power fell between two stretches, each as steady as a share of the fall; in `alike` the drone flew alike before and after."""
-        if after[-1][0] - before[0][0] > len(before) + len(after) + 2 + _STEP_WAIT_S:
-            return False  # not one stretch of steady flight
-        for column, most in ((_AIRSPEED, _SAME_AIRSPEED_MPS), (_CLIMB_RATE, _SAME_CLIMB_MPS)):
-            found = [point[column] for some in alike for point in some]
-            if max(found) - min(found) > most:
-                return False
-        speeds, leans = ([fmean(point[column] for point in some) for some in alike] for column in (_AIRSPEED, _LEAN))
-        explained = max(_PER_RAD * (leans[0] - leans[1]), _PER_MPS * abs(speeds[1] - speeds[0]))
-        old, new = (fmean(one for _, one, *_ in some) for some in (before, after))
-        wanted = 1.0 - (self.drone_kg / (self.drone_kg + self.package_kg)) ** self.kappa
-        fell = 1.0 - new / old
-        told = wanted >= _LEAST_FALL and max(leans) < _STEEP_RAD and fell < _MOST_SHARE * wanted
-        if not (told and fell - explained > _STEP_SHARE * wanted):
-            return False
-        spread = max(pstdev(one for _, one, *_ in some) for some in (before, after))
-        return spread < steady_share * fell * old
+def _middle(shares: list[float]) -> list[float]:
+    """Leave out the quarter of the seconds that is farthest from the median: there the drone ends its climb, or meets a gust."""
+    middle = median(shares) if shares else 0.0
+    return sorted(shares, key=lambda one: abs(one - middle))[: math.ceil(_KEPT_SHARE * len(shares))]
+
+
+def _together(known: list[Weight]) -> Weight:
+    """One weight of several; known less well where they disagree."""
+    precision = [one.sigma**-2 for one in known]
+    share = sum(p * one.share for p, one in zip(precision, known, strict=True)) / sum(precision)
+    apart = math.sqrt(fmean(((one.share - share) / one.sigma) ** 2 for one in known))
+    return Weight(share, max(apart, 1.0) / math.sqrt(sum(precision)), sum(one.seconds for one in known))

@@ -168,6 +168,87 @@ def test_before_the_release_it_is_weighed_by_the_last_seconds_of_its_descent(abo
     assert (judge(evidence)[0] is N) is lost
 
 
+def fly(scale, begin_s, seconds, power, *, airspeed_mps, climb_mps):
+    """Fly on at one airspeed and climb, drawing what `power` says of them."""
+    for k in range(2 * seconds):
+        sample = TelemetrySample(
+            time_s=begin_s + 0.5 * k, vel_north_mps=airspeed_mps, vel_east_mps=0.0, vel_down_mps=-climb_mps,
+            roll_rad=0.0, pitch_rad=0.0, power_w=power(airspeed_mps, climb_mps) + 0.1 * (k % 2),
+        )  # fmt: skip
+        scale.hear(sample, (0.0, 0.0))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.5, 1.2), st.floats(0.6, 1.4), st.floats(0.6, 1.4), st.floats(0.0, 1.0))
+@example(0.8, 0.6, 1.4, 0.5)
+def test_what_airspeed_and_climb_take_of_this_drone_is_learnt_under_its_package(package_kg, dip, climbing, aboard):
+    """It climbs under the package, flies away level and fast; and what is aboard after the release is weighed where it flies otherwise."""
+    load, base = AirspeedLoad(DRAG), 4.7
+
+    def power(mass_kg):
+        def drawn_w(airspeed_mps, climb_mps):
+            lift = mass_kg / base
+            level = lift**1.6 * (1.0 + dip * (float(load.factor(airspeed_mps)) - 1.0))
+            return 520.0 * (level + 0.107 * climbing * climb_mps * lift)
+
+        return drawn_w
+
+    scale = Scale(base, package_kg, load=load)
+    scale.take_off(0.0)
+    full = power(base + package_kg)
+    fly(scale, 1.0, 20, full, airspeed_mps=1.0, climb_mps=2.0)
+    assert scale.keep() is not None
+    for begin_s, airspeed in ((30.0, 3.0), (60.0, 6.0), (90.0, 9.0), (120.0, 12.0)):
+        fly(scale, begin_s, 25, full, airspeed_mps=airspeed, climb_mps=0.0)
+    scale.may_be_empty()
+    scale.take_off(200.0)
+    fly(scale, 201.0, 8, power(base + aboard * package_kg), airspeed_mps=5.0, climb_mps=2.0)
+    fly(scale, 209.0, 11, power(base + aboard * package_kg), airspeed_mps=9.0, climb_mps=0.0)
+    found = scale.weigh()
+    assert found.share == pytest.approx(aboard, abs=0.08)
+    assert abs(found.share - aboard) < 2.0 * found.sigma
+
+
+def test_a_drone_that_has_shown_nothing_but_its_gain_is_weighed_less_surely():
+    """After a crash of the program the journal tells the gain of its take-offs, and no more."""
+    weights = []
+    for remembers in (False, True):
+        scale = Scale(4.7, 0.8, load=AirspeedLoad(DRAG))
+        scale.take_off(0.0)
+        fly(scale, 1.0, 20, lambda *_: 800.0, airspeed_mps=1.0, climb_mps=1.0)
+        gain = scale.keep()
+        if remembers:
+            scale = Scale(4.7, 0.8, load=AirspeedLoad(DRAG))
+            scale.remember([gain])
+        scale.may_be_empty()
+        scale.take_off(200.0)
+        fly(scale, 201.0, 20, lambda *_: 800.0, airspeed_mps=1.0, climb_mps=1.0)
+        weights.append(scale.weigh())
+    known, told = weights
+    assert known.share == pytest.approx(1.0, abs=0.1)
+    assert told.share == pytest.approx(1.0, abs=0.1)
+    assert told.sigma > 1.5 * known.sigma
+
+
+@pytest.mark.parametrize("aboard", [0.0, 0.5, 1.0])
+def test_a_hover_before_and_after_a_winch_weighs_what_is_left_before_it_flies_on(aboard):
+    scale = Scale(4.7, 0.8)
+    scale.take_off(0.0)
+    fly(scale, 1.0, 20, lambda *_: 800.0, airspeed_mps=1.0, climb_mps=1.0)
+    scale.keep()
+    fly(scale, 40.0, 12, lambda *_: 700.0, airspeed_mps=0.5, climb_mps=0.0)
+    assert scale.weigh().share == pytest.approx(1.0, abs=0.1)  # of the take-off
+    scale.before_release()
+    scale.may_be_empty()
+    left_w = 700.0 * ((4.7 + 0.8 * aboard) / 5.5) ** scale.kappa
+    fly(scale, 60.0, 40, lambda *_: left_w, airspeed_mps=0.5, climb_mps=0.0)
+    scale.hovered()
+    scale.take_off(100.0)
+    found = scale.weigh()
+    assert found.share == pytest.approx(aboard, abs=0.02)
+    assert judge(Evidence(how="the winch", weight=found, package_kg=0.8))[0] is (N if aboard else D)
+
+
 @pytest.mark.parametrize(
     ("autopilot", "failure"), [("px4", ""), ("ardupilot", "stuck"), ("px4", "half"), ("ardupilot", "early")]
 )
