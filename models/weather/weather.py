@@ -49,6 +49,8 @@ WORLD_DEG = 300.0
 """A region wider than this is the world."""
 MAX_CELLS = 120_000_000
 """Most values of one series."""
+SAME = 1e-3
+"""Values no farther apart are the same, in whatever unit."""
 
 
 class FieldKey(NamedTuple):
@@ -309,6 +311,9 @@ def _both(first: Weather, second: Weather) -> Weather:
         for key, values in one.fields.items():
             into = fields.setdefault(key, np.full(shape, np.nan))
             part = into[rows]
+            if math.isnan(one.issued_s) and np.any(np.abs(part - values) > SAME):
+                problem = f"has another {key.quantity} than {first.name} for the same place and time, and neither says when it was issued"
+                raise InputError(problem, second.name, remedy="hand over the newer one alone")
             into[rows] = np.where(np.isnan(values), part, values)
     if math.prod(shape) > MAX_CELLS:
         raise InputError(

@@ -105,6 +105,20 @@ def test_a_height_with_gaps_is_left_out_and_told(tmp_path, gaps):
     np.testing.assert_allclose(found[0].east, found[1].east)
 
 
+@pytest.mark.parametrize(("again", "said"), [(5.0, None), (6.0, "for the same place and time")])
+def test_two_answers_that_differ_and_do_not_say_which_is_newer_are_refused(tmp_path, again, said):
+    units = {"wind_speed_10m": "m/s", "wind_direction_10m": "°"}
+    files = []
+    for name, start, speed in (("a.json", "2013-07-10T12:00", 5.0), ("b.json", "2013-07-10T15:00", again)):
+        columns = {"wind_speed_10m": [speed] * 6, "wind_direction_10m": [270.0] * 6}
+        files.append(wf.write_json(tmp_path / name, wf.open_meteo(columns, units, hours=6, start=start)))
+    if said is None:
+        assert len(read_weather(files)[0].times_s) == 9
+        return
+    with pytest.raises(InputError, match=said):
+        read_weather(files)
+
+
 def test_members_keep_their_courses(tmp_path):
     path = wf.write_grib(tmp_path / "e.grib2", linear, members=[0, 1, 2, 3], hours=(0, 3, 6, 9), heights=(80,))
     found = forecast_ensemble(read_weather([path]), region(), NONE)
