@@ -20,6 +20,7 @@ from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.models.base import geodesy
 from skyway.models.base.json_text import HIDDEN
 from skyway.models.base.units import J_PER_WH
+from skyway.models.drones.time_belief import TimeBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.rules import STEP_MPS2
 
@@ -145,7 +146,7 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
     weight = conditions.weather.probability
     near = NearStations(conditions.stations)
     soc = conditions.soc_start
-    spent_j = np.zeros(len(weight))  # since the state of charge was last known
+    spent_j, turns_j = np.zeros(len(weight)), 0.0  # since the state of charge was last known
     clock_s = np.zeros(len(weight))
     height_m, released = 0.0, False
     legs: list[LegEnergy] = []
@@ -153,8 +154,9 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
         payload_kg = 0.0 if released else conditions.payload_kg
         flown = fly_leg(mission, leg, conditions, payload_kg, clock_s, height_m)
         spent_j = spent_j + _or_typical(flown.energy_j, flown.flyable, weight)
+        turns_j += flown.turns_s * FlightPower.of(conditions.drone, payload_kg).cruise_w
         pad = _pad_at(leg, near)
-        legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
+        legs.append(_leg_energy(leg, flown, conditions, soc, (spent_j, turns_j), pad.name if pad else None))
         released = released or leg.released or leg.released_after is not None
         clock_s = clock_s + _or_typical(flown.time_s, flown.flyable, weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
@@ -162,7 +164,7 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
         if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):
             power_w = pad.recharge_power_w if pad else None
             soc = charged(conditions.drone, end or 0.0, leg.ground_hold_s, power_w)
-            spent_j = np.zeros(len(weight))
+            spent_j, turns_j = np.zeros(len(weight)), 0.0
     return tuple(legs)
 
 
@@ -185,9 +187,10 @@ def _leg_energy(
     flown: Flown,
     conditions: FlightConditions,
     soc: float,
-    spent_j: NDArray[np.float64],
+    spent: tuple[NDArray[np.float64], float],
     pad: str | None,
 ) -> LegEnergy:
+    spent_j, turns_j = spent
     weight = np.where(flown.flyable, conditions.weather.probability, 0.0)
     p_flyable = float(weight.sum())
     time_s = energy_wh = soc_end = p_reserve = None
@@ -197,7 +200,7 @@ def _leg_energy(
         energy_wh = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0)) / J_PER_WH
         soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
         budget_j = (soc - conditions.reserve_soc) * conditions.drone.battery_j
-        p_reserve = float(weight @ _p_within(spent_j, budget_j, conditions.drone.energy_belief))
+        p_reserve = float(weight @ p_within(spent_j, turns_j, budget_j, conditions.drone.energy_belief))
     return LegEnergy(
         leg.item_from,
         leg.item_to,
@@ -214,11 +217,21 @@ def _leg_energy(
     )
 
 
-def _p_within(energy_j: NDArray[np.float64], budget_j: float, belief: EnergyBelief) -> NDArray[np.float64]:
-    """Probability that what is taken for a modelled energy stays within a budget."""
+def p_within(
+    energy_j: NDArray[np.float64], turns_j: float, budget_j: float, belief: EnergyBelief
+) -> NDArray[np.float64]:
+    """Probability that what is taken for a modelled energy stays within a budget.
+
+    `turns_j` of it are of manoeuvres, which are believed with a spread of their own (`models.drones.time_belief`), but where the model is right.
+    """
+    if not turns_j > 0.0 or belief.leg_sd == 0.0:
+        factors, weights = np.ones(1), np.ones(1)
+    else:
+        factors, weights = TimeBelief().manoeuvre_factors()
+    left_j = budget_j - turns_j * (factors[:, None] - 1.0)
     with np.errstate(divide="ignore"):
-        ratio = np.where(energy_j > 0.0, budget_j / np.maximum(energy_j, 1e-9), math.inf if budget_j >= 0 else -1)
-    return belief.p_at_most(ratio)
+        ratio = np.where(energy_j > 0.0, left_j / np.maximum(energy_j, 1e-9), np.where(left_j >= 0.0, math.inf, -1.0))
+    return np.asarray(weights @ belief.p_at_most(ratio))
 
 
 def fly_leg(

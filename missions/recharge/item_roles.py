@@ -83,6 +83,12 @@ def state_key(item: MissionItem) -> str:
     return f"{thing} {item.param1:g}" if item.command in _OF_EACH and thing not in _ONE_THING else thing
 
 
+def is_no_region(item: MissionItem) -> bool:
+    """Whether an item ends a region of interest and orders none; ArduPilot takes DO_SET_ROI with a place whatever its mode says."""
+    no_place = item.param1 == 0.0 and item.point is None
+    return item.command == Command.DO_SET_ROI_NONE or (item.command == Command.DO_SET_ROI and no_place)
+
+
 def roles() -> Mapping[Role, tuple[str, ...]]:
     """Return the names of all commands by what they mean at a cut."""
     found: dict[Role, tuple[str, ...]] = {role: tuple(names.split()) for role, names in _NAMES.items()}

@@ -15,7 +15,7 @@ from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAME
 from skyway.missions.items.commands import LAND_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
-from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, role_of
+from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, is_no_region, role_of
 from skyway.missions.recharge.pad_ways import STEADY_S
 from skyway.missions.recharge.spans import spans_of
 
@@ -266,11 +266,7 @@ class PartBuilder:
 
 def _is_nothing(item: MissionItem) -> bool:
     """Whether an order only ends something: a new flight begins without it."""
-    return item.command in (
-        Command.DO_SET_ROI_NONE,
-        Command.VIDEO_STOP_CAPTURE,
-        Command.IMAGE_STOP_CAPTURE,
-    ) or (item.command == Command.DO_SET_ROI and item.param1 == 0.0)
+    return item.command in (Command.VIDEO_STOP_CAPTURE, Command.IMAGE_STOP_CAPTURE) or is_no_region(item)
 
 
 def completed(mission: Mission, *, lands: bool, takes_off_m: float | None) -> tuple[Mission, tuple[str, ...]]:

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.missions.items.commands import Command
-from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, role_of, state_key
+from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, is_no_region, role_of, state_key
 from skyway.missions.recharge.pictures import NOT, ordered
 from skyway.models.base import geodesy
 
@@ -89,12 +89,8 @@ def lasting(held: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
     return {
         key: item
         for key, item in held.items()
-        if key != SPEED and not key.startswith(RUNNING) and not _is_no_region(item)
+        if key != SPEED and not key.startswith(RUNNING) and not is_no_region(item)
     }
-
-
-def _is_no_region(item: MissionItem) -> bool:
-    return item.command == Command.DO_SET_ROI_NONE or (item.command == Command.DO_SET_ROI and item.param1 == 0.0)
 
 
 def tidied(orders: Sequence[MissionItem], *, last: bool = True) -> list[MissionItem]:

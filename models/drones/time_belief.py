@@ -14,6 +14,9 @@ GROUND_S = 20.0
 """On the ground at each stop, beside waiting and charging: the landing is noticed, the next mission uploaded and read back, the list gone through,
 the motors armed. It takes 6 to 7 s with a simulated drone and nobody to ask."""
 
+QUADRATURE = 25
+"""Nodes of sums over what is believed of manoeuvres."""
+
 
 class TimeFactors(NamedTuple):
     """Of each run: what times are over what is expected of them."""
@@ -41,6 +44,12 @@ class TimeBelief:
     """Of all charging: the age of the battery, its warmth, the charger."""
     ground_sd: float = 0.6
     """Of each time on the ground."""
+
+    def manoeuvre_factors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return factors of manoeuvres and their weights: sums over them are means over what is believed (Gauss and Hermite)."""
+        deviates, weights = np.polynomial.hermite_e.hermegauss(QUADRATURE)
+        sigma = np.sqrt(np.log1p(self.manoeuvres_sd**2))
+        return np.exp(sigma * deviates - 0.5 * sigma * sigma), weights / weights.sum()
 
     def sampled(self, rng: np.random.Generator, runs: int, flights: int) -> TimeFactors:
         """Draw what times are over what is expected of them."""

@@ -13,7 +13,7 @@ from skyway.missions.recharge.spans import Cut
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration, probability
 from skyway.recharge.preparing import prepared
-from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of
+from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of, surer
 from skyway.recharge.reasons import no_plan
 
 if TYPE_CHECKING:
@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeProblem
 
 MAX_ROUNDS = 6
-"""So often flights are given more charge where the winds of a forecast ask for more than their mean."""
-MORE_SURE = 1.02
+"""So often flights are given more charge where the winds of a forecast, or their turns, ask for more."""
 ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
@@ -91,9 +90,14 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     work = ready.work(options)
     ways = ready.ways(work, options)
     problem = problem_of(work, ways, options)
-    sure = ROUNDED * sure_ratio_of(options)
-    for _ in range(MAX_ROUNDS):
+    sure, least_sure = ROUNDED * sure_ratio_of(options, work), ROUNDED * sure_ratio_of(options)
+    for number in range(MAX_ROUNDS):
         plan = problem.stops(sure)
+        if (
+            plan is None and number == 0 and sure > least_sure
+        ):  # no flight may have as many turns as the work has on average
+            sure = least_sure
+            plan = problem.stops(sure)
         if plan is None:
             raise no_plan(problem, sure)
         if options.swap_s is not None:
@@ -103,10 +107,10 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
         least = min(flight.report.legs[-1].p_reserve or 0.0 for flown in flights.values() for flight in flown)
         if least >= 1.0 - options.epsilon - 1e-9:
             break
-        sure *= MORE_SURE
+        sure = surer(sure, least, options)
     else:
         raise InputError(
-            f"the winds of the forecast are too unlike each other: a landing keeps the reserve with probability {probability(least, 1)} only",
+            f"a landing keeps the reserve with probability {probability(least, 1)} only: winds of the forecast that are too unlike each other, or too many turns",
             field="--epsilon",
             remedy="allow more, or wait for a surer forecast",
         )

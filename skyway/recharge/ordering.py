@@ -77,7 +77,10 @@ def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: in
         own = cut(ready, options)
     except InputError as error:
         refusal = error
-    tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options)) if own or _may_help(refusal) else None
+    tables = None
+    if own or _may_help(refusal):
+        work = ready.work(options) if own is None else own.problem.work
+        tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options, work))
     if tables is None or not tables.division.is_free:
         if own is None:
             raise refusal or InputError("the mission cannot be cut")

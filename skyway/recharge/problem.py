@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.missions.checks.energy import fly_leg, p_within
 from skyway.missions.checks.weather import ForecastWind
 from skyway.missions.recharge.pad_ways import bent_hops, hops_between_pads, hops_from_pads, hops_to_pads
 from skyway.missions.recharge.work_hops import times_and_charges, work_hops
 from skyway.models.base.units import S_PER_H
 from skyway.models.drones.time_belief import GROUND_S
+from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.kernels import Slots
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.planner.fixed_route.battery_packs import PackPool, swap_stops
@@ -39,6 +41,10 @@ if TYPE_CHECKING:
 MAX_SLOTS = 24
 """Slots of a forecast that are looked at; the last one holds on."""
 AT_ONCE_S = 1e-3
+MORE_SURE, MOST_MORE = 1.02, 1.2
+"""Flights are given so much more charge at least, and at most, where one of them does not keep the reserve as surely as is asked."""
+LEAST_P = 0.5
+MOST_SURE, BISECTIONS = 4.0, 12
 EPSILON = 0.001
 """A flight may miss the reserve with this probability; that of checks."""
 
@@ -243,7 +249,41 @@ def pool_of(options: RechargeOptions) -> PackPool | None:
     return PackPool(options.packs, options.chargers, options.swap_s, *curve)
 
 
-def sure_ratio_of(options: RechargeOptions) -> float:
-    """Return what a flight takes at most with all but the probability that is allowed, over what the model says."""
+def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
+    """Return what a flight takes at most with all but the probability that is allowed, over what the model says.
+
+    Manoeuvres have the share of it that they have of some work; without that, none.
+    """
+    if not math.isfinite(options.epsilon):
+        return 1.0
     belief = options.conditions.drone.energy_belief
-    return max(1.0, belief.quantile(1.0 - options.epsilon)) if math.isfinite(options.epsilon) else 1.0
+    low = high = max(1.0, belief.quantile(1.0 - options.epsilon))
+    turns = 0.0 if work is None else _share_of_turns(work, options.conditions)
+    if not turns > 0.0:
+        return high
+    one = np.ones(1)
+    while float(p_within(one, turns, high, belief)[0]) < 1.0 - options.epsilon and high < MOST_SURE:
+        low, high = high, 1.1 * high
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if float(p_within(one, turns, middle, belief)[0]) < 1.0 - options.epsilon:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _share_of_turns(work: Work, conditions: FlightConditions) -> float:
+    """Return how much of the energy of some work is that of manoeuvres."""
+    clock_s, kg = np.zeros(len(conditions.weather.probability)), conditions.payload_kg
+    flown = [fly_leg(work.mission, leg, conditions, kg, clock_s, 0.0) for leg in work.route.legs if leg.steps]
+    energy_j = sum(float(np.median(one.energy_j)) for one in flown)
+    turns_j = FlightPower.of(conditions.drone, kg).cruise_w * sum(one.turns_s for one in flown)
+    return turns_j / energy_j if energy_j > 0.0 else 0.0
+
+
+def surer(sure_ratio: float, least: float, options: RechargeOptions) -> float:
+    """Return what a flight must have charge for, where one keeps the reserve with a probability of `least` only."""
+    belief = options.conditions.drone.energy_belief
+    lacks = belief.quantile(1.0 - options.epsilon) / belief.quantile(min(max(least, LEAST_P), 1.0 - options.epsilon))
+    return sure_ratio * min(max(lacks, MORE_SURE), MOST_MORE)

@@ -51,7 +51,9 @@ def _nowhere(problem: RechargeProblem) -> InputError:
     """Return the error of a mission that is nowhere left: the item for which not, else its first one."""
     items = problem.work.mission.items
     hinders = [point.hinders for point in problem.work.points if point.hinders is not None]
-    number = next((one for one in hinders if role_of(items[one]) == "bound"), hinders[0])
+    bound = [one for one in hinders if role_of(items[one]) == "bound"]
+    inside = [one for one in hinders if items[one].command not in TAKEOFF_COMMANDS | LAND_COMMANDS]
+    number = (bound or inside or hinders)[0]
     told = f"item {number} ({items[number].name}) cannot be cut, nor what comes behind it: the mission is nowhere left for a pad"
     return InputError(told, field="mission", remedy="a larger battery, or fly that part as a mission of its own")
 

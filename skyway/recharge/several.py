@@ -119,7 +119,7 @@ def shared_among(
         alone_s = cut(ready, options).plan.end_s
     except InputError as error:
         refusal = error
-    tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options), drones=drones)
+    tables = tables_of(ready, options, ROUNDED * sure_ratio_of(options, ready.work(options)), drones=drones)
     tables = _shareable(tables, refusal)
     begin = _begun(tables, drones)
     best = best_order(

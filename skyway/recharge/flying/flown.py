@@ -22,10 +22,11 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration, percent, probability
 from skyway.models.drones.energy_belief import SOC_SD
 from skyway.models.flight.energy import FlightPower
-from skyway.recharge.cutting import MAX_ROUNDS, MORE_SURE, ROUNDED, Recharged, cuts_of, flights_of
+from skyway.recharge.cutting import MAX_ROUNDS, ROUNDED, Recharged, cuts_of, flights_of
 from skyway.recharge.flying import rest
 from skyway.recharge.flying.as_composition import composition_of
 from skyway.recharge.output import parameters_of
+from skyway.recharge.problem import MORE_SURE, sure_ratio_of, surer
 from skyway.recharge.reasons import no_plan
 from skyway.recharge.simulated import simulated
 
@@ -110,7 +111,7 @@ class SetPlanner:
         problem = rest.with_known(self.found.problem, self._options(known))
         options = problem.options
         belief = known.belief.next_flight()
-        sure = max(belief.mean_ratio, ROUNDED * belief.quantile(1.0 - options.epsilon))
+        sure = max(belief.mean_ratio, ROUNDED * sure_ratio_of(options, problem.work))
         planned: RestPlan | None = None
         for _ in range(MAX_ROUNDS):
             ratios = (belief.mean_ratio, sure)
@@ -125,7 +126,7 @@ class SetPlanner:
             least = flights[0].report.legs[-1].p_reserve or 0.0
             if least >= 1.0 - options.epsilon - 1e-9:
                 break
-            sure *= MORE_SURE
+            sure = surer(sure, least, options)
         if planned is None:
             raise no_plan(problem, sure)
         return self._told(family, problem, begin, planned, known)

@@ -8,6 +8,7 @@ import pytest
 from scipy.special import stdtr
 
 from skyway.missions import FlightConditions, ForecastWind, SteadyWind, check
+from skyway.missions.checks.energy import p_within
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
@@ -16,6 +17,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.json_text import plain
 from skyway.models.drones.drone import M200_V2
 from skyway.models.drones.energy_belief import EnergyBelief
+from skyway.models.drones.time_belief import TimeBelief
 from skyway.models.network.network import Station
 from skyway.models.wind.forecast import WindEnsemble
 
@@ -254,3 +256,14 @@ def test_the_wind_of_the_hour_is_flown_in():
     late = run(*out(20.0), weather=ForecastWind(changing, 3700.0)).legs[0]
     assert early.time_s == pytest.approx(12 + 250 + 20, abs=0.1)
     assert late.time_s == pytest.approx(12 + 5000 / 11.5 + 20, abs=0.1)
+
+
+@pytest.mark.parametrize("turns_j", [5.0, 40.0])
+def test_what_is_not_known_of_manoeuvres_is_in_the_probability_of_the_reserve(turns_j):
+    rng = np.random.default_rng(1)
+    belief = EnergyBelief(0.99, 0.08, 0.0)
+    drawn = TimeBelief().sampled(rng, 400_000, 1).manoeuvres
+    spent = 100.0 * belief.sampled(rng, 400_000, 1)[:, 0] + turns_j * (drawn - 1.0)
+    for budget_j in (95.0, 115.0, 130.0):
+        told = float(p_within(np.array([100.0]), turns_j, budget_j, belief)[0])
+        assert told == pytest.approx(float((spent <= budget_j).mean()), abs=0.003)

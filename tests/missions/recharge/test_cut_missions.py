@@ -32,6 +32,8 @@ from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions
 from skyway.recharge.simulated import simulated
 
+HOME = MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION)
+
 
 def cut(mission, pads, chosen=None, families=FAMILIES):
     return recharged(MissionDocument(mission), pads, families, chosen or options())
@@ -121,6 +123,27 @@ def test_jumps_are_unrolled_and_counted_over_the_cuts():
     often = cut(patrol, [pad("a", 300, 500)], options(laps=7))
     assert "item 3 jumps back for ever: flown 8 times" in often.notes
     compare(patrol, often, laps=7)
+
+
+def test_a_region_of_interest_as_mission_planner_writes_it_holds_behind_a_cut():
+    """With a place and no mode: ArduPilot looks there, whatever the first parameter says."""
+    region = at(300, 300, Command.DO_SET_ROI, 10.0)
+    mission = mission_of(
+        [at(0, 400), region, at(700, 400), at(700, 0), at(0, 0), do(Command.DO_SET_ROI), at(50, 0), HOME]
+    )
+    found = cut(mission, [pad("a", 300, 500)], options(0.17))
+    assert found.plan.stops
+    kept = [one for one in found.flights["ardupilot"][1].document.mission.items if one.command == Command.DO_SET_ROI]
+    assert [(one.x, one.y) for one in kept][:1] == [(region.x, region.y)]
+
+
+def test_a_flight_of_many_turns_has_charge_for_what_is_not_known_of_turns():
+    places = [at(60.0 * (number % 8), 40.0 * (number // 8), param1=0.5) for number in range(48)]
+    found = cut(mission_of([*places, HOME]), [pad("barn", -50, 0), pad("shed", 300, 200)], options(0.2), FAMILIES[:1])
+    assert found.plan.stops
+    told = simulated(found, runs=20_000)
+    assert min(told.each_p_reserve) >= 0.998
+    assert all(flight.report.legs[-1].p_reserve >= 0.999 - 1e-9 for flight in found.told)
 
 
 def made_up(seed):

@@ -67,7 +67,7 @@ def lines_of(order, every=25.0, length=700.0):
 @pytest.mark.parametrize("families", [FAMILIES, *(pytest.param([one], marks=pytest.mark.slow) for one in FAMILIES)])
 def test_lines_of_a_survey_are_flown_in_the_better_order_and_from_their_ends(families):
     mission = mission_of([*lines_of([0, 3, 1, 4, 2]), HOME])
-    found = recharged(MissionDocument(mission), PADS, families, options(reorder=True))
+    found = recharged(MissionDocument(mission), PADS, families, options(share=0.165, reorder=True))
     told = found.order
     assert set(found.flights) == {family.name for family in families}
     assert (told.units, told.before_s > told.end_s) == (5, True)
@@ -108,8 +108,8 @@ def test_what_acts_on_the_world_keeps_its_place_and_that_is_said():
 
 def test_a_patrol_keeps_its_order_and_says_why():
     mission = mission_of([at(0, 400), at(700, 400), do(Command.DO_JUMP, 1, 3), at(0, 0, Command.NAV_LAND, 0.0)])
-    found = recharged(MissionDocument(mission), PADS, FAMILIES, options(reorder=True))
-    plain = recharged(MissionDocument(mission), PADS, FAMILIES, options())
+    found = recharged(MissionDocument(mission), PADS, FAMILIES, options(share=0.16, reorder=True))
+    plain = recharged(MissionDocument(mission), PADS, FAMILIES, options(share=0.16))
     assert found.order.moved == 0
     assert found.order.bound_s == found.plan.end_s == plain.plan.end_s
     assert any("order kept" in note for note in found.notes)

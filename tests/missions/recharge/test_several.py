@@ -39,7 +39,7 @@ def pictures_of(missions, grounds_m, origin, *, ardupilot):
 def test_every_part_is_flown_once_and_no_pad_is_anybody_elses(reorder):
     mission = mission_of([*lines(6), HOME])
     work = shared_among(
-        MissionDocument(mission), PADS, FAMILIES, options(share=0.13, reorder=reorder), 2, iterations=40
+        MissionDocument(mission), PADS, FAMILIES, options(share=0.14, reorder=reorder), 2, iterations=40
     )
     assert sum(share.units for share in work.shares) == work.units == 6
     assert 0.0 < work.bound_s <= work.end_s
