@@ -10,6 +10,7 @@ import numpy as np
 
 from skyway.missions.checks.areas import MAX_FINDINGS, breach_findings, ways_to_rally
 from skyway.missions.checks.clearance import Knot, flights
+from skyway.missions.checks.terrain import homes_m
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
 from skyway.missions.items.finding import Finding
 from skyway.models.airspace.ways import Ways, at_any_height, columns, flown_at, together
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from skyway.models.flight.way_heights import Over
     from skyway.models.network.network import Station
 
+OPEN_S = 366 * 86_400.0
+"""A hold that ends when somebody arms, and a flight of unknown length, may last as long: later flights are tested in all of it."""
 SAMPLE_M = 30.0
 """The ground of a terrain model is looked at so far apart."""
 
@@ -107,13 +110,21 @@ def _flights(
     depart_s: float | None,
     over: Over | None,
 ) -> Iterator[_Flight]:
-    begin_s = depart_s
-    for (leg, knots, zero_m), energy in zip(flights(mission, route, stations), legs, strict=True):
-        end_s = None if begin_s is None or energy.time_s is None else begin_s + energy.time_s
+    begin_s, open_s = depart_s, 0.0
+    homes: Sequence[float | None] = [None] * len(route.legs)
+    if over is not None:
+        homes, _ = homes_m(mission, route, over, stations)
+    for (leg, knots, known_m), energy, over_m in zip(flights(mission, route, stations), legs, homes, strict=True):
+        if energy.time_s is None:
+            open_s = OPEN_S
+        end_s = None if begin_s is None else begin_s + (energy.time_s or 0.0)
         if knots:
+            zero_m = known_m if over_m is None else over_m
             ways, items = _ways(mission, leg, knots, math.nan if zero_m is None else zero_m, over)
-            yield _Flight(ways, items, begin_s if end_s is not None else None, end_s)
-        begin_s = None if end_s is None or leg.ground_hold_s is None else end_s + leg.ground_hold_s
+            yield _Flight(ways, items, begin_s, None if end_s is None else end_s + open_s)
+        if leg.ground_hold_s is None:
+            open_s = OPEN_S
+        begin_s = None if end_s is None else end_s + (leg.ground_hold_s or 0.0)
 
 
 def _ways(

@@ -50,17 +50,10 @@ def check_terrain(
     mission: Mission, route: Route, over: Over, stations: Sequence[Station]
 ) -> tuple[list[Finding], tuple[LegHeights | None, ...]]:
     """Judge every flight of a route over a terrain model; returns findings, and the heights of each flight for pictures."""
-    findings: list[Finding] = []
+    homes, findings = homes_m(mission, route, over, stations)
     heights: list[LegHeights | None] = []
-    near = NearStations(stations)
-    zero_m = math.nan
-    moved = True
-    for number, leg in enumerate(route.legs):
-        if moved:
-            zero_m, told = _home_m(mission, leg, over, near, first=number == 0)
-            findings += told
+    for leg, zero_m in zip(route.legs, homes, strict=True):
         way = _way(mission, leg, over, zero_m)
-        moved = leg.ground_hold_s is None
         if way is None:
             heights.append(None)
             continue
@@ -71,6 +64,23 @@ def check_terrain(
         _, obstacle = over.terrain.obstacles_near(way.lat, way.lon, over.clearance.radius_m + 0.5 * every_m)
         heights.append(_told(way, ground, top, obstacles_told(way.along_m, obstacle, ground, over.terrain)))
     return findings, tuple(heights)
+
+
+def homes_m(
+    mission: Mission, route: Route, over: Over, stations: Sequence[Station]
+) -> tuple[list[float], list[Finding]]:
+    """How high above the sea each flight counts its heights from, NaN where nothing says so; and what is to be told of it."""
+    findings: list[Finding] = []
+    homes: list[float] = []
+    near = NearStations(stations)
+    moved = True
+    for number, leg in enumerate(route.legs):
+        if moved:
+            zero_m, told = _home_m(mission, leg, over, near, first=number == 0)
+            findings += told
+        homes.append(zero_m)
+        moved = leg.ground_hold_s is None  # home moves at the next arming
+    return homes, findings
 
 
 def _home_m(

@@ -73,6 +73,23 @@ def test_plan_mission_and_check_agree_on_zones_ground_and_wind(example):
     assert told["speed_mps"] == pytest.approx(float(forecast.probability @ speeds), rel=0.15)
 
 
+@pytest.mark.parametrize("known", ["scenario", "files"])
+def test_a_flight_after_a_hold_of_any_length_is_tested_from_then_on_and_from_its_own_ground(example, known):
+    """Nobody knows when the second flight begins; a zone that ended before the first does not close it, and home is where it stands."""
+    planned(example, "after.json", AFTER)
+    assert example("mission", "after.json", "-o", "after.plan").code == 0
+    alone = ("--terrain", "hills/terrain.tif", "--obstacles", "hills/obstacles.csv", "--zones", "hills/airspace.json")
+    where = ("--scenario", "hills") if known == "scenario" else (*alone, "--authorized", "FIELD")
+    late = example("check", "after.plan", *where, "--depart", AFTER, "--json")
+    assert not [one for one in json.loads(late.out)["findings"] if one["code"] == "no-fly-zone"], late.out
+    early = example(
+        "check", "after.plan", *where, "--depart", "2026-06-01T10:30Z", "--json"
+    )  # the hold may end before 11:00
+    errors = [one["message"] for one in json.loads(early.out)["findings"] if one["code"] == "no-fly-zone"]
+    assert errors
+    assert all("QUARRY" in message for message in errors)
+
+
 def test_compare_has_the_very_plans_of_plan_and_evaluate_says_what_it_lacks(example):
     plan = planned(example, "plan.json", TEN)
     (other,) = json.loads(example("compare", "hills", *FROM_TO, "--depart", TEN, "--planners", "robust", "--json").out)[
