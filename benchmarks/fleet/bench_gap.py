@@ -27,7 +27,9 @@ def main() -> None:
     """Print the gaps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=20, help="problems of each size")
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first problem")
     parser.add_argument("--seconds", type=float, default=3.0, help="time of the dispatcher for each")
+    parser.add_argument("--iterations", type=int, default=10**9, help="it ends after so many, too")
     parser.add_argument("--sizes", type=int, default=len(SIZES), help="so many of the sizes, the smallest first")
     parser.add_argument("--limit", type=float, default=60.0, help="time of the referee for each")
     options = parser.parse_args()
@@ -35,8 +37,8 @@ def main() -> None:
     for size in SIZES[: options.sizes]:
         gaps, bounds, unproved = [], [], 0
         for seed in range(options.each):
-            problem = small_world(1000 + seed, horizon=24, **size)
-            search = solve(problem, DispatchParameters(), time_limit_s=options.seconds)
+            problem = small_world(options.first + seed, horizon=24, **size)
+            search = solve(problem, DispatchParameters(), time_limit_s=options.seconds, iterations=options.iterations)
             verdict = judge(problem, STEP_S, LEVELS, time_limit_s=options.limit)
             if not verdict.proved:
                 unproved += 1

@@ -72,10 +72,14 @@ class Story:
     seed: int = 1
     drone: str = "m200"
     soc: float = 1.0
+    standing_soc: float | None = None
+    """What the battery really has when it begins, where it stood for a while since it was planned."""
     faults: tuple[Fault, ...] = ()
     impairment: Impairment | None = None
     traffic: bool = True
     supervised: bool = True
+    dispatched: bool = False
+    """A dispatcher planned it: its plan is kept to."""
     planner: str = PLANNER
     still: bool = False
     truth: str | None = None
@@ -185,7 +189,7 @@ class Stage:
                 lon=place.lon,
                 ground_m=place.elevation_m or 0.0,
                 autopilot=story.autopilot,
-                soc=story.soc,
+                soc=story.soc if story.standing_soc is None else story.standing_soc,
                 payload_kg=story.payload_kg,
                 seed=story.seed,
                 warm=True,
@@ -225,6 +229,7 @@ class Stage:
             drag=drag_of(newyork().drone(self.story.drone), self.story.payload_kg),
             options=MissionOptions(release=self.request.release),
             replanning=self.story.supervised,
+            dispatched=self.story.dispatched,
             asking="once" if self.operator.present else "never",
         )
 

@@ -42,6 +42,8 @@ class DeliveryProgress:
     """Stations that the next leg may go to instead."""
     charge_to: float | None = None
     """Charge to leave with."""
+    least_soc: float | None = None
+    """Charge that is enough to leave with, where that is not what the plan says."""
     charged: bool = False
     """It has been charged here."""
     called_off: bool = False
@@ -82,9 +84,9 @@ class DeliveryProgress:
         elif not self.begins_at(station):
             self.plan = None
 
-    def prepare(self, diverts: Iterable[str], charge_to: float | None) -> None:
+    def prepare(self, diverts: Iterable[str], charge_to: float | None, least_soc: float | None = None) -> None:
         """Take what was decided for the next leg besides the plan."""
-        self.diverts, self.charge_to = tuple(diverts), charge_to
+        self.diverts, self.charge_to, self.least_soc = tuple(diverts), charge_to, least_soc
 
     def charge_done(self) -> None:
         """Note that it has been charged here."""
@@ -103,7 +105,7 @@ class DeliveryProgress:
 
     def take_off(self) -> None:
         """Leave the station."""
-        self.station, self.charged, self.charge_to = None, False, None
+        self.station, self.charged, self.charge_to, self.least_soc = None, False, None, None
 
     def not_begun(self) -> None:
         """Take back a flight that did not take off."""

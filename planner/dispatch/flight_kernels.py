@@ -1,8 +1,9 @@
 """Kernels of one flight towards a goal, over stops to charge at: which ones, how much charge, which pad when.
 
 The recurrence of one flight towards a goal, from a place at time t with charge s: among the goal and all stops j take the one with the
-least  a_j + w_j + max(0, D_j - pace (s_j - reserve)), where a_j is the arrival after the wait for a pad and the charge that the
-flight needs, w_j the wait for a pad there, D_j the least time from j to the goal with all charging, and s_j the charge left at j.
+least  a_j + w_j + max(0, D_j - pace min(s_j - reserve, e_j)), where a_j is the arrival after the wait for a pad and the charge that the
+flight needs, w_j the wait for a pad there, D_j the least time from j to the goal with all charging, s_j the charge left at j, and e_j that
+of a flight from j to the goal without a landing.
 """
 
 from __future__ import annotations
@@ -118,9 +119,9 @@ def note(trace: Trace, kind: int, order: int, phase: int, begin: int, end: int, 
 @compiled
 def next_stop(
     flights: Flights, calendar: Calendar, drone: int, kind: int, scale: float, mode: int, floor: float,
-    slot: int, place: int, goal: int, time_s: float, soc: float,
+    slot: int, place: int, goal: int, time_s: float, soc: float, patient: bool,
 ) -> int:  # fmt: skip
-    """Where to fly next on the way to a goal; -1 where nothing can be reached in this slot."""
+    """Where to fly next on the way to a goal; -1 where nothing can be reached in this slot. Who is patient flies to the goal as soon as it can be reached."""
     has_pads = flights.pads[place] > 0
     curve = flights.curve_of[kind, place]
     level, at_s = flights.curve_soc[curve], flights.curve_s[curve]
@@ -141,9 +142,14 @@ def next_stop(
             come_s += pad_s - time_s + interpolated(level, at_s, min(wanted, 1.0)) - have_s
         left = max(soc, wanted) - takes
         if stop == goal:
+            if patient:
+                return goal
             score = come_s - LEFTOVER * pace * (left - least)
         else:
-            score = come_s + max(flights.to_go_s[mode, slot, stop, goal] - pace * (left - reserve), 0.0)
+            saved = min(
+                left - reserve, flights.need[mode, slot, stop, goal] * scale
+            )  # what is left beyond the way saves no time
+            score = come_s + max(flights.to_go_s[mode, slot, stop, goal] - pace * saved, 0.0)
             if score < best:  # it will want a pad there
                 score += pad_at(flights, calendar, stop, come_s, TYPICAL * pace, drone)[0] - come_s
         if score < best:
@@ -158,8 +164,24 @@ def fly(
 ) -> tuple[float, float, float]:  # fmt: skip
     """Fly from a place to a goal, charging on the way; returns (arrival, charge, charge taken), infinite where it cannot.
 
-    At a goal without pads so much is left that the drone, then in the mode `after`, gets to a pad.
+    At a goal without pads so much is left that the drone, then in the mode `after`, gets to a pad. Who does not arrive, since stops with free pads lead it
+    to and fro, flies again patiently.
     """
+    kept = trace.filled[0]
+    for patient in (False, True):
+        trace.filled[0] = kept
+        there_s, left, used = flown(flights, calendar, trace, drone, kind, scale, mode, after, order, phase, place, goal, time_s, soc, patient)  # fmt: skip
+        if there_s < np.inf:
+            break
+    return there_s, left, used
+
+
+@compiled
+def flown(
+    flights: Flights, calendar: Calendar, trace: Trace, drone: int, kind: int, scale: float, mode: int, after: int,
+    order: int, phase: int, place: int, goal: int, time_s: float, soc: float, patient: bool,
+) -> tuple[float, float, float]:  # fmt: skip
+    """One way of flying from a place to a goal."""
     floor = flights.reserve + flights.escape[after, goal] * scale
     slots = flights.time_s.shape[1]
     used = 0.0
@@ -167,7 +189,7 @@ def fly(
         if place == goal:
             return time_s, soc, used
         slot = slot_at(flights, time_s)
-        stop = next_stop(flights, calendar, drone, kind, scale, mode, floor, slot, place, goal, time_s, soc)
+        stop = next_stop(flights, calendar, drone, kind, scale, mode, floor, slot, place, goal, time_s, soc, patient)
         if stop < 0:
             if slot >= slots - 1:
                 break

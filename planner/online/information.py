@@ -130,6 +130,8 @@ class Decision:
     """For ``speed``."""
     charge_to: float | None = None
     """Charge to leave with, or to charge to while it waits; on the ground."""
+    least_soc: float | None = None
+    """Charge that is enough to leave with, where the plan has another; on the ground."""
     diverts: tuple[str, ...] = ()
     """Divert stations of the next leg, on the ground."""
     until_s: float | None = None

@@ -238,7 +238,9 @@ class OnlinePolicy:
                 figures |= dict(gated.figures)
                 return Decision("wait", gated.held, figures, diverts=gated.diverts, until_s=until_s)
             reason = f"to {service.destination} as planned"
-            return Decision("continue", reason, figures, plan, service.destination, diverts=gated.diverts)
+            return Decision(
+                "continue", reason, figures, plan, service.destination, diverts=gated.diverts, least_soc=gated.soc
+            )
         if not p.has_pads(p.origin):
             return self._stopped(
                 info, f"the leg to {service.destination} needs {percent(gated.soc)}, and there is no pad here"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -59,12 +60,11 @@ LATE_S = 120.0
 """A flight that is later by so much than was planned with is replanned around."""
 RETRY_S = 600.0
 """Orders that are not promised are tried again so often."""
-SILENT_S = 900.0
-"""A drone that was held up, or out of contact, for so long is left to a person."""
 ROUNDS = 5
 TRIES = 3
 """An order whose flights cannot be composed so often is refused."""
-HELD_UP = ("holding", "lost-link")
+HELD_UP_S = {"holding": 900.0, "lost-link": 900.0, "preparing": 7200.0}
+"""A drone that was held up, out of contact, or did not take off for so long is left to a person."""
 
 
 class Dispatcher:
@@ -210,7 +210,8 @@ class Dispatcher:
                 why.of_drone[flight.drone] = f"{flight.drone} is {duration(late_s)} late"
             told = flight.progress
             state, drone = self.drones[flight.drone]
-            if told is not None and told.state in HELD_UP and now_s > told.since_s + SILENT_S and state != LOST:
+            longest_s = math.inf if told is None else HELD_UP_S.get(told.state, math.inf)
+            if told is not None and now_s > told.since_s + longest_s and state != LOST:
                 drone.reason = f"{told.state} for {duration(now_s - told.since_s)}"
                 self._drone(flight.drone, LOST, drone)
                 why.of_drone[flight.drone] = f"{flight.drone} was lost ({drone.reason})"

@@ -51,7 +51,7 @@ def replanning(ctx: Context) -> After:
     elif decision.departure is not None and decision.departure.segments:
         ctx.wait_until(ctx.now_s + _UNTOLD_S)
         return State.REPLANNING, "the next leg cannot be flown in any wind of the forecast: look again"
-    ctx.delivery.prepare(decision.diverts, decision.charge_to)
+    ctx.delivery.prepare(decision.diverts, decision.charge_to, decision.least_soc)
     if decision.action == "stop":
         return State.STOPPED, decision.reason
     ctx.note_plan(decision.reason)

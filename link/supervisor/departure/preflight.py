@@ -145,7 +145,8 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
 
 
 def _battery(ctx: Context, service: DroneService) -> Check:
-    wanted = ctx.delivery.charge_to if ctx.delivery.charge_to is not None else service.soc_depart
+    decided = ctx.delivery.charge_to if ctx.delivery.charge_to is not None else ctx.delivery.least_soc
+    wanted = service.soc_depart if decided is None else decided
     if not math.isfinite(ctx.battery.soc) or (
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
     ):

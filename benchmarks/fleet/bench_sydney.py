@@ -1,0 +1,179 @@
+"""The rebuilt Sydney set: what our plans make of it, beside the rules of the study, greedy and first come, first served."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from collections import defaultdict
+
+import numpy as np
+
+from benchmarks.fleet.sydney import (
+    BATTERY_WH,
+    FINALS,
+    FLATS,
+    HOVER_W,
+    MIN_S,
+    SOURCES,
+    TAU_S,
+    City,
+    Flown,
+    Request,
+    alone,
+    city,
+    queued,
+    requests,
+)
+from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, FROM, KIND, LOADED, PAD, SOC, SOC_AFTER
+from skyway.planner.dispatch.improve import Improver
+from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, to_go
+from skyway.planner.dispatch.search import Search
+from skyway.planner.parameters.dispatch import DispatchParameters
+
+EACH = 40
+"""Requests of a provider in an hour."""
+ENERGY_S = 7000.0
+"""What the energy of a battery is worth in the measure of quality, about, in seconds of delivery."""
+FULL_S = 86_400.0
+"""Nobody waits for the last hundredth of a charge."""
+RULES = {
+    "the study's rule": lambda waits, charges: waits**1.2 + charges,
+    "greedy": lambda _, charges: charges,
+    "first come, first served": lambda waits, _: -waits,
+}
+
+
+def problem(town: City, asked: list[Request]) -> DispatchProblem:
+    """The set as a dispatch problem.
+
+    An order ends where its drone has the final charge, too: at a place of its destination and that charge, which is reached from the destination alone, in
+    no time, with a need of that charge. All drones of a provider are alike.
+    """
+    roofs = SOURCES + FLATS
+    finals = sorted(FINALS.values())
+    ends = {
+        (roof, final): roofs + number
+        for number, (roof, final) in enumerate((roof, final) for roof in range(SOURCES, roofs) for final in finals)
+    }
+    home = roofs + len(ends)
+    time_s, need = np.full((2, home + 1, home + 1), np.inf), np.full((2, home + 1, home + 1), np.inf)
+    time_s[:, :roofs, :roofs], need[:, :roofs, :roofs] = town.time_s, town.need
+    diagonal = np.arange(roofs)
+    time_s[:, diagonal, diagonal] = np.inf
+    for (roof, final), end in ends.items():
+        time_s[:, roof, end], need[:, roof, end] = 0.0, final
+        time_s[:, end, home], need[:, end, home] = 0.0, 0.0
+    stops = np.arange(roofs)
+    pads = np.concatenate((town.pads, np.zeros(len(ends) + 1, dtype=np.int64)))
+    levels = np.concatenate((np.linspace(0.0, 0.98, 50), [0.985, 0.99, 1.0]))
+    at_s = np.concatenate((-TAU_S * np.log(1.0 - levels[:-1]), [FULL_S]))
+    pace_s = float(at_s[1] / levels[1])
+    flights = Flights(
+        time_s=time_s[:, None], need=need[:, None],
+        to_go_s=to_go(time_s[:, None], need[:, None], stops, pace_s, 1.0), escape=np.zeros((2, home + 1)), start_s=0.0, slot_s=1e9,
+        pads=pads, first_pad=np.cumsum(pads) - pads, stops=stops, curve_of=np.zeros((1, home + 1), dtype=np.int64),
+        curve_s=at_s[None], curve_soc=levels[None], pace_s=np.array([pace_s]), wait_s=np.zeros((home + 1, 1)), wait_step_s=1e9, reserve=0.0,
+    )  # fmt: skip
+    count = len(asked)
+    ready = np.array([one.ready_s for one in asked])
+    origin = np.array([one.origin for one in asked], dtype=np.int64)
+    due = ready + np.array([alone(town, one)[0] for one in asked])
+    fleet = Fleet(
+        type=np.zeros(count, dtype=np.int64), empty_mode=np.zeros(count, dtype=np.int64), place=origin, home=np.full(count, home),
+        soc=np.ones(count), from_s=np.zeros(count), to_s=np.full(count, np.inf), scale=np.ones(count),
+    )  # fmt: skip
+    orders = Orders(
+        origin=origin, destination=np.array([ends[one.destination, FINALS[one.threshold]] for one in asked], dtype=np.int64), ready_s=ready,
+        due_s=due, refusal_s=np.full(count, 1e7), mode=np.ones((1, count), dtype=np.int64),
+    )  # fmt: skip
+    return DispatchProblem(flights, fleet, orders, Weights(1.0, 1e9, ENERGY_S))
+
+
+def searched(town: City, asked: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:
+    """Plan the set: the shortest charges are put in first, each at its destination; the search may choose other stops."""
+    made = problem(town, asked)
+    search = Search(made, DispatchParameters(vehicles_tried=2))
+    search.warm_up()
+    end_at = time.perf_counter() + time_limit_s
+    search.routes.halts.place[:, LOADED] = [one.destination for one in asked]
+    search.routes.halts.soc[:, LOADED] = [FINALS[one.threshold] for one in asked]
+    on_pads_s = [alone(town, one)[0] - town.time_s[one.origin, one.destination] for one in asked]
+    for order in np.argsort(on_pads_s, kind="stable"):
+        search.insert_best(int(order))
+    Improver(search).improve(end_at=end_at, iterations=iterations)
+    return search
+
+
+def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flown], float]:
+    """Read what a plan does to each request, and check it: no pad twice, no charge quicker than it can be.
+
+    A drone that must wait for its first pad begins so much later; at any other it waits on a waiting pad, or hovers where those are taken.
+    """
+    windows: dict[int, list[tuple[float, float]]] = defaultdict(list)
+    waits: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
+    done_s, taken = np.full(len(asked), np.inf), np.zeros(len(asked))
+    for drone in np.flatnonzero(search.routes.length):
+        (order,) = search.route(int(drone))
+        free_s, first = None, True
+        for row in search.steps[drone]:
+            if row[KIND] == CHARGE:
+                windows[int(row[PAD])].append((row[BEGIN], row[END]))
+                if row[SOC_AFTER] > 1.0 - (1.0 - row[SOC]) * np.exp(-(row[END] - row[BEGIN]) / TAU_S) + 1e-3:
+                    raise AssertionError(f"request {order} charges quicker than it can")
+                if free_s is not None and row[BEGIN] > free_s + 1.0 and not first:
+                    waits[int(row[FROM])].append((free_s, row[BEGIN], order))
+                first = False
+            else:
+                taken[order] += row[SOC] - row[SOC_AFTER] if row[END] > row[BEGIN] else 0.0
+            free_s = row[END]
+        done_s[order] = free_s
+    for own in windows.values():
+        own.sort()
+        if any(then[0] < one[1] - 1e-6 for one, then in itertools.pairwise(own)):
+            raise AssertionError("a pad is held twice")
+    hovered, congested = np.zeros(len(asked)), 0.0
+    for roof, all_ in waits.items():
+        at_s = sorted({time for begin, end, _ in all_ for time in (begin, end)})
+        for begin, end in itertools.pairwise(at_s):
+            here = sorted((one[0], one[2]) for one in all_ if one[0] <= begin and one[1] >= end)
+            congested += (end - begin) * bool(here)
+            for _, order in here[int(town.pads[roof]) :]:
+                hovered[order] += HOVER_W * (end - begin) / 3600.0 / BATTERY_WH
+    found = []
+    for number, one in enumerate(asked):
+        expected_s, use = alone(town, one)
+        late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
+        found.append(Flown(expected_s, use, late_s, max(taken[number] + hovered[number] - use, 0.0)))
+    return found, congested / MIN_S / len(town.pads)
+
+
+def told(name: str, flown: list[Flown], congested_min: float) -> str:
+    """One line of the table."""
+    late = np.array([one.late_s for one in flown]) / MIN_S
+    return (
+        f"{name:<26} quality {np.mean([one.quality for one in flown]):.3f}; not served {100.0 * np.mean([not one.served for one in flown]):.1f} %; "
+        f"congestion {congested_min:.0f} min a roof; late {late.mean():.1f} min on average, {np.percentile(late, 95):.0f} min at p95"
+    )
+
+
+def main() -> None:
+    """Print the comparison."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[11, 12, 13])
+    parser.add_argument("--growth", type=float, nargs="+", default=[0.0, 1.0])
+    parser.add_argument("--seconds", type=float, default=60.0, help="time of the search for each")
+    options = parser.parse_args()
+    for growth in options.growth:
+        for seed in options.seeds:
+            town = city(seed)
+            asked = requests(seed, round(EACH * (1.0 + growth)))
+            print(f"+{100 * growth:.0f} %, seed {seed}: {len(asked)} requests, {int(town.pads.sum())} pads", flush=True)
+            for name, rule in RULES.items():
+                print("  " + told(name, *queued(town, asked, rule)))
+            search = searched(town, asked, options.seconds)
+            print("  " + told("planned", *planned(town, asked, search)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
