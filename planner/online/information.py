@@ -130,8 +130,6 @@ class Decision:
     """For ``speed``."""
     charge_to: float | None = None
     """Charge to leave with, or to charge to while it waits; on the ground."""
-    least_soc: float | None = None
-    """Charge that is enough to leave with, where the plan has another; on the ground."""
     diverts: tuple[str, ...] = ()
     """Divert stations of the next leg, on the ground."""
     until_s: float | None = None
@@ -140,3 +138,5 @@ class Decision:
     """How to leave, on the ground."""
     segments: tuple[int, ...] = ()
     """Over a station: segments to go on with; none: land there."""
+    least_soc: float | None = None
+    """Charge that is enough to leave with, where the plan has another; on the ground."""

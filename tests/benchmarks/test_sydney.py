@@ -43,7 +43,9 @@ def test_who_comes_second_waits_and_who_comes_later_hovers():
     charge_s = charging_s(0.5, FINALS[0.6])
     assert charge_s == pytest.approx(TAU_S * np.log(0.5 / 0.23))
     assert alone(town, asked[0]) == pytest.approx((600.0 + charge_s, 0.5))
-    once = HOVER_W * charge_s / 3600.0 / BATTERY_WH  # until the waiting pad is free; the fourth one hovers while the third one charges, too
+    once = (
+        HOVER_W * charge_s / 3600.0 / BATTERY_WH
+    )  # until the waiting pad is free; the fourth one hovers while the third one charges, too
     longer_s = charging_s(0.5 - once, FINALS[0.6])
     assert [one.extra for one in flown] == pytest.approx([0.0, 0.0, once, min(2.0 * once, MOST_HOVERED)])
     assert [one.late_s for one in flown[:3]] == pytest.approx([0.0, charge_s, charge_s + longer_s])

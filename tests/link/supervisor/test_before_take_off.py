@@ -41,7 +41,9 @@ def events(stage, kind):
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_a_dispatched_drone_that_stood_for_a_while_takes_off_with_what_its_leg_needs(autopilot, tmp_path):
     """It stood in preflight for ever: the plan said 90 %, standing had taken 6 % of it, and the leg needs much less."""
-    stage = Stage(Story(autopilot=autopilot, soc=0.9, standing_soc=0.84, dispatched=True, still=True, **SHORT), tmp_path)
+    stage = Stage(
+        Story(autopilot=autopilot, soc=0.9, standing_soc=0.84, dispatched=True, still=True, **SHORT), tmp_path
+    )
     assert stage.composition.services[0].soc_depart == pytest.approx(0.9)
     assert stage.fly().delivered
     (battery,) = {one.data["said"] for one in events(stage, "check") if one.data["name"] == "battery"}
