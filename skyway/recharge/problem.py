@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.hops import Hops
     from skyway.missions.recharge.pad_ways import PadWays, TransitRules
     from skyway.missions.recharge.work import Work
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.network.network import Station
     from skyway.models.queues.load import PadLoad
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
@@ -254,19 +255,23 @@ def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
 
     Manoeuvres have the share of it that they have of some work; without that, none.
     """
-    if not math.isfinite(options.epsilon):
-        return 1.0
-    belief = options.conditions.drone.energy_belief
-    low = high = max(1.0, belief.quantile(1.0 - options.epsilon))
     turns = 0.0 if work is None else _share_of_turns(work, options.conditions)
+    return max(1.0, sure_of(options.conditions.drone.energy_belief, options.epsilon, turns))
+
+
+def sure_of(belief: EnergyBelief, epsilon: float, turns: float) -> float:
+    """Return what a flight takes at most with all but some probability, over what the model says; `turns` is the share of manoeuvres in that."""
+    if not math.isfinite(epsilon):
+        return 1.0
+    low = high = belief.quantile(1.0 - epsilon)
     if not turns > 0.0:
         return high
     one = np.ones(1)
-    while float(p_within(one, turns, high, belief)[0]) < 1.0 - options.epsilon and high < MOST_SURE:
+    while float(p_within(one, turns, high, belief)[0]) < 1.0 - epsilon and high < MOST_SURE:
         low, high = high, 1.1 * high
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if float(p_within(one, turns, middle, belief)[0]) < 1.0 - options.epsilon:
+        if float(p_within(one, turns, middle, belief)[0]) < 1.0 - epsilon:
             low = middle
         else:
             high = middle

@@ -1,13 +1,14 @@
 """The flights of a cut mission simulated: when it ends and whether each landing keeps the reserve, over winds, energies, times and pads.
 
 Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
-who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, however long that takes.
+who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, more or less by what the flights before have taught of the drone's
+energy, as `skyway fly` decides it, however long that takes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,14 +19,17 @@ from skyway.models.base.statistics import weighted_quantile
 from skyway.models.drones.time_belief import TimeBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.planner.fixed_route.pad_windows import ALWAYS
+from skyway.recharge.problem import sure_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.planner.fixed_route.pad_windows import Window
     from skyway.recharge.cutting import Recharged
+    from skyway.recharge.problem import RechargeOptions
 
 RUNS = 4000
+FULL = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +79,18 @@ def simulated(
     soc = np.full(runs, conditions.soc_start)
     kept = np.ones((len(found.told), runs), dtype=bool)
     pool, ground_s = _Pool(found, runs), options.ground_s
+    taught = Taught(options)
     power = FlightPower.of(conditions.drone, conditions.payload_kg)
     for number in range(len(found.told)):
         begin = np.bincount(wind, clock, len(weight)) / np.maximum(np.bincount(wind, minlength=len(weight)), 1)
         begin = np.where(begin > 0.0, begin, clock.mean())
         time_s, energy_j, turns_s = _in_each_wind(found, number, begin)
         more_s = turns_s * (factors.manoeuvres - 1.0)
-        energy_j = energy_j[wind] + power.cruise_w * more_s
-        soc = soc - ratios[:, number] * energy_j / power.battery_j
+        modelled_soc = energy_j[wind] / power.battery_j
+        used_soc = ratios[:, number] * (modelled_soc + power.cruise_w * more_s / power.battery_j)
+        soc = soc - used_soc
         kept[number] = soc >= conditions.reserve_soc
+        taught.learn(used_soc, modelled_soc)
         clock = clock + factors.flights[number] * (time_s[wind] - turns_s) + turns_s + more_s
         if number < len(plan.stops):
             stop = plan.stops[number]
@@ -95,7 +102,11 @@ def simulated(
                 clock, soc = pool.changed(clock, soc) + handled_s, np.ones(runs)
                 continue
             curve = conditions.drone.charging_curve(found.problem.ways.pads[stop.pad].recharge_power_w)
-            target = np.maximum(soc, stop.soc_leave)
+            _, then_j, then_turns_s = _in_each_wind(found, number + 1, np.full(len(weight), stop.leave_s))
+            then_soc = float(np.mean(then_j)) / power.battery_j
+            more_soc = taught.more(then_turns_s * power.cruise_w / float(np.mean(then_j))) * then_soc
+            wanted = np.minimum(stop.soc_leave + more_soc, FULL)
+            target = np.maximum(soc, wanted)
             if math.isfinite(last_s):  # then the van drives on, whoever it has on its roof
                 stay_s = np.maximum(last_s - clock - handled_s, 0.0) / factors.charging
                 most = curve.soc(np.asarray(curve.time_from_empty_s(np.maximum(soc, 0.0))) + stay_s)
@@ -114,6 +125,30 @@ def simulated(
         clock,
         np.asarray(kept.all(axis=0)),
     )
+
+
+class Taught:
+    """What the flights of each run have taught of the drone's energy, as `EnergyBelief.learnt` has it for one."""
+
+    def __init__(self, options: RechargeOptions) -> None:
+        self.belief = self.begun = options.conditions.drone.energy_belief
+        self.epsilon, self.mean = options.epsilon, np.full(1, self.belief.mean_ratio)
+
+    def learn(self, used_soc: NDArray[np.float64], modelled_soc: NDArray[np.float64]) -> None:
+        """Learn from a flight of each run."""
+        modelled = float(np.mean(modelled_soc))
+        if not modelled > 0.0:
+            return
+        # one that takes 1 more than the mean moves the mean by the gain
+        then = self.belief.learnt(modelled * (1.0 + self.belief.mean_ratio), modelled)
+        gain = then.mean_ratio - self.belief.mean_ratio
+        self.mean = self.mean + gain * (used_soc / np.maximum(modelled_soc, 1e-9) - self.mean)
+        self.belief = replace(then, mean_ratio=self.belief.mean_ratio)
+
+    def more(self, turns: float) -> NDArray[np.float64]:
+        """Of each run: so much more of what the model says is a flight given charge for, than before the first one; `turns` of it are manoeuvres."""
+        surer = sure_of(self.belief, self.epsilon, turns) - sure_of(self.begun, self.epsilon, turns)
+        return self.mean - self.begun.mean_ratio + surer
 
 
 class _Pool:

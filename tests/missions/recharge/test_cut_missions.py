@@ -30,7 +30,7 @@ from skyway.models.network.network import Station
 from skyway.recharge.cutting import recharged
 from skyway.recharge.picture_audit import audited
 from skyway.recharge.problem import RechargeOptions
-from skyway.recharge.simulated import simulated
+from skyway.recharge.simulated import Taught, simulated
 
 HOME = MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION)
 
@@ -135,6 +135,19 @@ def test_a_region_of_interest_as_mission_planner_writes_it_holds_behind_a_cut():
     assert found.plan.stops
     kept = [one for one in found.flights["ardupilot"][1].document.mission.items if one.command == Command.DO_SET_ROI]
     assert [(one.x, one.y) for one in kept][:1] == [(region.x, region.y)]
+
+
+@pytest.mark.parametrize("used", [(0.5, 0.6), (0.7, 0.62)])
+def test_simulated_flights_teach_each_run_what_flights_teach_the_supervisor(used):
+    chosen = options()
+    belief = begun = chosen.conditions.drone.energy_belief
+    taught = Taught(chosen)
+    for one in used:
+        belief = belief.learnt(one, 0.6)
+        taught.learn(np.array([one, 0.6]), np.full(2, 0.6))
+    sigmas = begun.sigmas(1.0 - chosen.epsilon)
+    more = belief.mean_ratio + sigmas * belief.leg_sd - (begun.mean_ratio + sigmas * begun.leg_sd)
+    assert taught.more(0.0)[0] == pytest.approx(more, abs=1e-12)
 
 
 def test_a_flight_of_many_turns_has_charge_for_what_is_not_known_of_turns():
