@@ -34,6 +34,8 @@ _STUCK_S = 10.0
 """A TCP client that takes nothing for so long is cut off."""
 RATE_BYTES, BURST_BYTES = 25_000.0, 65_536.0
 """What a client may say: bytes a second, and at once. A telemetry radio carries less."""
+RATE_PACKETS = 200.0
+"""And so many packets a second: a short packet costs a vehicle as much work as a long one."""
 
 
 @dataclass(slots=True)
@@ -44,7 +46,8 @@ class Allowance:
     since_s: float = 0.0
 
     def takes(self, size: int, now_s: float) -> bool:
-        """Whether so many bytes are within it, and take them from it."""
+        """Whether a packet of so many bytes is within it, and take it from it."""
+        size = max(size, round(RATE_BYTES / RATE_PACKETS))
         self.left_bytes = min(BURST_BYTES, self.left_bytes + RATE_BYTES * max(0.0, now_s - self.since_s))
         self.since_s = now_s
         if size > self.left_bytes:
@@ -79,6 +82,8 @@ class Client:
     speakers: dict[tuple[int, int], float] = field(default_factory=dict)
     """System and component of whoever speaks through it, and when they were heard last."""
     flooded: int = 0
+    noted_s: deque[float] = field(default_factory=deque)
+    """When something was told of it that it can have told in any number."""
     """Packets of it that were not looked at."""
     garbage_bytes: int = 0
     """Bytes of it that were no MAVLink, since the last message."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.link.forwarding.clients import open_endpoint
+from skyway.link.forwarding.notes import Note, Notes
 from skyway.link.forwarding.permission import (
     Effect,
     Permission,
@@ -29,32 +28,13 @@ POLL_S = 0.02
 """Clients are looked at so often, at least."""
 SILENT_S = 5.0
 """A sender that has been silent for so long may be found elsewhere."""
-_FOLD_S = 5.0
-"""What a client says again within so long is not told again."""
 _MUTED_S = 10.0
 _GARBAGE_BYTES = 4096
-_MAX_SENDERS, _MAX_NOTES, _MAX_TOLD = 64, 200, 256
+_MAX_SENDERS = 64
 _DENIED, _MISSION_DENIED = 2, 14
 _INVALID_AUTOPILOT = 8
 _LOGS, _ASKS_FOR_LOGS = frozenset(("LOG_ENTRY", "LOG_DATA")), frozenset(("LOG_REQUEST_LIST", "LOG_REQUEST_DATA"))
 _UPLOADS = frozenset(("MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST"))
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """Something that was noticed of a client, for the operator and the journal."""
-
-    client: str
-    """Where it is."""
-    system: int | None
-    component: int | None
-    """`system`, `component`: who spoke; None where that does not matter."""
-    what: str
-    """``joined``, ``passed``, ``refused``, ``impersonates`` (also by a loop of routers), ``flood`` or ``garbage``."""
-    order: str | None
-    """What was ordered, as MAVLink names it."""
-    said: str
-    """A sentence."""
 
 
 class Forwarder:
@@ -76,10 +56,7 @@ class Forwarder:
         self.endpoints: list[Endpoint] = []
         self.rates_kept: Collection[int] = ()
         """Ids of the messages whose rates we ask for ourselves."""
-        self.tell: Callable[[Note], None] | None = None
-        """Told of each note at once; without it notes are kept for `notes`."""
-        self._notes: deque[Note] = deque(maxlen=_MAX_NOTES)
-        self._told: dict[tuple[Any, ...], float] = {}
+        self._noted = Notes()
         self._vehicles: dict[int, float] = {}
         self._to_clients, self._to_vehicles = SeenFrames(), SeenFrames()
         self._muted: dict[Client, float] = {}
@@ -97,11 +74,18 @@ class Forwarder:
         for endpoint in self.endpoints:
             yield from endpoint.clients
 
+    @property
+    def tell(self) -> Callable[[Note], None] | None:
+        """Told of each note at once; without it notes are kept for `notes`."""
+        return self._noted.tell
+
+    @tell.setter
+    def tell(self, told: Callable[[Note], None] | None) -> None:
+        self._noted.tell = told
+
     def notes(self) -> list[Note]:
         """Return what was noticed since this was asked last, the oldest first."""
-        found = list(self._notes)
-        self._notes.clear()
-        return found
+        return self._noted.all()
 
     # From the vehicles
 
@@ -178,8 +162,8 @@ class Forwarder:
         if client.allowance.takes(size, now_s):
             return True
         client.flooded += 1
-        said = f"client {client.name} floods the link: what exceeds 25 kB a second is dropped"
-        self._note(client, None, "flood", None, said, now_s, fold_s=60.0)
+        said = f"client {client.name} floods the link: what exceeds 25 kB or 200 packets a second is dropped"
+        self._noted.take(client, None, "flood", None, said, now_s, fold_s=60.0)
         return False
 
     def _weigh_garbage(self, client: Client, size: int, now_s: float) -> None:
@@ -190,7 +174,9 @@ class Forwarder:
         self._muted = {one: until for one, until in self._muted.items() if now_s < until}
         self._muted[client] = now_s + _MUTED_S
         what = "sends nothing that is MAVLink" + (" signed with our key" if self._signs else "")
-        self._note(client, None, "garbage", None, f"client {client.name} {what}: it is ignored", now_s, fold_s=60.0)
+        self._noted.take(
+            client, None, "garbage", None, f"client {client.name} {what}: it is ignored", now_s, fold_s=60.0
+        )
 
     def _taken(self, client: Client, frame: bytes, message: Message | None, now_s: float, busy: str) -> int | None:
         """Target of a frame that passes; None for one that does not."""
@@ -210,7 +196,7 @@ class Forwarder:
                 self._wants_logs = client
             if does is not Effect.READ:
                 said = f"client {client.name} (system {sender[0]}) sends {order(message)}{_to(target)}: passed on"
-                self._note(client, sender, "passed", order(message), said, now_s)
+                self._noted.take(client, sender, "passed", order(message), said, now_s)
             return target
         self._refuse(client, message, sender, does, now_s)
         return None
@@ -227,7 +213,7 @@ class Forwarder:
             said = f"client {client.name} has our system and component id, {sender[0]} and {sender[1]}: give it another"
         else:
             return False
-        self._note(client, None, "impersonates", None, said, now_s, fold_s=60.0)
+        self._noted.take(client, None, "impersonates", None, said, now_s, fold_s=60.0)
         return True
 
     def _is_vehicle(self, system: int, message: Message | None, now_s: float) -> bool:
@@ -241,7 +227,7 @@ class Forwarder:
             if len(client.speakers) >= _MAX_SENDERS:
                 return
             said = f"client {client.name} is there (system {sender[0]}, component {sender[1]})"
-            self._note(client, sender, "joined", None, said, now_s, fold_s=60.0)
+            self._noted.take(client, sender, "joined", None, said, now_s, fold_s=60.0)
         client.speakers[sender] = now_s
 
     def _refuse(self, client: Client, message: Message, sender: tuple[int, int], does: Effect, now_s: float) -> None:
@@ -252,7 +238,9 @@ class Forwarder:
             return
         needs = Permission.PILOT if does is Effect.PILOT else Permission.ALL
         said = f"client {client.name} (system {sender[0]}) sends {order(message)}{_to(target)}: refused"
-        self._note(client, sender, "refused", order(message), f"{said}; --forward-commands {needs} passes it on", now_s)
+        self._noted.take(
+            client, sender, "refused", order(message), f"{said}; --forward-commands {needs} passes it on", now_s
+        )
         self._answer(client, message, sender)
 
     def _answer(self, client: Client, message: Message, sender: tuple[int, int]) -> None:
@@ -268,32 +256,6 @@ class Forwarder:
         elif message.name in _UPLOADS:
             fields = {"type": _MISSION_DENIED, "mission_type": message.fields.get("mission_type", 0), **to}
             client.put(writer.frame("MISSION_ACK", fields))
-
-    def _note(
-        self,
-        client: Client,
-        sender: tuple[int, int] | None,
-        what: str,
-        ordered: str | None,
-        said: str,
-        now_s: float,
-        *,
-        fold_s: float = _FOLD_S,
-    ) -> None:
-        """Keep a note; what goes on, or is tried again, is noted once."""
-        key = (client.name, sender, what, ordered)
-        last = self._told.get(key)
-        if len(self._told) > _MAX_TOLD:
-            self._told.clear()
-        self._told[key] = now_s
-        if last is not None and now_s <= last + fold_s:
-            return
-        system, component = sender or (None, None)
-        note = Note(client.name, system, component, what, ordered, said)
-        if self.tell is None:
-            self._notes.append(note)
-        else:
-            self.tell(note)
 
     def close(self) -> None:
         """Close all endpoints; what waits is sent first."""

@@ -89,6 +89,10 @@ class RateKeeper:
         """Count a message; returns what to ask for now, by message id: mostly nothing."""
         if now_s < self._begun_s:
             return {}
+        if (
+            not self._begun_boot_s and self.live.clock.boot_s > 0.0
+        ):  # its own clock is known from now on, not since it was begun
+            self._begin(now_s)
         self._counts[name] = self._counts.get(name, 0) + 1
         if now_s < self._begun_s + CHECK_S:
             return {}

@@ -197,6 +197,14 @@ def flood(shared, there):
         there.send(frame * 60)
 
 
+def short_packets(shared, there):
+    """Not many bytes, but more packets than any vehicle answers."""
+    for number, frame in enumerate(frames_of(254, 190, 700)):
+        there.send(frame)
+        if number % 25 == 0:
+            shared.run(0.02)
+
+
 def garbage(shared, there):
     for _ in range(12):
         there.send(os.urandom(400) + b"\xfd" * 100)
@@ -225,6 +233,7 @@ def takes_our_id(shared, there):
     ("deed", "told"),
     [
         (flood, "floods the link"),
+        (short_packets, "200 packets a second"),
         (garbage, "nothing that is MAVLink"),
         (echo, "sends back what it was sent"),
         (takes_the_vehicles_id, "speaks as vehicle 1"),
@@ -253,6 +262,26 @@ def test_a_bad_client_is_told_in_one_line_and_the_link_goes_on_as_before(deed, t
     assert sum(map(len, up[begun:])) < bound
     assert not [frame for frame in up if frame[5:7] == b"\x01\x01"]
     there.close()
+
+
+def test_one_that_has_a_thousand_kinds_of_orders_refused_gets_a_few_lines(shared):
+    link, pilots = shared.client(), shared.client(254, 190)
+    told = []
+    for kind in range(1000, 2000, 10):
+        link.mav.command_long_send(1, 1, kind, 0, 0, 0, 0, 0, 0, 0, 0)
+        shared.run(0.05)
+        told += shared.forwarder.notes()
+    assert sum(note.what == "refused" for note in told) <= 8
+    assert sum("not told one by one" in note.said for note in told) == 1
+    pilots.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+    link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+    shared.run(0.1)
+    passed = [note.client for note in shared.forwarder.notes() if note.what == "passed"]
+    assert len(passed) == 2  # what a vehicle hears is told, whoever says it
+    shared.run(12.0)
+    link.mav.command_long_send(1, 1, 3001, 0, 0, 0, 0, 0, 0, 0, 0)
+    shared.run(0.1)
+    assert [note.order for note in shared.forwarder.notes() if note.what == "refused"] == ["ARM_AUTHORIZATION_REQUEST"]
 
 
 def test_two_routers_back_to_back_do_not_go_round_in_circles(shared):

@@ -3,6 +3,7 @@
 import math
 import socket
 import time
+from types import SimpleNamespace
 
 import pytest
 from sim_serving import free_port, served
@@ -11,6 +12,7 @@ from wires import FAMILIES, Scene, bad_radio, changed_frame, rates_hz
 from skyway.link.protocol.opening import open_connection
 from skyway.link.telemetry.data_quality import DataQuality
 from skyway.link.telemetry.live import LiveTelemetry
+from skyway.link.telemetry.rates import RateKeeper
 from skyway.link.telemetry.timebase import VehicleClock
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
@@ -139,6 +141,22 @@ def test_rates_are_measured_and_asked_for_anew_where_the_vehicle_took_them_other
     assert checks["GLOBAL_POSITION_INT"].corrected_hz is None
     assert all(check.ok for check in checks.values())
     assert rates_hz(craft, 10.0)["ATTITUDE"] == pytest.approx(10.0 * (1.0 - loss), rel=0.3)
+
+
+@pytest.mark.parametrize("on_s", [0.1, 300.0, 1e6])
+def test_a_drone_that_has_been_on_for_long_sends_no_less_for_it(on_s):
+    """Its clock is known only after counting has begun: what it ran before is not time in which nothing came."""
+    live = SimpleNamespace(clock=SimpleNamespace(boot_s=0.0, reboots=0), loss=0.0)
+    keeper = RateKeeper(live)
+    keeper.want({30: 10.0}, BEGAN_S)
+    asked = {}
+    for k in range(110):
+        live.clock.boot_s = on_s + 0.1 * k if k > 3 else 0.0
+        asked.update(keeper.heard("ATTITUDE", BEGAN_S + 0.1 * k))
+    (check,) = keeper.checks
+    assert check.measured_hz == pytest.approx(10.0, rel=0.05)
+    assert check.ok
+    assert not asked
 
 
 def test_a_rate_that_the_vehicle_does_not_keep_to_is_told_and_asked_for_a_few_times():
