@@ -162,5 +162,10 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
             f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {str(shown)[:12]} m"
         )
         yield Finding("warning", number, "altitude-disagrees", message, "open and save the plan in QGroundControl")
+    half = (item.x is None) != (item.y is None)
+    if half and item.is_located and (item.x or item.y):
+        lacking = "latitude" if item.x is None else "longitude"
+        message = f"{item.name} has no {lacking}: ArduPilot takes such a place as here, or as one far away"
+        yield Finding("error", number, "half-a-place", message, "give both, or 0 and 0")
     if item.is_located and item.is_flown_to and math.isnan(item.z):
         yield Finding("error", number, "no-altitude", f"{item.name} has no altitude", "give it one")

@@ -262,6 +262,8 @@ def test_heights_are_above_the_ground():
     assert found(*downhill) == set()
     assert ("info", "high", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=300.0), LAND)
     assert ("error", "no-altitude", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=math.nan), LAND)
+    half = replace(at(Command.NAV_WAYPOINT, 47.01), x=None)
+    assert ("error", "half-a-place", 1) in found(TAKEOFF, half, LAND)
 
 
 def test_heights_above_sea_level_need_the_height_of_home():
