@@ -31,10 +31,9 @@ class Workers:
         self._busy: set[ProcessPoolExecutor] = set()
 
     def start(self, scenario: str | None) -> None:
-        """Start the processes, which load what they will need: one that works, and the spare one."""
+        """Start a process, which loads what it will need; the spare one follows when that one has answered, so that the first page is not late."""
         self._scenario = scenario
-        for _ in range(1 + SPARE):
-            self._idle.append(self._prepared())
+        self._idle.append(self._prepared())
 
     def close(self) -> None:
         """End all processes, and what they are at."""
@@ -63,7 +62,7 @@ class Workers:
         return found
 
     def _left(self, process: ProcessPoolExecutor, *, done: bool) -> None:
-        """Keep a process that has answered for the next call, and put another in the place of one that has not."""
+        """Keep a process that has answered for the next call, end one that has not; one more than works is always there."""
         if process not in self._busy:
             return  # all have ended
         self._busy.remove(process)
@@ -71,6 +70,7 @@ class Workers:
             self._idle.append(process)
         else:
             _end(process)
+        while len(self._idle) + len(self._busy) < 1 + SPARE:
             self._idle.insert(0, self._prepared())
 
     def _prepared(self) -> ProcessPoolExecutor:
