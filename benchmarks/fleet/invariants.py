@@ -10,11 +10,14 @@ import json
 import sqlite3
 import sys
 from collections import Counter, defaultdict
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
+
+    Rows = Callable[[str], list[tuple[Any, ...]]]
 
 CLOSED = ("delivered", "refused", "handed to a person")
 ON_PAD = ("firm", "in use", "late")
@@ -40,21 +43,27 @@ class Judged:
     figures: dict[str, float] = field(default_factory=dict)
 
 
-def _sqlite(name: str) -> Callable[[str], list[tuple[Any, ...]]]:
-    connection = sqlite3.connect(f"file:{name}?mode=ro", uri=True)
-    return lambda sql: connection.execute(sql).fetchall()
+@contextmanager
+def _sqlite(name: str) -> Iterator[Rows]:
+    with closing(sqlite3.connect(f"file:{name}?mode=ro", uri=True)) as connection:
+        yield lambda sql: connection.execute(sql).fetchall()
 
 
-def _postgresql(name: str) -> Callable[[str], list[tuple[Any, ...]]]:
+@contextmanager
+def _postgresql(name: str) -> Iterator[Rows]:
     import psycopg
 
-    connection = psycopg.connect(name, autocommit=True)
-    return lambda sql: connection.execute(sql.encode()).fetchall()
+    with psycopg.connect(name, autocommit=True) as connection:
+        yield lambda sql: connection.execute(sql.encode()).fetchall()
 
 
 def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2) -> Judged:
     """Judge all that one dispatcher did; the pads are judged for all together."""
-    rows = (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger)
+    with (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger) as rows:
+        return _judged(rows, dispatcher, reserve)
+
+
+def _judged(rows: Rows, dispatcher: str, reserve: float) -> Judged:
     found = Judged()
     kinds: dict[str, dict[str, list[Line]]] = defaultdict(lambda: defaultdict(list))
     name = dispatcher.replace("'", "''")
@@ -155,7 +164,7 @@ def _drones(
     }  # fmt: skip
 
 
-def _pads(rows: Callable[[str], list[tuple[Any, ...]]], found: Judged) -> None:
+def _pads(rows: Rows, found: Judged) -> None:
     """No two hard windows of one pad overlap while both are held; nothing is held at the end."""
     sql = "SELECT itinerary, version, number, station, pad, starts, ends, epsilon, state FROM history ORDER BY seq"
     held: dict[tuple[str, int], dict[tuple[str, int, int], tuple[Any, Any]]] = defaultdict(dict)

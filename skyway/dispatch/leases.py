@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import SkywayError
-from skyway.models.ledger.ledger import FencedError
+from skyway.models.ledger.ledger import FencedError, LedgerError
 from skyway.models.ledger.opening import open_ledger
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
     from skyway.models.ledger.ledger import Lease
 
+AGAIN_S = 0.1
+"""A database that is away is tried again so often, of the wall's time."""
 SHARE = 3.0
 """A lease is renewed so often within its time."""
 
@@ -43,9 +46,13 @@ class KeptLeases:
         self._thread.start()
 
     def take(self, holder: str) -> Lease:
-        """Take the lease of a holder, and keep it; a `FencedError` says that another process has it."""
+        """Take the lease of a holder, and keep it; a `FencedError` says that another process has it, a `LedgerError` that the database is away: try again."""
         with self._lock:
-            lease = self._ledger.acquire(holder, self.owner, self.ttl_s)
+            try:
+                lease = self._ledger.acquire(holder, self.owner, self.ttl_s)
+            except LedgerError:
+                self._reopen()
+                raise
             self._kept[holder] = lease
             return lease
 
@@ -66,11 +73,21 @@ class KeptLeases:
             lease = self._kept.get(holder)
             if lease is None:
                 raise FencedError(f"the lease of {holder} is lost: nothing more is commanded")
-            try:
-                self._ledger.confirm(lease)
-            except FencedError:
-                self._kept.pop(holder, None)
-                raise
+            end_s = time.monotonic() + self.ttl_s
+            while True:
+                try:
+                    self._ledger.confirm(lease)
+                except FencedError:
+                    self._kept.pop(holder, None)
+                    raise
+                except LedgerError as error:  # a database that is back within the time of the lease interrupts nothing
+                    if time.monotonic() >= end_s:
+                        self._kept.pop(holder, None)
+                        raise FencedError(f"the lease of {holder} cannot be confirmed: {error}") from error
+                    time.sleep(AGAIN_S)
+                    self._reopen()
+                else:
+                    return
 
     def give_back(self, holders: Iterable[str]) -> None:
         """Give some leases back, so that others may take them at once."""

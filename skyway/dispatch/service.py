@@ -102,7 +102,7 @@ class Service:
         while True:
             try:
                 self._token = self._leases.take(self.options.dispatcher).token
-            except FencedError:
+            except (FencedError, LedgerError):  # it holds on for another, or the database is not back yet
                 if time.monotonic() >= end:
                     raise
                 time.sleep(0.1)
@@ -229,7 +229,11 @@ class Service:
                 self._say(f"{error}; waiting for it")
                 self._reopen()
             except FencedError as error:
-                self._take_again(error)
+                try:
+                    self._take_again(error)
+                except LedgerError as gone:
+                    self._say(f"{gone}; waiting for it")
+                    self._reopen()
             else:
                 return
 
@@ -249,12 +253,12 @@ class Service:
         lasts_s = self.options.lasts_s
         if lasts_s is not None and now_s >= self.record.begin_s + lasts_s:
             return True
-        return (
-            lasts_s is None
-            and not self._coming
-            and not self.dispatcher.busy
-            and not self._desk.count("order", ("new", "promised", "under way", "aboard"))
-        )
+        if lasts_s is not None or self._coming or self.dispatcher.busy:
+            return False
+        try:
+            return not self._desk.count("order", ("new", "promised", "under way", "aboard"))
+        except LedgerError:  # the next step waits for the database
+            return False
 
     def _tend_workers(self) -> None:
         """Start workers that do not run: at the beginning, and those that have died."""

