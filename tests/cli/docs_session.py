@@ -7,6 +7,7 @@ The line before a block says how it is typed:
 - ``<!-- until Ctrl-C -->``: it is ended by Ctrl-C as soon as all that it announces has happened.
 - ``<!-- flight -->``: flies a delivery, or needs one that was flown, which takes minutes; typed only where flights are asked for.
 - ``<!-- flight, answered with: yes -->``: the same; it asks, and is answered.
+- ``<!-- flights, each in another terminal, answered with: yes -->``: the same, all of them at once.
 - ``<!-- file: NAME -->``: no command; the reader saves it under that name.
 - ``<!-- output -->``: what the command before it prints.
 - ``<!-- not run: REASON -->``: cannot be typed anywhere; the files that it reads must be there all the same.
@@ -39,11 +40,14 @@ ANOTHER_TERMINAL = "<!-- in another terminal -->"
 UNTIL_STOPPED = "<!-- until Ctrl-C -->"
 FLIGHT = "<!-- flight -->"
 ANSWERED_FLIGHT = "<!-- flight, answered with: yes -->"
+ANSWERED_FLIGHTS = "<!-- flights, each in another terminal, answered with: yes -->"
 DEADLINE_S = 180.0
 """For everything that is waited for: far more than it takes, since the machine may be busy."""
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C broke off; those that Ctrl-C ends as usual exit with 0."""
-_PORTS = ("5760", "5790", "14540", "14550", "8080")
+_PORTS = ("5760", "5770", "5790", "5791", "14540", "14550", "8080")
+_SECOND_VEHICLE = ("5780", "5770")
+"""A simulator's second vehicle listens ten ports above its first."""
 _FILE = re.compile(r"<!-- file: (\S+) -->")
 _NOT_RUN = re.compile(r"<!-- not run: (.+) -->")
 _AFTER = re.compile(r"<!-- after: (\S+) -->")
@@ -109,6 +113,8 @@ class Reader:
     def __init__(self, folder: Path, *, flights: bool = False, compares: bool = True) -> None:
         self.folder, self.flights, self.compares = folder, flights, compares
         self._ports = dict(zip(_PORTS, _free_ports(len(_PORTS)), strict=True))
+        second, first = _SECOND_VEHICLE
+        self._ports[second] = str(int(self._ports[first]) + 10)
 
     def type_page(self, page: Path) -> list[tuple[Block, str]]:
         """Type a page; returns what came out before each block of output."""
@@ -136,6 +142,8 @@ class Reader:
     def _type_block(self, block: Block, terminals: contextlib.ExitStack, where: str) -> str:
         """Type the commands of a block as its mark says; returns what the last of them printed."""
         last = ""
+        if block.mark == ANSWERED_FLIGHTS:
+            return self._fly(*map(self._with_free_ports, block.typed), where=where) if self.flights else last
         for written in block.typed:
             command = self._with_free_ports(written)
             if block.mark == ANOTHER_TERMINAL:
@@ -144,7 +152,7 @@ class Reader:
                 with Terminal(command, where) as terminal:
                     terminal.wait_for_faults()
             elif block.mark == ANSWERED_FLIGHT:
-                last = self._fly(command, where) if self.flights else last
+                last = self._fly(command, where=where) if self.flights else last
             elif block.mark == FLIGHT and not self.flights:
                 continue
             else:
@@ -153,12 +161,16 @@ class Reader:
                 assert_faults_happened(command, last.splitlines())
         return last
 
-    def _fly(self, command: str, where: str) -> str:
-        with Terminal(command, where, ready=False) as terminal:
-            terminal.wait_for("yes or no?")
-            terminal.answer("yes")
-            terminal.ends(4 * DEADLINE_S)
-        return "\n".join(terminal.lines)
+    def _fly(self, *commands: str, where: str) -> str:
+        """Fly, all at once; returns what the last of them printed."""
+        with contextlib.ExitStack() as open_terminals:
+            terminals = [open_terminals.enter_context(Terminal(each, where, ready=False)) for each in commands]
+            for terminal in terminals:
+                terminal.wait_for("yes or no?")
+                terminal.answer("yes")
+            for terminal in terminals:
+                terminal.ends(4 * DEADLINE_S)
+        return "\n".join(terminals[-1].lines)
 
     def type_faulty_flight(self, page: Path, fault: str) -> None:
         """Type the plan, the simulator with one fault more, and the flight of a page, until the fault has happened."""
@@ -188,7 +200,7 @@ class Reader:
 
     def _with_free_ports(self, command: str) -> str:
         """The ports of the page, each replaced by a free one: tests run side by side."""
-        return re.sub(r"\b(" + "|".join(_PORTS) + r")\b", lambda match: self._ports[match[1]], command)
+        return re.sub(r"\b(" + "|".join(self._ports) + r")\b", lambda match: self._ports[match[1]], command)
 
 
 class Terminal:

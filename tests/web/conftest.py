@@ -97,9 +97,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 @pytest.fixture
-def pages(tmp_path):
+def pages(tmp_path: Path) -> Iterator[list[Served]]:
     """The page that is served now, if any: at the end it is ended, and so is each flight that is still under way."""
-    found = []
+    found: list[Served] = []
     yield found
     for one in found:
         ended(one)
@@ -111,6 +111,6 @@ def pages(tmp_path):
 
 
 @pytest.fixture
-def site(pages, tmp_path):
+def site(pages: list[Served], tmp_path: Path) -> Served:
     pages.append(served(tmp_path))
     return pages[0]
