@@ -6,6 +6,7 @@ killed while it wrote; such a line is left out when reading, and cut off before 
 
 from __future__ import annotations
 
+import itertools
 import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -121,6 +122,18 @@ class Journal:
             raise InputError(Fault("already exists", str(self.path), field="--journal", remedy=remedy)) from None
         except OSError as error:
             raise self._failed(error) from error
+
+    @classmethod
+    def beside_others(cls, path: Path, posix_s: Callable[[], float]) -> Journal:
+        """Begin a journal under this name, or where another flight of the same second has it, under the next free one, `NAME-2`, `NAME-3` and so on."""
+        for number in itertools.count(1):
+            free = path.with_stem(f"{path.stem}-{number}") if number > 1 else path
+            try:
+                return cls(free, posix_s)
+            except InputError:
+                if not free.exists():
+                    raise
+        raise AssertionError
 
     def _failed(self, error: OSError) -> InputError:
         return InputError(Fault(f"the journal cannot be written: {error.strerror or error}", str(self.path)))

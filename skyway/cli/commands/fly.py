@@ -343,12 +343,13 @@ def _flown(
             raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
         if job.drag is None:
             operator.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
-        path = path or _journal_path(
-            link.record, journal_name(job.composition.origin, job.composition.destination, now)
-        )
-        book = Journal(path, clock.posix_s, resume=resumes)
+        if path is None:
+            name = journal_name(job.composition.origin, job.composition.destination, now)
+            book = Journal.beside_others(_journal_path(link.record, name), clock.posix_s)
+        else:
+            book = Journal(path, clock.posix_s, resume=resumes)
         book.listeners += [view.take] if live is None else [view.take, live.take]
-        operator.tell(f"journal: {path}")
+        operator.tell(f"journal: {book.path}")
         try:
             with counting_interrupts(operator), _served(pads, job, operator, clock) as service:
                 supervisor = Supervisor(job, vehicle, clock, service, operator, book, resume=resumes, on_tick=tick)
@@ -358,11 +359,11 @@ def _flown(
                 keep_vibration(supervisor.context, shakes)
                 if live is not None:
                     live.outcome(outcome)
-            return outcome, path, [] if logs is None else logs.fetch()  # Ctrl-C ends the transfer alone
+            return outcome, book.path, [] if logs is None else logs.fetch()  # Ctrl-C ends the transfer alone
         finally:
             book.close()
             if report is not None and book.count:  # also of a flight that broke off
-                write_report(path, report, scenario=job.scenario)
+                write_report(book.path, report, scenario=job.scenario)
 
 
 def _refuse_together(

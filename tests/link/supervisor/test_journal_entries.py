@@ -11,6 +11,8 @@ import pytest
 
 from skyway.link.supervisor.journal import entries
 from skyway.link.supervisor.journal.entry import Entry, Part
+from skyway.link.supervisor.journal.file import Journal
+from skyway.models.base.errors import InputError
 
 KINDS = [one for one in vars(entries).values() if isinstance(one, type) and issubclass(one, Entry) and one is not Entry]
 
@@ -49,3 +51,12 @@ def test_whatever_a_file_holds_is_read_as_typed_values_that_are_written_as_they_
 def test_what_is_unknown_and_always_told_is_null_and_the_rest_is_left_out():
     assert entries.CounterSet(soc=0.5, reported=None).to_json() == {"soc": 0.5, "reported": None}
     assert entries.Turned(destination="a").to_json() == {"destination": "a"}
+
+
+def test_two_flights_of_the_same_second_have_a_journal_each(tmp_path):
+    books = [Journal.beside_others(tmp_path / "a-b.jsonl", lambda: 1e9) for _ in range(3)]
+    for book in books:
+        book.close()
+    assert [book.path.name for book in books] == ["a-b.jsonl", "a-b-2.jsonl", "a-b-3.jsonl"]
+    with pytest.raises(InputError, match="cannot be written"):
+        Journal.beside_others(tmp_path / "missing" / "a-b.jsonl", lambda: 1e9)
