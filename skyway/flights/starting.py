@@ -98,13 +98,18 @@ def resumed(words: Sequence[str], journal: Path) -> list[str]:
 def start(words: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
     """Start a command of skyway that ends when it has done its work, whatever becomes of us; it prints into a file."""
     try:
-        with output.open("ab") as file:
+        with open(output, "ab", opener=_plain) as file:
             return subprocess.Popen(  # noqa: S603  our own command, its words as a list
                 [sys.executable, "-m", "skyway", *words], stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
                 start_new_session=True, close_fds=True, env=dict(os.environ),
             )  # fmt: skip
     except OSError as error:
         raise file_error("written", output, error) from error
+
+
+def _plain(path: str, flags: int) -> int:
+    """Open a file, but no link that somebody has put there in its place."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o600)
 
 
 def files_of(journal: Path) -> tuple[Path, Path, Path]:

@@ -1,8 +1,9 @@
-"""Connections of browsers: one that is slow to say what it wants is cut off, so that none keeps the others out."""
+"""Connections of browsers: one that is slow to say what it wants, or to take the answer, is cut off, so that none keeps the others out."""
 
 from __future__ import annotations
 
 import asyncio
+import time
 from typing import TYPE_CHECKING, Any
 
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
@@ -14,27 +15,68 @@ else:
 
 REQUEST_S = 15.0
 """Head of a request: from its first byte, or from the connection on, to its last."""
+MAX_HEAD = 64 * 1024
+"""Bytes of a head that does not end; one that comes at once may be as long as a system hands on at once."""
+TAKEN_S = 30.0
+"""An answer of which a browser has taken nothing for so long is not sent on."""
+MOST_WAITED_FOR = 128
+"""Connections that say nothing, or not all; of more, the one that is open for longest is cut off."""
 
 
 class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known when it runs
-    """HTTP as uvicorn speaks it, with a limit on the time in which a request is begun; its body is limited by the guard."""
+    """HTTP as uvicorn speaks it, with a limit on the time in which a request is begun and its answer taken; its body is limited by the guard."""
 
     _late: asyncio.TimerHandle | None = None
+    _stuck: asyncio.TimerHandle | None = None
+    _head = 0
+    opened_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:
-        """Expect a request from now on."""
+        """Expect a request from now on; a connection that is waited for without end makes room."""
         super().connection_made(transport)
+        self.opened_s = time.monotonic()
+        if len(self.connections) > MOST_WAITED_FOR:
+            waited_for = [one for one in self.connections if isinstance(one, Prompt) and one.is_waited_for]
+            if len(waited_for) > MOST_WAITED_FOR:
+                min(waited_for, key=lambda one: one.opened_s).transport.abort()
         self._expect()
 
     def data_received(self, data: bytes) -> None:
         """Take what has come; what is not a whole head yet has the rest of its time."""
         super().data_received(data)
+        in_body = self.cycle is not None and self.cycle.more_body
+        self._head = 0 if self._answering or in_body else self._head + len(data)
+        if self._head > MAX_HEAD and self._is_ours:
+            self.transport.abort()
         self._expect()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Expect nothing more."""
         self._forget()
+        self.resume_writing()
         super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """Look from now on whether the answer is taken."""
+        super().pause_writing()
+        self._look(self.transport.get_write_buffer_size())
+
+    def resume_writing(self) -> None:
+        """Send on: enough was taken."""
+        if self._stuck is not None:
+            self._stuck.cancel()
+            self._stuck = None
+        super().resume_writing()
+
+    def _look(self, before: int) -> None:
+        self._stuck = asyncio.get_running_loop().call_later(TAKEN_S, self._untaken, before)
+
+    def _untaken(self, before: int) -> None:
+        left = self.transport.get_write_buffer_size()
+        if left < before:
+            self._look(left)
+        else:
+            self.transport.abort()
 
     def _expect(self) -> None:
         if self._answering:
@@ -43,8 +85,18 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
             self._late = asyncio.get_running_loop().call_later(REQUEST_S, self._cut)
 
     @property
+    def is_waited_for(self) -> bool:
+        """Whether something is still to come: a request, or the rest of its body."""
+        return not self.transport.is_closing() and (not self._answering or self.cycle.more_body)
+
+    @property
     def _answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
+
+    @property
+    def _is_ours(self) -> bool:
+        """Whether it has not become a WebSocket."""
+        return self.transport.get_protocol() is self
 
     def _forget(self) -> None:
         if self._late is not None:
@@ -53,6 +105,5 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
 
     def _cut(self) -> None:
         self._late = None
-        is_ours = self.transport.get_protocol() is self  # else it has become a WebSocket
-        if is_ours and not self._answering and not self.transport.is_closing():
+        if self._is_ours and not self._answering and not self.transport.is_closing():
             self.transport.close()

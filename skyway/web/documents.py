@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from importlib import resources
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
 
 import msgspec
 from fastapi import Request, Response
@@ -13,6 +15,7 @@ from starlette.staticfiles import StaticFiles
 
 from skyway.link.supervisor.command.request_file import Request as OrderRequest
 from skyway.models.base.errors import InputError, SkywayError
+from skyway.models.base.files import read_bytes
 from skyway.web.folder import LOGS, MISSIONS, REPORTS, safe_name
 from skyway.web.guard import browser
 from skyway.web.pages import fleet_answer
@@ -20,6 +23,8 @@ from skyway.web.pages.fleet import LEDGERS
 from skyway.web.preferences import Preferences
 
 if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
     from fastapi import FastAPI
 
     from skyway.web.site import Site
@@ -27,6 +32,8 @@ if TYPE_CHECKING:
 
 TAKEN = (*MISSIONS, *LOGS, ".json", ".geojson", ".param", ".toml")
 """Endings of files that may be uploaded."""
+MAX_REPORT = 64 * 2**20
+"""Bytes of a report of the folder."""
 
 
 class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,10 +51,29 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return OrderRequest(id=self.id, word=self.word, who=who, name=name, time_s=time.time(), about=self.about)
 
 
-async def _answer(site: Site, name: str, *arguments: Any) -> Response:
-    """Return what a worker answers, or why it does not."""
+async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
+    """Return what is worked out; it ends where the browser that asked has gone, and then says so."""
+    working, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
     try:
-        found = await site.workers.ask(name, *arguments)
+        await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            raise SkywayError("nobody waits for the answer")
+        return await working
+    finally:
+        for task in (working, gone):
+            task.cancel()
+
+
+async def _gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _answer(site: Site, name: str, *arguments: Any, ends_with: Request | None = None) -> Response:
+    """Return what a worker answers, or why it does not; heavy work ends with who asked for it."""
+    asked = site.workers.ask(name, *arguments)
+    try:
+        found = await (asked if ends_with is None else _waited_for(ends_with, asked))
     except SkywayError as error:
         return JSONResponse({"error": str(error)}, 422)
     return JSONResponse(found, headers={"cache-control": "no-store"})
@@ -159,7 +185,7 @@ def _logs(app: FastAPI, site: Site) -> None:
             path = site.folder.existing(request.query_params.get("log", ""))
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 404)
-        return await _answer(site, "replayed.shown", str(path))
+        return await _answer(site, "replayed.shown", str(path), ends_with=request)
 
     @app.get("/api/report")
     async def report(request: Request) -> Response:
@@ -172,11 +198,14 @@ def _logs(app: FastAPI, site: Site) -> None:
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 404)
         try:
-            content = path.read_bytes() if kept else await site.workers.ask("history.report", str(path), site.scenario)
+            if kept:
+                content = await asyncio.to_thread(read_bytes, path, max_bytes=MAX_REPORT)
+            else:
+                content = await _waited_for(request, site.workers.ask("history.report", str(path), site.scenario))
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
         headers = {
-            "content-disposition": f'attachment; filename="{safe_name(f"{path.stem}.html")}"',
+            "content-disposition": f"attachment; filename*=UTF-8''{quote(safe_name(f'{path.stem}.html'))}",
             "cache-control": "no-store",
         }
         return Response(content, media_type="application/octet-stream", headers=headers)

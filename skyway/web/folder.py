@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,10 @@ REPORTS = (".html",)
 """Endings of missions, of logs and journals, and of reports."""
 MOST_FILES = 5000
 """Files of a folder that are looked at."""
+MOST_NAME, MOST_BYTES = 1000, 255
+"""Signs of a path within the folder, and bytes of each part of it: systems take no longer ones."""
+MOST_SAFE = 180
+"""Bytes of a name that we give: a number may be added to it."""
 MOST_DEEP = 4
 """Folders within folders."""
 _ODD = re.compile(r"[^\w.+=@-]+")
@@ -46,20 +51,16 @@ class Folder:
     def path(self, name: str) -> Path:
         """Return the path of a name within the folder; an `InputError` where it leads out, or is no name."""
         root = self.root.resolve()
-        if (
-            not name
-            or any(len(part) > 255 for part in name.split("/"))
-            or "\0" in name
-            or "\\" in name
-            or Path(name).is_absolute()
-        ):
-            raise InputError("not a file of the work folder", field="file", value=name[:200])
+        wrong = InputError("not a file of the work folder", field="file", value=name[:200])
+        if not name or len(name) > MOST_NAME or "\0" in name or "\\" in name or Path(name).is_absolute():
+            raise wrong
         try:
+            longest = max(len(os.fsencode(part)) for part in name.split("/"))
             path = (root / name).resolve()
-        except (OSError, RuntimeError) as error:
-            raise InputError("not a file of the work folder", field="file", value=name[:200]) from error
-        if not path.is_relative_to(root) or path == root:
-            raise InputError("not a file of the work folder", field="file", value=name[:200])
+        except (OSError, RuntimeError, ValueError) as error:
+            raise wrong from error
+        if longest > MOST_BYTES or not path.is_relative_to(root) or path == root:
+            raise wrong
         return path
 
     def existing(self, name: str) -> Path:
@@ -127,8 +128,8 @@ def stamp(folder: str | Path | None) -> tuple[tuple[str, int, int], ...]:
 
 
 def safe_name(name: str) -> str:
-    """Return a name of a file without folders and odd signs; 120 characters at most."""
+    """Return a name of a file without folders and odd signs, the last 120 of it at most."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
     kept = _ODD.sub("_", last).lstrip(".")
-    path = Path(kept[-120:] if len(kept) > 120 else kept)
+    path = Path(kept[-120:].encode()[-MOST_SAFE:].decode("utf-8", "ignore").lstrip("."))
     return "file" if path.name in _RESERVED else path.name

@@ -9,13 +9,14 @@ import asyncio
 import hashlib
 import hmac
 import html
+import re
 import secrets
 import time
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from importlib import resources
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from skyway.web.tiles.base import BaseMap
 from skyway.web.tiles.content import PICTURES, VECTORS
@@ -40,6 +41,11 @@ WRONG_S = 1.0
 """After a wrong token the answer waits so long, one at a time: nobody tries many."""
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+ONCE = (b"host", b"origin", b"content-length")
+"""Headers that are judged: of two, another program could judge the other one."""
+TRYING = 32
+"""Tokens that wait to be judged; more are not read."""
+_HOST = re.compile(r"(?a:([\w.-]+)|\[([\da-fA-F:.]+)\])(?::\d{1,5})?")
 _POLICY = (
     "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:{pictures}; font-src 'self'; connect-src 'self'{vectors}; form-action 'self'; base-uri 'none'; "
@@ -77,6 +83,7 @@ class Guard:
     max_body: int = MAX_BODY
     tiles: BaseMap = field(default_factory=BaseMap)
     _trying: asyncio.Lock = field(default_factory=asyncio.Lock)
+    _signing: int = 0
 
     async def __call__(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
         """Let a request through, or refuse it."""
@@ -100,19 +107,22 @@ class Guard:
 
     def _refused(self, scope: MutableMapping[str, Any], headers: dict[str, str]) -> tuple[int, str] | None:
         """Return status and reason of what no browser on our page would ask."""
+        names = [name for name, _ in scope["headers"]]
+        if any(names.count(one) > 1 for one in ONCE):
+            return 400, "a header is given twice"
         host = headers.get("host", "")
-        if self.token is None and _name(host) not in LOOPBACK:
+        name = _name(host)
+        if not name or (self.token is None and name not in LOOPBACK):
             return 403, "this page answers at its own address only"  # a name of somebody else's that points here
-        origin = headers.get("origin")
         changing = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
-        if changing and (origin is None or urlsplit(origin).netloc != host):
+        if changing and headers.get("origin", "").lower() not in {f"http://{host}".lower(), f"https://{host}".lower()}:
             return 403, "the request comes from another page"
         if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") != "navigate":
             return 403, "the request comes from another page"
         if scope["type"] == "http" and scope["path"].startswith("/_nicegui_ws"):
             return 400, "this page speaks over a WebSocket"
         length = headers.get("content-length", "0")
-        if not length.isdigit() or int(length) > self.max_body:
+        if not re.fullmatch(r"[0-9]{1,15}", length) or int(length) > self.max_body:
             return 413, f"more than {self.max_body // 2**20} MiB in one request"
         return None
 
@@ -141,18 +151,30 @@ class Guard:
         if scope["method"] in SAFE_METHODS:
             await _page(send, 200, "")
             return
-        body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
-        given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
-        async with self._trying:
-            right = hmac.compare_digest(given.encode(), self.token.encode())
-            if not right:
-                await asyncio.sleep(WRONG_S)
+        if self._signing >= TRYING:
+            await _refuse(scope, send, 503, "many sign in now; try again")
+            return
+        self._signing += 1
+        try:
+            right = await self._right(self.token, receive)
+        finally:
+            self._signing -= 1
         if not right:
             await _page(send, 403, "That is not the token.")
             return
         secure = "; Secure" if scope.get("scheme") == "https" or headers.get("x-forwarded-proto") == "https" else ""
         cookie = f"{COOKIE}={_session(self.token)}; HttpOnly; SameSite=Strict; Path=/; Max-Age=2592000{secure}"
         await _see_other(send, "/", (b"set-cookie", cookie.encode()))
+
+    async def _right(self, token: str, receive: Receive) -> bool:
+        """Whether the token that a form sends is the right one."""
+        body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
+        given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
+        async with self._trying:
+            right = hmac.compare_digest(given.encode(), token.encode())
+            if not right:
+                await asyncio.sleep(WRONG_S)
+        return right
 
     async def _pass(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
         """Hand a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
@@ -201,11 +223,9 @@ def browser(headers: Mapping[str, str]) -> str:
 
 
 def _name(host: str) -> str:
-    """Name of a Host header without its port."""
-    try:
-        return urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return ""
+    """Name of a Host header without its port; nothing where it is more than a name and a port."""
+    found = _HOST.fullmatch(host)
+    return (found[1] or found[2]).lower() if found else ""
 
 
 def _is_html(headers: Any) -> bool:

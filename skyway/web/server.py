@@ -19,8 +19,8 @@ from skyway.web.work.weather_and_zones import Given
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-MAX_CONNECTIONS = 256
-"""At once; more are refused."""
+MAX_CONNECTIONS = 512
+"""At once; more are refused. Those that say nothing are cut off before, see `connections`."""
 MIN_TOKEN = 12
 """Characters of a token."""
 RECONNECT_S = 30.0

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import time
+import weakref
 
 import msgspec
 import pytest
 
 from skyway.flights.live import Live, read_live
-from skyway.flights.starting import FlightOptions, channel, resumed
-from skyway.link.supervisor.command.request_file import RequestFile
+from skyway.flights.starting import FlightOptions, channel, resumed, start
+from skyway.link.supervisor.command.request_file import Request, RequestFile, request
 from skyway.models.base.errors import InputError
 from skyway.web.folder import Folder
 from skyway.web.guard import BROWSER, browser
 from skyway.web.live.flights import Flights
-from skyway.web.live.journal_tail import JournalTail
+from skyway.web.live.journal_tail import LONGEST, JournalTail
 from tests.web.conftest import ROOT
 
 NAME = "2026-01-01-a-b"
@@ -82,6 +84,72 @@ def test_a_journal_is_followed_line_by_line_also_while_a_line_is_half_written(tm
     path.write_text(record(1, "state") + "\n")  # another one in its place
     tail.read()
     assert [row["n"] for row in tail.since(0)["rows"]] == [1]
+
+
+def test_a_journal_of_lines_without_end_is_not_kept_in_memory(tmp_path):
+    path = tmp_path / f"{NAME}.jsonl"
+    tail = JournalTail(path)
+    with path.open("wb") as file:
+        for _ in range(3):
+            file.write(b"x" * (5 * 2**20))
+            file.flush()
+            tail.read()
+        file.write(f"\n{record(1, 'state')}\n".encode())
+    for _ in range(5):
+        tail.read()
+    assert [row["n"] for row in tail.since(0)["rows"]] == [1]
+    assert max(len(value) for value in vars(tail).values() if isinstance(value, bytes)) <= LONGEST
+
+
+def test_one_flight_whose_files_lie_hides_no_other(tmp_path):
+    written(tmp_path, vehicle={"lat": 1.0, "lon": 2.0})
+    lies = {
+        "vehicle": {"lat": "<b>", "lon": [1], "course_deg": {}},
+        "leg": {"way": 5, "to": 7},
+        "holder": {},
+        "pid": 10**18,
+    }
+    ways = [5, [[1.0]], [[1.0, 2.0], ["a", "b"], [None, 1], {}], "ab"]
+    for number, way in enumerate(ways):
+        told = lies | {"leg": {"way": way}, "wall_s": -1e300}
+        (tmp_path / f"lies-{number}.live").write_text(json.dumps(told))
+    for name in ("out", "fifo"):
+        (tmp_path / f"{name}.live").write_text(json.dumps(lies))
+    (tmp_path / "out.jsonl").symlink_to("/etc/passwd")
+    os.mkfifo(tmp_path / "fifo.jsonl")  # nobody will ever write into it
+    found = {row["name"]: row for row in Flights(Folder(tmp_path)).digest()}
+    assert found.keys() == {NAME, *(f"lies-{number}" for number in range(len(ways)))}
+    assert (found[NAME]["vehicle"]["lat"], found["lies-0"]["vehicle"]["lat"]) == (1.0, None)
+    assert [found[f"lies-{number}"]["way"] for number in range(len(ways))] == [[], [], [[1.0, 2.0]], []]
+
+
+def test_orders_and_outputs_are_written_through_no_link(tmp_path):
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    for ending in (".orders", ".out"):
+        (tmp_path / f"{NAME}{ending}").symlink_to(precious)
+    order = Request(id="12345678", word="pause", who="a", name="b", time_s=0.0)
+    with pytest.raises(InputError, match="cannot be written"):
+        request(tmp_path / f"{NAME}.orders", order)
+    with pytest.raises(InputError, match="cannot be written"):
+        RequestFile(tmp_path / f"{NAME}.orders", lambda _: None)
+    with pytest.raises(InputError, match="cannot be written"):
+        start(["--version"], tmp_path / f"{NAME}.out")
+    assert precious.read_text() == "mine"
+
+
+def test_what_is_known_of_a_flight_is_forgotten_with_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("skyway.web.live.flights.LOOK_S", -1.0)
+    flights = Flights(Folder(tmp_path))
+    written(tmp_path)
+    (tmp_path / f"{NAME}.jsonl").write_text(record(1, "track", lat=1.0, lon=2.0) + "\n")
+    assert flights.digest()[0]["track"] == [[1.0, 2.0]] * 2
+    held = [weakref.ref(one) for one in gc.get_objects() if isinstance(one, JournalTail)]
+    (tmp_path / f"{NAME}.live").unlink()
+    assert flights.digest() == []
+    gc.collect()
+    assert held
+    assert [one for one in held if one() is not None] == []
 
 
 def test_an_order_reaches_the_flight_with_who_gave_it_and_only_from_a_browser_that_has_opened_the_page(page):

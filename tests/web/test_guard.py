@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from skyway.web.guard import COOKIE, Guard
+from skyway.web.guard import COOKIE, TRYING, Guard
 
 HOME = "127.0.0.1:8080"
 TOKEN = "a-long-enough-token"
@@ -26,13 +26,13 @@ async def _app(scope, receive, send):
     await send({"type": "http.response.body", "body": b"<script>1</script>%d" % size})
 
 
-def _asked(method="GET", path="/", token=None, kind="http", body=(b"",), guard=None, **headers):
+def _asked(method="GET", path="/", token=None, kind="http", body=(b"",), guard=None, twice=(), **headers):
     headers = {"host": HOME} | {name.replace("_", "-"): value for name, value in headers.items()}
     scope = {
         "type": kind,
         "method": method,
         "path": path,
-        "headers": [(n.encode(), v.encode()) for n, v in headers.items()],
+        "headers": [(n.encode(), v.encode("latin-1")) for n, v in (*headers.items(), *twice)],
     }
     pieces, sent = list(body), []
 
@@ -58,16 +58,29 @@ def _asked(method="GET", path="/", token=None, kind="http", body=(b"",), guard=N
         (403, {"host": "evil.example"}),  # a foreign name that resolves to this machine
         (403, {"host": "127.0.0.1.evil.example:8080"}),
         (403, {"host": "[not-an-address"}),
+        (403, {"host": ""}),
+        (403, {"host": f"evil.example@{HOME}"}),
+        (403, {"host": f"{HOME}#evil.example"}),
+        (403, {"host": f"evil.example\\@{HOME}"}),
+        (400, {"twice": [("host", "evil.example")]}),  # who stands between may judge the other one
+        (400, {"host": "evil.example", "twice": [("host", HOME)]}),
+        (400, {"method": "POST", "origin": "http://evil.example", "twice": [("origin", f"http://{HOME}")]}),
         (403, {"method": "POST"}),  # from a form elsewhere, or from no browser
         (403, {"method": "POST", "origin": "http://evil.example"}),
         (403, {"method": "POST", "origin": f"http://{HOME}.evil.example"}),
         (403, {"method": "DELETE", "origin": "null"}),
+        (403, {"method": "POST", "origin": f"file://{HOME}"}),
+        (403, {"method": "POST", "origin": f"http://evil.example@{HOME}"}),
+        (403, {"method": "POST", "origin": f"http://{HOME}/#"}),
+        (403, {"method": "POST", "origin": "http://[evil"}),
         (200, {"method": "POST", "origin": f"http://{HOME}"}),
         (403, {"sec_fetch_site": "cross-site", "sec_fetch_mode": "no-cors"}),
         (200, {"sec_fetch_site": "cross-site", "sec_fetch_mode": "navigate"}),
         (400, {"path": "/_nicegui_ws/socket.io/"}),  # polling would carry changes in GETs
         (413, {"content_length": str(2**40)}),
         (413, {"content_length": "-1"}),
+        (413, {"content_length": "\xb2"}),
+        (413, {"content_length": "9" * 5000}),
         (401, {"token": TOKEN}),
         (401, {"token": TOKEN, "cookie": f"{COOKIE}={TOKEN}"}),
         (303, {"token": TOKEN, "accept": "text/html"}),
@@ -132,3 +145,34 @@ def test_a_wrong_token_is_refused_after_a_while(monkeypatch):
     assert b"set-cookie" not in headers
     assert b"That is not the token" in body
     assert b"<script" not in body
+
+
+def test_of_many_that_sign_in_at_once_no_more_are_waited_for():
+    guard = Guard(_app, TOKEN)
+    headers = [(b"host", HOME.encode()), (b"origin", f"http://{HOME}".encode())]
+    scope = {"type": "http", "method": "POST", "path": "/sign-in", "headers": headers}
+
+    async def run():
+        async def nothing():
+            await asyncio.Event().wait()
+
+        async def send(message):
+            sent.append(message)
+
+        sent = []
+        waiting = [asyncio.ensure_future(guard(scope, nothing, send)) for _ in range(TRYING)]
+        await asyncio.sleep(0)
+        await guard(scope, nothing, send)
+        for one in waiting:
+            one.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+        refused = sent[0]["status"]
+        sent.clear()
+
+        async def token():
+            return {"type": "http.request", "body": b"token=" + TOKEN.encode()}
+
+        await guard(scope, token, send)
+        return refused, sent[0]["status"]
+
+    assert asyncio.run(run()) == (503, 303)

@@ -12,11 +12,12 @@ import pytest
 from skyway.cli.main import main
 from skyway.missions import Frame, Mission, MissionDocument, MissionItem, read, write
 from skyway.missions.items.commands import Command
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import InputError, SkywayError
 from skyway.web.folder import Folder
 from skyway.web.live.fleet import Fleet
 from skyway.web.live.flights import Flights
 from skyway.web.live.runs import Run
+from skyway.web.work.calls import call
 from skyway.web.work.history import energy_per_km, flown, reports, told
 from skyway.web.work.missions import converted, shown
 
@@ -135,3 +136,58 @@ def test_the_way_flown_and_its_energy_are_summed_in_the_air_alone():
     track["lat"] = [0.0] * len(rows)
     assert flown(track) == pytest.approx((200.0, 100.0, 2500.0), rel=1e-4)
     assert flown({}) == (0.0, 0.0, 0.0)
+
+
+def test_work_ends_with_the_browser_that_asked_for_it(tmp_path):
+    (tmp_path / "a.tlog").write_bytes(b"")
+    fastapi = pytest.importorskip("fastapi", reason="needs the extra web")
+    from skyway.web.documents import add
+
+    begun, ended = asyncio.Event(), []
+
+    class Workers:
+        async def ask(self, *_):
+            begun.set()
+            try:
+                await asyncio.Event().wait()
+            finally:
+                ended.append(True)
+
+    app = fastapi.FastAPI()
+    add(app, SimpleNamespace(folder=Folder(tmp_path), workers=Workers(), scenario=None))
+
+    async def run():
+        messages = [{"type": "http.request", "body": b"", "more_body": False}]
+
+        async def receive():
+            if messages:
+                return messages.pop()
+            await begun.wait()
+            return {"type": "http.disconnect"}
+
+        async def send(_):
+            return
+
+        scope = {"type": "http", "method": "GET", "path": "/api/replay", "query_string": b"log=a.tlog", "headers": []}
+        await app(scope, receive, send)
+
+    asyncio.run(asyncio.wait_for(run(), 10.0))
+    assert ended == [True]
+
+
+def test_a_file_that_nobody_foresaw_is_told_and_takes_no_process_with_it(monkeypatch, capsys):
+    def fails(*_):
+        raise ZeroDivisionError("no vehicle moves")
+
+    monkeypatch.setattr("skyway.web.work.replayed.shown", fails)
+    found = call("replayed.shown", ("a.tlog",))
+    assert isinstance(found, SkywayError)
+    assert "an error of skyway itself: ZeroDivisionError('no vehicle moves')" in str(found)
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_report_is_kept_under_the_name_of_its_journal_whatever_its_letters(page):
+    (page.folder / "\u6f22'\"x.html").write_text("words")
+    status, headers, text = page.ask("/api/report?file=%E6%BC%A2'%22x.html")
+    assert (status, text) == (200, "words")
+    assert headers["content-disposition"] == "attachment; filename*=UTF-8''%E6%BC%A2_x.html"

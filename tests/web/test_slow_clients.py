@@ -13,10 +13,11 @@ from skyway.web.guard import Guard
 uvicorn = pytest.importorskip("uvicorn", reason="needs the extra web")
 HEAD = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 POST = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1\r\nContent-Length: 1000\r\n\r\n"
+LARGE = 16 * 2**20
 
 
 async def _app(scope, receive, send):
-    """Read the whole body, then answer."""
+    """Read the whole body, then answer; a path named large with more than a connection takes at once."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.accept"})
@@ -24,8 +25,10 @@ async def _app(scope, receive, send):
         return
     while (message := await receive())["type"] == "http.request":
         if not message.get("more_body"):
-            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"2")]})
-            await send({"type": "http.response.body", "body": b"ok"})
+            answer = b"ok" if scope["path"] != "/large" else b"a" * LARGE
+            length = str(len(answer)).encode()
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", length)]})
+            await send({"type": "http.response.body", "body": answer})
             return
 
 
@@ -125,3 +128,74 @@ def test_a_websocket_stays_open_though_it_says_nothing(hurried):
             await asyncio.wait_for(reader.read(), 0.5)
 
     against(talk)
+
+
+def test_a_head_that_does_not_end_is_not_kept_in_memory():
+    async def talk(opened):
+        reader, writer = await opened()
+        sent = 0
+        with contextlib.suppress(ConnectionError):
+            writer.write(HEAD + b"X: ")
+            while sent < LARGE:
+                writer.write(b"a" * 2**16)
+                await writer.drain()
+                sent += 2**16
+        with contextlib.suppress(ConnectionError):
+            assert await reader.read() == b""
+        return sent
+
+    assert against(talk) < LARGE
+
+
+@pytest.mark.parametrize("begun", [b"", HEAD, POST + b"a"])
+def test_who_opens_many_connections_and_says_nothing_keeps_nobody_out(monkeypatch, begun):
+    monkeypatch.setattr("skyway.web.connections.MOST_WAITED_FOR", 8)
+
+    async def talk(opened):
+        silent = [await opened() for _ in range(30)]
+        for _, writer in silent:
+            writer.write(begun)
+        other, asking = await opened()
+        asking.write(HEAD + b"\r\n")
+        await other.readuntil(b"\r\n\r\nok")
+        with contextlib.suppress(ConnectionError):
+            assert await silent[0][0].read() == b""
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(silent[-1][0].read(), 0.05)
+
+    against(talk)
+
+
+def test_an_answer_that_nobody_takes_is_not_kept_for_them(monkeypatch):
+    monkeypatch.setattr("skyway.web.connections.TAKEN_S", 0.05)
+
+    async def talk(opened):
+        reader, writer = await opened()
+        writer.write(HEAD.replace(b"/ ", b"/large ", 1) + b"\r\n")
+        await reader.readuntil(b"\r\n\r\n")
+        writer.transport.pause_reading()
+        await asyncio.sleep(0.25)
+        writer.transport.resume_reading()
+        taken = 0
+        with contextlib.suppress(ConnectionError):
+            while piece := await reader.read(2**20):
+                taken += len(piece)
+        return taken
+
+    assert against(talk) < LARGE
+
+
+def test_an_answer_that_is_taken_slowly_comes_whole(monkeypatch):
+    monkeypatch.setattr("skyway.web.connections.TAKEN_S", 0.1)
+
+    async def talk(opened):
+        reader, writer = await opened()
+        writer.write(HEAD.replace(b"/ ", b"/large ", 1) + b"\r\n")
+        await reader.readuntil(b"\r\n\r\n")
+        taken = 0
+        while taken < LARGE:
+            taken += len(await reader.read(2**20))
+            await asyncio.sleep(0.005)
+        return taken
+
+    assert against(talk) == LARGE

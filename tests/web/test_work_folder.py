@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
@@ -24,6 +24,9 @@ from skyway.web.folder import Folder, safe_name
         "..\\secret",
         "link/secret",
         "x" * 300,
+        "\u6f22" * 100,  # 300 bytes
+        "x/" * 2000 + "x",
+        "\ud800",
     ],
 )
 def test_no_name_leads_out_of_the_folder(tmp_path, name):
@@ -41,10 +44,15 @@ def test_no_name_leads_out_of_the_folder(tmp_path, name):
 
 @settings(max_examples=60)
 @given(st.text(max_size=200))
+@example("\u6f22" * 200 + ".plan")
+@example("\U0001d7d8" * 115 + ".plan")
+@example("\ud800.plan")
 def test_the_name_of_any_upload_becomes_a_plain_name(name):
     kept = safe_name(name)
     assert kept
     assert len(kept) <= 120
+    assert len(kept.encode()) <= 180
+    assert kept.endswith(".plan") or not name.endswith("\u6f22.plan")
     assert "/" not in kept
     assert not kept.startswith(".")
     assert kept.isprintable()

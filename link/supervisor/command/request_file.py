@@ -25,6 +25,8 @@ ENDING = ".orders"
 MAX_LINE = 2048
 """Bytes of a request."""
 _PIECE = 64 * 1024
+_APPENDED = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+"""A link that somebody has put there leads to no other file."""
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -51,7 +53,7 @@ def request(path: Path, wanted: Request) -> None:
     """Append a request; it is on the disk when this returns. An `InputError` says that it cannot be written."""
     line = msgspec.json.encode(wanted) + b"\n"
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        handle = os.open(path, _APPENDED, 0o600)
         try:
             os.write(handle, line)
             os.fsync(handle)
@@ -77,7 +79,7 @@ class RequestFile:
 
     def __post_init__(self) -> None:
         try:
-            os.close(os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600))
+            os.close(os.open(self.path, _APPENDED, 0o600))
         except OSError as error:
             raise file_error("written", self.path, error) from error
 

@@ -5,6 +5,7 @@ What is known here is only what the files say. A page that was killed and starte
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from datetime import UTC, datetime
@@ -16,6 +17,7 @@ from skyway.flights.live import LIVE, Live, read_live
 from skyway.flying import journal_name
 from skyway.link.supervisor.command.request_file import Request, request
 from skyway.models.base.errors import InputError, SkywayError
+from skyway.models.base.files import write_atomically
 from skyway.models.base.json_text import plain
 from skyway.web.live.journal_tail import JournalTail
 
@@ -31,6 +33,7 @@ SILENT_S = 10.0
 """A flight whose program has told nothing for so long may have lost it."""
 LOOK_S = 0.4
 MOST = 64
+_DRAWN = ("lat", "lon", "course_deg", "silent_s")
 _TAIL = 40
 """Lines of a program's output that are shown when it has failed."""
 
@@ -69,6 +72,9 @@ class Flights:
                 changed_s = entry.stat(follow_symlinks=False).st_mtime
                 if entry.is_symlink() or not entry.is_file():
                     continue
+                journal = self.folder.path(f"{entry.name.removesuffix(LIVE)}.jsonl")
+                if journal.exists() and not journal.is_file():
+                    continue
                 before = self._known.get(entry.name.removesuffix(LIVE))
                 live = before[1] if before is not None and before[0] == changed_s else read_live(Path(entry.path))
             except (OSError, SkywayError):
@@ -77,6 +83,7 @@ class Flights:
                 found[entry.name.removesuffix(LIVE)] = changed_s, live
         newest = sorted(found.items(), key=lambda one: -one[1][0])[:MOST]
         self._known = dict(sorted(newest))
+        self._tails = {name: tail for name, tail in self._tails.items() if name in self._known}
 
     def digest(self) -> list[dict[str, Any]]:
         """Return a row for each flight."""
@@ -85,8 +92,9 @@ class Flights:
             {
                 "name": name, "state": live.state, "doing": live.doing, "ended": live.ended, "problem": live.problem,
                 "origin": live.origin, "destination": live.destination, "question": live.question, "holder": live.holder,
-                "silent": not live.ended and wall_s - live.wall_s > SILENT_S, "vehicle": live.vehicle,
-                "track": self._tail(name).course(), "way": (live.leg or {}).get("way") or [], "to": (live.leg or {}).get("to"),
+                "silent": not live.ended and wall_s - live.wall_s > SILENT_S,
+                "vehicle": live.vehicle | {one: _number(live.vehicle.get(one)) for one in _DRAWN},
+                "track": self._tail(name).course(), "way": _places((live.leg or {}).get("way")), "to": (live.leg or {}).get("to"),
             }
             for name, live in self.known().items()
         ]  # fmt: skip
@@ -150,8 +158,18 @@ class Flights:
         process = starting.start(words, output)
         self._started.append(process)
         if not live.exists():  # until it tells of itself
-            live.write_bytes(_first(process.pid, words, journal))
+            write_atomically(live, _first(process.pid, words, journal), force=True)
         self._looked_s = -1.0
+
+
+def _number(value: object) -> float | None:
+    return value if isinstance(value, (int, float)) and math.isfinite(value) else None
+
+
+def _places(way: object) -> list[list[float]]:
+    """Return the places of a way that are some: the map draws all flights, and one file that lies is not to hinder that."""
+    pairs = [one for one in (way if isinstance(way, list) else []) if isinstance(one, list) and len(one) == 2]
+    return [one for one in pairs if None not in map(_number, one)]
 
 
 def _first(pid: int, words: Sequence[str], journal: Path) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -15,6 +16,10 @@ if TYPE_CHECKING:
 
 PIECE = 4 * 1024 * 1024
 """Bytes that are read at once: more follow at the next look."""
+LONGEST = 1024 * 1024
+"""Bytes of a line; of a longer one no record is made."""
+MOST_POINTS, MOST_KEPT = 200_000, 50_000
+"""Points of the track, and rows, that are kept: of two days at one point a second."""
 COURSE = 600
 """Points of the track on the map of all flights."""
 MOST_ROWS = 4000
@@ -30,8 +35,8 @@ class JournalTail:
         self._path = path
         self._at = 0
         self._rest = b""
-        self.rows: list[dict[str, Any]] = []
-        self.track: list[list[float | None]] = []
+        self.rows: deque[dict[str, Any]] = deque(maxlen=MOST_KEPT)
+        self.track: deque[list[float | None]] = deque(maxlen=MOST_POINTS)
         self.plan: dict[str, Any] | None = None
         self.last = 0
 
@@ -46,8 +51,11 @@ class JournalTail:
         except OSError:
             return
         self._at += len(found)
-        *lines, self._rest = (self._rest + found).split(b"\n")
+        *lines, rest = (self._rest + found).split(b"\n")
+        self._rest = rest[:LONGEST]  # no more of it: what it is the beginning of is no record
         for line in lines:
+            if len(line) > LONGEST:
+                continue
             try:
                 self._take(_DECODER.decode(line))
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):

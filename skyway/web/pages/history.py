@@ -12,8 +12,9 @@ from skyway.models.base.errors import SkywayError
 from skyway.models.base.formatting import distance_text, duration, percent
 from skyway.report.svg import safe
 from skyway.web import shell
-from skyway.web.controls import Button, CommandShown, Field, Status
+from skyway.web.controls import Button, CommandShown, Field
 from skyway.web.folder import REPORTS
+from skyway.web.pages.under_way import UnderWay
 from skyway.web.work.history import energy_per_km
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
+
+AT_ONCE = 50
+"""Journals that are read before they are shown."""
 
 
 def add(site: Site) -> None:
@@ -32,7 +36,6 @@ class HistoryPage:
     """One open page."""
 
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
-        del client
         self.site, self.wanted = site, wanted
         self.rows: list[dict[str, Any]] = []
         self.reports: list[dict[str, Any]] = []
@@ -41,27 +44,35 @@ class HistoryPage:
         with ui.element("div").classes("panel whole"):
             with ui.element("div").classes("line"):
                 Field("Search", self.seek, hint="Station, drone, state, file; several words narrow it")
-                Button("Read the folder again", self._read)
-            self.status = Status()
+                Button("Read the folder again", self._begin)
+            self.at_work = UnderWay(client, self._begin, "Read on", lambda: "Not all journals were read.")
             self.totals = ui.html("")
             self.table = ui.html("")
             self.kept = ui.html("")
             CommandShown("history", "skyway report JOURNAL.jsonl")
-        ui.timer(0.01, self._read, once=True)
+        ui.timer(0.01, self._begin, once=True)
+
+    def _begin(self) -> None:
+        self.at_work.begin(self._read())
 
     async def _read(self) -> None:
-        self.status.tell("Reading …")
+        """Read the folder, the newest journals first; what was read is shown while the rest is."""
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
         pages = [one.name for one in self.site.folder.files(*REPORTS)]
         root = str(self.site.folder.root.resolve())
+        self.rows, tell = [], self.at_work.status.tell
+        tell("Reading …")
         try:
             self.timezone = (await self.site.region())["timezone"]
-            self.rows = await self.site.workers.ask("history.told", root, names)
             self.reports = await self.site.workers.ask("history.reports", root, pages)
+            for first in range(0, len(names), AT_ONCE):
+                self.at_work.tell(f"Reading {first} of {len(names)} …")
+                self.rows += await self.site.workers.ask("history.told", root, names[first : first + AT_ONCE])
+                self._draw()
         except SkywayError as error:
-            self.status.tell(str(error), wrong=True)
+            tell(str(error), wrong=True)
             return
-        self.status.tell(
+        tell(
             ""
             if self.rows
             else "No journals in the work folder yet: flights of the page Fly write them, and skyway fly and skyway demo.",
