@@ -25,6 +25,8 @@ MAX_CLIENTS = 8
 """At one listening address."""
 _READ_BYTES = 2048
 """Of a datagram; whole frames are shorter, and more would be the means to keep us busy."""
+_POLLED = 1000
+"""Datagrams that are taken at once: those of a client that floods are dropped one by one, and must not keep those of others out of the buffer of the socket."""
 _DATAGRAM_BYTES = 1200
 _BACKLOG_BYTES = _SOCKET_BYTES = 65_536
 """What a slow client may be behind: beyond it packets are lost to it, rather than late."""
@@ -175,7 +177,7 @@ class UdpClients:
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
         """Yield what has come; who has been silent for long makes room."""
-        for _ in range(4 * MAX_CLIENTS):
+        for _ in range(_POLLED):
             try:
                 data, there = self._socket.recvfrom(_READ_BYTES)
             except OSError:  # nothing more, or an answer that somebody is gone

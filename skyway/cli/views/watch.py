@@ -16,6 +16,8 @@ from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.table import Table
 
     from skyway.link.protocol.connection import Connection
@@ -26,7 +28,7 @@ _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 WIDE = 110
 """Columns from which on the table has a row for each vehicle."""
 _SILENT_S = 5.0
-_CLIENT_NOTES = 5
+_TABLE_NOTES, _LINE_NOTES = 5, 200
 """So many of the newest notes about other ground stations are shown."""
 _UNKNOWN = "unknown"
 
@@ -149,9 +151,10 @@ class Watched:
         self.connection = connection
         self.vehicles: dict[int, VehicleMonitor] = {}
         self.strange: dict[int, int] = {}
-        self._of_clients: deque[str] = deque(maxlen=_CLIENT_NOTES)
+        self._lately: deque[str] = deque(maxlen=_TABLE_NOTES)
+        self._news: deque[str] = deque(maxlen=_LINE_NOTES)
         if connection.forwarder is not None:
-            connection.forwarder.tell = lambda note: self._of_clients.append(note.said)
+            connection.forwarder.tell = lambda note: self._note([note.said])
         self._asked_s: dict[int, float] = {}
         self._told: dict[int, float] = {}
 
@@ -202,11 +205,30 @@ class Watched:
             said.append(f"packets rejected: {told}")
         if self.connection.conflict is not None:
             said.append(str(self.connection.conflict))
+        return said
+
+    def news(self) -> list[str]:
+        """What was noticed of other stations, radios and aircraft since this was asked last."""
+        self._collect()
+        found = list(self._news)
+        self._news.clear()
+        return found
+
+    def lately(self) -> list[str]:
+        """The last few of all such notes."""
+        self._collect()
+        return list(self._lately)
+
+    def _collect(self) -> None:
         if self.connection.radios is not None:
-            self._of_clients.extend(self.connection.radios.notes())
+            self._note(self.connection.radios.notes())
         for vehicle in self.vehicles.values():
-            self._of_clients.extend(f"vehicle {vehicle.system}: {one}" for one in vehicle.traffic.alerts())
-        return [*said, *self._of_clients]
+            self._note(f"vehicle {vehicle.system}: {one}" for one in vehicle.traffic.alerts())
+
+    def _note(self, said: Iterable[str]) -> None:
+        for one in said:
+            self._lately.append(one)
+            self._news.append(one)
 
 
 def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LINE_EVERY_S) -> None:
@@ -235,15 +257,16 @@ def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LIN
             typer.echo(json_text(row) if as_json else "  ".join(_cells(row)))
         fresh = [remark for remark in watched.remarks() if remark not in told]
         told += fresh
-        for remark in fresh:
-            typer.echo(remark, err=True)
+        for line in (*fresh, *watched.news()):
+            typer.echo(line, err=True)
 
 
 def _table(watched: Watched) -> Table:
+
     from rich.table import Table
 
     rows = watched.rows()
-    table = Table(caption="\n".join(watched.remarks()) or None, caption_style="bold red")
+    table = Table(caption="\n".join([*watched.remarks(), *watched.lately()]) or None, caption_style="bold red")
     if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, nothing broken within words
         table.add_column("vehicle")
         for row in rows:

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim_serving import free_port, served
 from wires import FAMILIES, Scene, a_mission
 
+from skyway.cli.views.watch import Watched
 from skyway.link.files.aboard import LogStore
 from skyway.link.files.fetching import fetch
 from skyway.link.forwarding.clients import BURST_BYTES
@@ -430,3 +431,19 @@ def test_mavproxy_flies_through_us(tmp_path):
     told = [note.said for note in connection.forwarder.notes()]
     assert any("MISSION_CLEAR_ALL" in line and "refused" in line for line in told), told
     connection.close()
+
+
+def test_watching_tells_of_every_station_and_of_an_order_again_when_it_comes_again(shared):
+    watched = Watched(shared.connection)
+    links = [shared.client(system=200 + number) for number in range(7)]
+    links[3].mav.command_long_send(1, 1, dialect.MAV_CMD_NAV_LAND, 0, *(7 * [0.0]))
+    shared.run(1.0)
+    told = watched.news()
+    assert sum("is there" in line for line in told) == len(links)
+    assert sum("NAV_LAND to vehicle 1: passed on" in line for line in told) == 1
+    assert watched.news() == []
+    shared.run(10.0)
+    links[3].mav.command_long_send(1, 1, dialect.MAV_CMD_NAV_LAND, 0, *(7 * [0.0]))
+    shared.run(1.0)
+    assert [line.split("sends ")[1] for line in watched.news()] == ["NAV_LAND to vehicle 1: passed on"]
+    assert len(watched.lately()) == 5
