@@ -169,6 +169,8 @@ class Guard:
     async def _right(self, token: str, receive: Receive) -> bool:
         """Whether the token that a form sends is the right one."""
         body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
+        if body is None:
+            return False  # nobody waits for the answer: others do
         given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
         async with self._trying:
             right = hmac.compare_digest(given.encode(), token.encode())
@@ -257,13 +259,14 @@ def _bounded(receive: Receive, most: int, until: float) -> Receive:
     return bounded
 
 
-async def _body(receive: Receive) -> bytes:
+async def _body(receive: Receive) -> bytes | None:
+    """Return the body of a request; None where its sender has gone."""
     pieces = []
     while (message := await receive())["type"] == "http.request":
         pieces.append(message.get("body", b""))
         if not message.get("more_body"):
-            break
-    return b"".join(pieces)
+            return b"".join(pieces)
+    return None
 
 
 async def _refuse(scope: MutableMapping[str, Any], send: Send, status: int, reason: str) -> None:

@@ -176,3 +176,20 @@ def test_of_many_that_sign_in_at_once_no_more_are_waited_for():
         return refused, sent[0]["status"]
 
     assert asyncio.run(run()) == (503, 303)
+
+
+def test_a_token_of_which_half_came_is_not_judged_so_that_others_need_not_wait(monkeypatch):
+    monkeypatch.setattr("skyway.web.guard.WRONG_S", 60.0)
+    headers = [(b"host", HOME.encode()), (b"origin", f"http://{HOME}".encode())]
+    scope = {"type": "http", "method": "POST", "path": "/sign-in", "headers": headers}
+    pieces = [{"type": "http.request", "body": b"token=a", "more_body": True}, {"type": "http.disconnect"}]
+    sent = []
+
+    async def receive():
+        return pieces.pop(0)
+
+    async def send(message):
+        sent.append(message)
+
+    asyncio.run(asyncio.wait_for(Guard(_app, TOKEN)(scope, receive, send), 5.0))
+    assert sent[0]["status"] == 403
