@@ -52,7 +52,7 @@ def judged(tab):
 
 def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alone(browser, site, tmp_path):
     question = (
-        "/?start=bellevue&to=jacobi&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m200&payload=0.8&reserve=60"
+        "/?start=bellevue&to=jacobi&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m200&payload=0.8&reserve=50"
     )
     with simulated("bellevue") as simulation, person(browser, site.address, question, color_scheme="dark") as tab:
         tab.wait_for_selector("dl.figures")

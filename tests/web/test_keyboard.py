@@ -92,29 +92,25 @@ def browser():
         yield found
 
 
-def test_a_delivery_is_planned_saved_uploaded_flown_and_replayed_with_the_keyboard_alone(browser, tmp_path):
-    page = served(tmp_path)
-    try:
-        with simulated("bellevue", speedup=8.0) as simulation, person(browser, page.address, "/") as tab:
-            tab.wait_for_function("window.skywayMap?.state.region")
-            for label, words in (("Start", "bellevue"), ("Deliver to", "jacobi"), ("Package", "0.8")):
-                typed(tab, label, words)
-            chosen(tab, "Drone", "m200")
-            to(tab, "Departure", "input")
-            tab.keyboard.type("07102013")
-            tab.keyboard.press("Tab")
-            tab.keyboard.type("0200PM")
-            typed(tab, "Reserve", "60")
-            typed(tab, "Wind", "3@250")
-            tab.wait_for_selector("dl.figures")
-            commanded(tab, "--depart 2013-07-10T14:00-04:00")
-            _routed(tab)
-            _saved(tab, tmp_path)
-            _uploaded(tab, simulation)
-            _flown(tab, simulation, tmp_path)
-            _replayed(tab)
-    finally:
-        ended(page)
+def test_a_delivery_is_planned_saved_uploaded_flown_and_replayed_with_the_keyboard_alone(browser, site, tmp_path):
+    with simulated("bellevue", speedup=8.0) as simulation, person(browser, site.address, "/") as tab:
+        tab.wait_for_function("window.skywayMap?.state.region")
+        for label, words in (("Start", "bellevue"), ("Deliver to", "jacobi"), ("Package", "0.8")):
+            typed(tab, label, words)
+        chosen(tab, "Drone", "m200")
+        to(tab, "Departure", "input")
+        tab.keyboard.type("07102013")
+        tab.keyboard.press("Tab")
+        tab.keyboard.type("0200PM")
+        typed(tab, "Reserve", "50")
+        typed(tab, "Wind", "3@250")
+        tab.wait_for_selector("dl.figures")
+        commanded(tab, "--depart 2013-07-10T14:00-04:00")
+        _routed(tab)
+        _saved(tab, tmp_path)
+        _uploaded(tab, simulation)
+        _flown(tab, simulation, tmp_path)
+        _replayed(tab)
 
 
 def _routed(tab):

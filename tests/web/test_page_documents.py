@@ -20,6 +20,7 @@ from skyway.web.live.runs import Run
 from skyway.web.work.calls import call
 from skyway.web.work.history import energy_per_km, flown, reports, told
 from skyway.web.work.missions import converted, shown
+from skyway.web.work.replayed import shown as played
 
 
 @pytest.fixture
@@ -191,3 +192,18 @@ def test_a_report_is_kept_under_the_name_of_its_journal_whatever_its_letters(pag
     status, headers, text = page.ask("/api/report?file=%E6%BC%A2'%22x.html")
     assert (status, text) == (200, "words")
     assert headers["content-disposition"] == "attachment; filename*=UTF-8''%E6%BC%A2_x.html"
+
+
+def test_a_log_whose_clock_lies_is_shown_without_a_date(tmp_path, shared_data):
+    raw = (shared_data / "logs" / "dronekit_copter_flight.tlog").read_bytes()[:200_000]
+    lying, at = b"", 0
+    while at + 16 < len(raw):  # eight bytes of microseconds before each message of MAVLink 1
+        size = 16 + raw[at + 9]
+        lying += (int.from_bytes(raw[at : at + 8], "big") + 10**18).to_bytes(8, "big") + raw[at + 8 : at + size]
+        at += size
+    for name, content in (("true.tlog", raw), ("lying.tlog", lying)):
+        (tmp_path / name).write_bytes(content)
+    true, false = (played(str(tmp_path / name)) for name in ("true.tlog", "lying.tlog"))
+    assert true["begin_s"] == pytest.approx(1436056006.0, abs=1.0)
+    assert false["begin_s"] is None
+    assert len(false["columns"]["lat"]) > 1

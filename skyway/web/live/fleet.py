@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 MOST_WATCHES = 16
+RECORDINGS = "recordings"
+"""Folder of the work folder with what was heard."""
 GONE_S = 300.0
 """A vehicle that was heard no later is left out of the digest."""
 EVERY_S = 0.1
@@ -66,7 +68,7 @@ class Fleet:
                 f"{EVERY_S:g}",
                 "--json",
                 "--record",
-                str(self.site.folder.root / "recordings"),
+                str(self.site.folder.root / RECORDINGS),
             ],
             lambda line: self.heard(connection, line),
         )

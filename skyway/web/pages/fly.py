@@ -5,6 +5,7 @@ Each delivery is flown by a supervisor in a process of its own (``skyway fly``).
 
 from __future__ import annotations
 
+import shlex
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,9 @@ from nicegui import Client, ui
 
 from skyway.models.base.errors import SkywayError
 from skyway.web import shell
-from skyway.web.controls import Button, Field, Status, text
+from skyway.web.controls import Button, CommandShown, Field, Status, text
 from skyway.web.live import demonstration
+from skyway.web.live.fleet import RECORDINGS
 from skyway.web.map_key import key
 from skyway.web.map_layer import FlightPanel, MapLayer
 from skyway.web.pages.departure import DepartureForm
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 
 ACTIONS = [{"action": "divert", "words": "Land here instead", "station": True, "listed": "refuges"}]
 """What can be ordered at a station of the map."""
+
+
+def watch_words(connection: str) -> list[str]:
+    """Return the command that watches as the page does."""
+    return ["skyway", "watch", "--connect", connection, "--record", RECORDINGS]
 
 
 def add(site: Site) -> None:
@@ -70,6 +77,7 @@ class FlyPage:
             Button("Watch", self.watch)
         self.status = Status()
         self.watched = ui.element("div").classes("chips")
+        self.watching = CommandShown("watch", shlex.join(watch_words("CONNECTION")))
 
     def _demonstration(self) -> None:
         text("h2", "Demonstration")
@@ -123,6 +131,7 @@ class FlyPage:
 
     def _typed(self, value: object) -> None:
         self.connection = str(value).strip()
+        self.watching.show(shlex.join(watch_words(self.connection or "CONNECTION")))
 
     def watch(self) -> None:
         """Listen on the connection that was typed."""

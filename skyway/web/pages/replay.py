@@ -103,4 +103,5 @@ class ReplayPage:
         )
         if names:
             self.player.run_method("open", names)
-            self.command.show(shlex.join(["skyway", "report" if names[0].endswith(".jsonl") else "replay", names[0]]))
+            words = [("report" if name.endswith(".jsonl") else "replay", name) for name in names]
+            self.command.show(" && ".join(shlex.join(["skyway", *one]) for one in words))

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 MOST_ROWS = 20_000
 """Rows that a browser gets; of longer logs each second, third … row."""
 MOST_EVENTS = 2_000
+FIRST_S, LAST_S = 0.0, 253_370_764_800.0
+"""POSIX seconds of 1970 and of 9999: what a log dates otherwise has no date."""
 NAMES = (
     "time_s",
     "lat",
@@ -114,11 +116,12 @@ def _document(
 ) -> dict[str, Any]:
     count = len(columns["time_s"])
     begin_s = float(columns["time_s"][0])
+    dated = absolute and all(FIRST_S <= float(columns["time_s"][at]) < LAST_S for at in (0, -1))  # else a clock lies
     rows = {
         name: _plain(columns.get(name, np.full(count, np.nan)), 7 if name in {"lat", "lon"} else 3) for name in NAMES
     }
     return {
-        "name": file.name, "begin_s": begin_s if absolute else None, "columns": rows | {"time_s": _plain(columns["time_s"] - begin_s, 2)},
+        "name": file.name, "begin_s": begin_s if dated else None, "columns": rows | {"time_s": _plain(columns["time_s"] - begin_s, 2)},
         "flights": [[round(one - begin_s, 2) for one in pair] for pair in flights],
         "events": [{"time_s": round(one["time_s"] - begin_s, 2), "text": one["text"][:300]} for one in events],
     }  # fmt: skip
