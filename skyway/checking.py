@@ -74,8 +74,9 @@ def conditions_of(
     payload_kg: float,
     soc_percent: float,
     reserve_percent: float,
+    fleet: Path | None = None,
 ) -> FlightConditions:
-    """Return the vehicle, its package and charge, and the wind that it flies in."""
+    """Return the vehicle, its package and charge, and the wind that it flies in; a fleet file comes before the scenario's fleet."""
     from skyway.missions import FlightConditions, ForecastWind, SteadyWind
     from skyway.models.scenario.air import fleet_in_air
 
@@ -83,7 +84,7 @@ def conditions_of(
         region = fleet_in_air(region, weather.ensemble, weather.depart_s)
     if not 0.0 <= payload_kg <= 1000.0:
         raise InputError("is not between 0 and 1000", field="--payload", value=payload_kg)
-    vehicle, assumed = _vehicle(region, drone)
+    vehicle, assumed = _vehicle(region, drone) if fleet is None else (_of_fleet(fleet, drone), False)
     rules = region.rules if region else None
     return FlightConditions(
         vehicle,
@@ -114,3 +115,16 @@ def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool
         return region.drone(identity), False
     remedy = f"built in: {', '.join(BUILT_IN)}; a scenario brings its own fleet"
     raise InputError("no such drone", field="--drone", value=identity, remedy=remedy)
+
+
+def _of_fleet(fleet: Path, identity: str | None) -> Drone:
+    from skyway.models.drones.fleet import read_fleet
+
+    drones = read_fleet(fleet)
+    if identity is None and len(drones) == 1:
+        return drones[0]
+    for drone in drones:
+        if drone.id == identity:
+            return drone
+    known = ", ".join(drone.id for drone in drones)
+    raise InputError("no such drone", str(fleet), field="--drone", value=identity, remedy=f"the fleet has {known}")

@@ -153,7 +153,7 @@ class PartBuilder:
         held = self.work.state(point)
         yield self._speed(point.speed_mps), None
         for key, item in held.items():
-            if key not in (SPEED, PICTURES) and not _is_nothing(item):
+            if key != SPEED and not key.startswith(PICTURES) and not _is_nothing(item):
                 yield self._shifted(item, ground), None
         taking = self.work.taking(point)
         if not taking:
@@ -161,10 +161,10 @@ class PartBuilder:
         if point.next_share is not None:
             yield self._work_place(point, point.next_share, ground, 0.0), (point.step, point.next_share)
         pictures = held[PICTURES]
-        if pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
-            yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0), None
         # not at once: the picture of this place has been taken
         yield (replace(pictures, param3=0.0) if pictures.command == Command.DO_SET_CAM_TRIGG_DIST else pictures), None
+        if pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
+            yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0), None
 
     def _left(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
         """Fly as far as the work is done, and stop what runs on the way."""

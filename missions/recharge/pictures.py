@@ -8,10 +8,11 @@ of the last picture with the same distance takes the next one where it would hav
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.items.commands import Command
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,9 +30,11 @@ class Taking:
 
     every_m: float = 0.0
     every_s: float = 0.0
+    paused: bool = False
+    """DO_TRIGGER_CONTROL stopped it, and may let it go on."""
 
     def __bool__(self) -> bool:
-        return self.every_m > 0.0 or self.every_s > 0.0
+        return not self.paused and (self.every_m > 0.0 or self.every_s > 0.0)
 
 
 NOT = Taking()
@@ -45,8 +48,14 @@ def ordered(item: MissionItem, before: Taking) -> Taking:
         return Taking(every_s=item.param1 / MS) if item.param1 > 0.0 else NOT
     if item.command == Command.IMAGE_START_CAPTURE and item.param3 == 0 and item.param2 > 0:
         return Taking(every_s=item.param2)
-    stops = item.command == Command.DO_TRIGGER_CONTROL and item.param1 == 0.0
-    return NOT if stops or item.command == Command.IMAGE_STOP_CAPTURE else before
+    if item.command == Command.DO_TRIGGER_CONTROL and before != NOT:
+        return replace(before, paused=item.param1 == 0.0 or (before.paused and not restarts(item)))
+    return NOT if item.command == Command.IMAGE_STOP_CAPTURE else before
+
+
+def restarts(item: MissionItem) -> bool:
+    """Whether an item lets pictures go on that another one stopped."""
+    return item.command == Command.DO_TRIGGER_CONTROL and item.param1 == 1.0
 
 
 def takes_one(item: MissionItem) -> bool:
@@ -54,8 +63,16 @@ def takes_one(item: MissionItem) -> bool:
     if item.command == Command.DO_SET_CAM_TRIGG_DIST:
         return item.param1 > 0.0 and item.param3 == 1.0
     if item.command == Command.IMAGE_START_CAPTURE:
-        return item.param3 >= 1.0
-    return item.command == Command.DO_DIGICAM_CONTROL
+        return item.param3 >= 1.0 or ordered(item, NOT).every_s > 0.0
+    return item.command == Command.DO_DIGICAM_CONTROL or ordered(item, NOT).every_s > 0.0
+
+
+def within(since_s: float, every_s: float, duration_s: float) -> list[float]:
+    """Return when pictures are taken in some time, the last one so long before it began."""
+    count = math.floor((since_s + duration_s) / every_s + 1e-9)
+    if count > MAX_PICTURES:
+        raise InputError(f"the mission takes more than {MAX_PICTURES} pictures", field="mission")
+    return [number * every_s - since_s for number in range(1, count + 1)]
 
 
 def along_leg(

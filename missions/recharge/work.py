@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.missions.checks.route import fly
+from skyway.missions.checks.route import MAX_REPEATED_STEPS, fly
 from skyway.missions.items.altitude_frames import frame_name
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.recharge.item_roles import role_of, state_key
-from skyway.missions.recharge.pictures import NOT, Taking, along_leg, ordered, takes_one
+from skyway.missions.recharge.pictures import NOT, Taking, along_leg, ordered, restarts, takes_one, within
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 
@@ -136,11 +136,13 @@ def work_of(
     An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
     """
     if mission.home is None:
-        remedy = "set the planned home in the ground station: heights and the way back count from it"
+        remedy = (
+            "set the planned home in the ground station, or give --home lat,lon: heights and the way back count from it"
+        )
         raise InputError("the mission's home is unknown", field="mission", remedy=remedy)
     route = fly(mission, autopilot=family, laps=laps)
     if route.is_cut:
-        raise InputError("the jumps of the mission repeat too often", remedy="lower the numbers of repeats")
+        raise too_many_repeats()
     steps = tuple(route.steps)
     if not steps:
         raise InputError("the mission goes nowhere: no item has a position", field="mission")
@@ -152,6 +154,12 @@ def work_of(
             remedy = "set the altitude of the planned home: heights above sea level count from it (--home-elevation)"
             raise InputError(f"the height of item {step.item} above home is unknown", remedy=remedy)
     return _Reading(mission, route, steps, only=only, last=last_picture).work()
+
+
+def too_many_repeats() -> InputError:
+    """Return the error of a mission whose jumps are not followed to their end."""
+    told = f"the jumps of the mission repeat too often: more than {MAX_REPEATED_STEPS} steps"
+    return InputError(told, field="mission", remedy="lower the numbers of repeats")
 
 
 class _Reading:
@@ -177,6 +185,9 @@ class _Reading:
         self.heights = (*heights, height)
         self.taking = NOT
         self.last = last
+        self.since_s = 0.0
+        """Since the last picture of those that are taken every so many seconds."""
+        self.restarted = max((n for n, one in enumerate(route.order) if restarts(mission.items[one])), default=-1)
         self.pictures: list[Picture] = []
         self.points: list[WorkPoint] = []
         self.bound: int | None = None
@@ -239,10 +250,11 @@ class _Reading:
             item = self.mission.items[number]
             if role_of(item) == "bound" and self.bound is None:
                 self.bound = number
-            if takes_one(item):
+            before, self.taking = self.taking, ordered(item, self.taking)
+            goes_on = self.taking.every_s > 0.0 and before.paused and not self.taking.paused
+            if takes_one(item) or goes_on:
                 self.pictures.append(Picture(lat, lon, step, 1.0, number))
-                self.last = (lat, lon)
-            self.taking = ordered(item, self.taking)
+                self.last, self.since_s = (lat, lon), 0.0
             if self.taking and self.last is None:
                 self.last = (lat, lon)
 
@@ -269,20 +281,29 @@ class _Reading:
     def _pictures(self, number: int, step: Step, start: Place, end: Place, length: float) -> list[float]:
         """Take the pictures of a leg; return the shares of it at which they are."""
         taking = self.taking
-        if not taking or length < 0.01:
+        if not taking:
             return []
-        every_m = taking.every_m or taking.every_s * step.speed_mps
-        origin = self.last or start
-        plane = [_plane(place, start) for place in (start, end, origin)]
-        shares = list(along_leg((plane[0][0], plane[0][1]), plane[1], plane[2], every_m))
+        if taking.every_s > 0.0:
+            shares = self._by_time(taking.every_s, length / step.speed_mps, step.hold_s)
+        elif length < 0.01:
+            return []
+        else:
+            plane = [_plane(place, start) for place in (start, end, self.last or start)]
+            shares = list(along_leg((plane[0][0], plane[0][1]), plane[1], plane[2], taking.every_m))
         for (lat, lon), share in zip(_all_between(start, end, shares), shares, strict=True):
             self.pictures.append(Picture(lat, lon, number, share))
             self.last = (lat, lon)
         return shares
 
+    def _by_time(self, every_s: float, way_s: float, hold_s: float) -> list[float]:
+        """Return the shares of a leg at which pictures are due by the clock; those of the stay at its end are at its end."""
+        at_s = within(self.since_s, every_s, way_s + hold_s)
+        self.since_s += way_s + hold_s - len(at_s) * every_s
+        return [min(one / way_s, 1.0) if way_s > 0.0 else 1.0 for one in at_s]
+
     def _is_straight(self, number: int, item: MissionItem) -> bool:
         """Whether the way to a step is a straight line that may be left: no curve, no take-off or landing, no order that waits."""
-        if self.bound is not None or item.command != Command.NAV_WAYPOINT or not number:
+        if self.bound is not None or item.command != Command.NAV_WAYPOINT or not number or self._paused(number - 1):
             return False
         before = self.steps[number - 1]
         begin = self.mission.items[before.item]
@@ -327,7 +348,7 @@ class _Reading:
         lat, lon = self.places[number + 1]
         on_ground = item.command in LAND_COMMANDS or item.command == Command.NAV_RETURN_TO_LAUNCH
         ahead = step if last else self.steps[number + 1]
-        hinders = self._hinders(step, ahead, (lat, lon), on_ground=on_ground)
+        hinders = self._hinders(number, ahead, (lat, lon), on_ground=on_ground)
         if begins and hinders is None:
             hinders = step.item  # the first picture is taken where it comes by, on its way there
         height = self.heights[number + 1]
@@ -335,8 +356,13 @@ class _Reading:
             WorkPoint(lat, lon, height, number, 1.0, taken, ahead.speed_mps, hinders, on_ground=on_ground)
         )
 
-    def _hinders(self, step: Step, ahead: Step, here: Place, *, on_ground: bool) -> int | None:
+    def _paused(self, number: int) -> bool:
+        """Whether pictures were stopped that an order behind a step lets go on."""
+        return self.taking.paused and self.steps[number].taken < self.restarted
+
+    def _hinders(self, number: int, ahead: Step, here: Place, *, on_ground: bool) -> int | None:
         """Return the item for which the mission cannot be left at a step, None where it can."""
+        step = self.steps[number]
         item = self.mission.items[step.item]
         if self.bound is not None:
             return self.bound
@@ -345,9 +371,11 @@ class _Reading:
         curve = Command.NAV_SPLINE_WAYPOINT
         if curve in (item.command, self.mission.items[ahead.item].command) and not step.hold_s:
             return step.item  # a curve has its form from the places before and behind it
+        if self._paused(number):
+            return step.item
         if self.taking and (self.last is None or geodesy.distance_m(*self.last, *here) > SAME_PICTURE_M):
             return step.item
-        if self.taking.every_s > 0.0:
+        if self.taking and self.taking.every_s > 0.0:
             return step.item
         return None
 

@@ -14,7 +14,6 @@ from skyway.missions.items.mission import Home
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import parse_instant
-from skyway.models.drones.fleet import read_fleet
 from skyway.models.drones.time_belief import GROUND_S
 from skyway.models.network.files import read_stations
 from skyway.models.network.van_stands import read_van_stands
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.items.document import MissionDocument
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.drones.drone import Drone
     from skyway.models.network.network import Station
     from skyway.models.network.van_stands import VanStand
     from skyway.models.scenario.scenario import Scenario
@@ -147,14 +145,13 @@ def options_of(
     weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=_timed(asked, zones, stands))
     conditions = conditions_of(
         region,
-        None if asked.fleet else asked.drone,
+        asked.drone,
         weather,
         asked.payload_kg,
         asked.soc_percent,
         asked.reserve_percent,
+        asked.fleet,
     )
-    if asked.fleet is not None:
-        conditions = replace(conditions, drone=_of_fleet(asked, asked.fleet), drone_is_assumed=False)
     if not 1e-6 <= asked.epsilon <= 0.5:
         raise InputError("is not between 0.000001 and 0.5", field="--epsilon", value=asked.epsilon)
     if not 1 <= asked.laps <= 1000:
@@ -213,17 +210,6 @@ def _windows(asked: Asked, stands: Sequence[VanStand]) -> dict[str, tuple[Window
     windows: dict[str, tuple[Window, ...]] = {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands}
     own = {pad: tuple((first, last) for first, last in each) for pad, each in (asked.windows or {}).items()}
     return windows | own
-
-
-def _of_fleet(asked: Asked, fleet: Path) -> Drone:
-    drones = read_fleet(fleet)
-    if asked.drone is None and len(drones) == 1:
-        return drones[0]
-    for drone in drones:
-        if drone.id == asked.drone:
-            return drone
-    known = ", ".join(drone.id for drone in drones)
-    raise InputError("no such drone", str(fleet), field="--drone", value=asked.drone, remedy=f"the fleet has {known}")
 
 
 def _transit_speed(asked: Asked, document: MissionDocument, conditions: FlightConditions) -> float:

@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.recharge.work import work_of
 from skyway.models.base import geodesy
+from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import distance_text
 
 if TYPE_CHECKING:
     from skyway.recharge.cutting import Recharged
+
+MOST_OFF_M = 1.0
+"""Farther from where it was no picture of a set that is written may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +47,14 @@ def audited(found: Recharged) -> PictureAudit:
             (worst, PictureAudit(len(before), len(after), moved_m + max(apart, default=0.0))), key=lambda one: one.off_m
         )
     return worst
+
+
+def kept_pictures(found: Recharged) -> PictureAudit:
+    """Return the audit; an `InputError` refuses flights that would lose a picture, take one twice, or one elsewhere."""
+    audit = audited(found)
+    if audit.off_m <= MOST_OFF_M:
+        return audit
+    told = f"the mission takes {audit.before} pictures, and these flights would take {audit.after}"
+    if audit.before == audit.after:
+        told = f"a picture would be {distance_text(audit.off_m)} from where it was"
+    raise InputError(told, field="mission", remedy="cut it by hand, and tell us the mission")

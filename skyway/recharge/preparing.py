@@ -13,9 +13,10 @@ from skyway.missions.checks.areas import check_fence
 from skyway.missions.checks.route import fly
 from skyway.missions.checks.structure import check_structure
 from skyway.missions.items.commands import TAKEOFF_COMMANDS
+from skyway.missions.recharge.item_roles import role_of
 from skyway.missions.recharge.pad_ways import pad_grounds_m, pad_ways
 from skyway.missions.recharge.parts import completed
-from skyway.missions.recharge.work import work_of
+from skyway.missions.recharge.work import too_many_repeats, work_of
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import height_text
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
     from skyway.missions.items.mission import Mission
     from skyway.missions.recharge.pad_ways import PadWays
     from skyway.missions.recharge.work import Work
@@ -113,19 +115,36 @@ def _that_fly(
     """
     fit: list[Family] = []
     faults: list[Fault] = []
+    never: dict[str, None] = {}
     for family in families:
         route = fly(document.mission, autopilot=family, laps=options.laps)
+        if route.is_cut:
+            raise too_many_repeats()
         found = [
             *check_structure(document.mission, route),
             *check_fence(document, route, family),
             *family.cannot_fly(document),
         ]
-        errors = [one for one in found if one.severity == "error" and one.code not in _OF_THE_WHOLE]
+        errors = [one for one in found if one.severity == "error" and not _of_the_whole(one, document)]
+        never |= {f"item {one.item}: {one.message}": None for one in found if one.code == "never-reached"}
         if not errors:
             fit.append(family)
             continue
         where = "" if errors[0].item is None else f"item {errors[0].item}: "
         faults.append(Fault(f"no missions for {family.name}: {where}{errors[0].message}", remedy=errors[0].remedy))
     if not fit:
+        problems = {fault.problem.partition(": ")[2]: fault for fault in faults}
+        if len(problems) == 1:
+            problem, fault = next(iter(problems.items()))
+            names = " and ".join(family.name for family in families)
+            raise InputError(f"no missions for {names}: {problem}", remedy=fault.remedy)
         raise InputError(faults)
-    return fit, [fault.problem for fault in faults]
+    return fit, [*never, *(fault.problem for fault in faults)]
+
+
+def _of_the_whole(error: Finding, document: MissionDocument) -> bool:
+    """Whether its flights do not have a fault of a mission: where it begins and ends, and marks of jumps, which are unrolled."""
+    if error.code in _OF_THE_WHOLE:
+        return True
+    refused = error.item is not None and error.code.endswith("unsupported-command")
+    return refused and role_of(document.mission.items[error.item or 0]) == "mark"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import J_PER_WH
-from skyway.recharge.picture_audit import PictureAudit, audited
+from skyway.recharge.picture_audit import PictureAudit, kept_pictures
 
 if TYPE_CHECKING:
     from skyway.missions.recharge.work import WorkPoint
@@ -143,7 +143,7 @@ def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: d
         conditions.drone.name,
         conditions.reserve_soc,
         problem.options.epsilon,
-        audited(found),
+        kept_pictures(found),
         float(problem.hops.work_s[0].sum()),
         plan.end_s,
         (flown.end_s, flown.end_early_s, flown.end_late_s),

@@ -123,6 +123,25 @@ def test_a_folder_is_replaced_only_if_it_is_ours_and_that_is_asked(skyway, patro
     assert (patrol / "out/ardupilot/battery-1.plan").exists()
 
 
+def test_flights_are_checked_with_the_drone_of_the_same_fleet_file(skyway, patrol):
+    fleet = patrol / "drones.toml"
+    fleet.write_text(
+        'schema = "skyway.fleet/1"\n[[drone]]\nid = "half"\nname = "Half"\nprovider = "me"\nbase = "m200-v2"\n'
+        "battery_wh = 175\nendurance_empty_min = 19\nendurance_full_min = 12\n"
+    )
+    drone = ["--fleet", fleet, "--drone", "half", "--wind", "6@250"]
+    asked = ["recharge", patrol / "patrol.plan", "--pads", patrol / "pads.csv", "-o", patrol / "out", "--json"]
+    answer = skyway(*asked, *drone)
+    assert answer.code == 0, answer.err
+    for flight in json.loads(answer.out)["flights"]:
+        file, soc = patrol / "out" / flight["files"]["px4"], 100 * flight["soc_start"]
+        checked = skyway("check", file, *drone, "--soc", soc, "--json")
+        assert checked.code == 0, checked.out
+        left_of_turns = json.loads(checked.out)["legs"][0]["soc_end"] - flight["soc_end"]
+        assert 0.0 <= left_of_turns < 0.05  # turns and landings, which check by itself leaves out
+    assert "no such drone" in skyway("check", file, "--fleet", fleet, "--drone", "other").err
+
+
 def test_batteries_that_are_changed_take_the_time_that_is_told(skyway, patrol):
     typed = ["recharge", str(patrol / "patrol.plan"), "--pads", str(patrol / "pads.csv"), "--drone", "m200-v2"]
     assert skyway(*typed, "-o", str(patrol / "charged")).code == 0

@@ -37,6 +37,7 @@ class Vehicle:
     every_m: float = 0.0
     every_s: float = 0.0
     elapsed_s: float = 0.0
+    stopped: tuple = (0.0, 0.0)
     last_picture: tuple | None = None
     pictures: list = field(default_factory=list)
     track: list = field(default_factory=list)
@@ -95,6 +96,8 @@ class Vehicle:
 
     def order(self, item):
         command, params = item.command, item.params
+        if command in (206, 214, 2000, 2001):
+            self.stopped = (0.0, 0.0)
         if command == 206:
             self.every_m, self.every_s = max(params[0], 0.0), 0.0
             if self.last_picture is None:
@@ -105,8 +108,14 @@ class Vehicle:
             self.every_s, self.every_m = (params[0] / 1000.0 if command == 214 else params[1]), 0.0
             if self.every_s > 0:
                 self.picture()
-        elif command == 2001 or (command == 2003 and params[0] == 0):
+        elif command == 2001:
             self.every_m = self.every_s = 0.0
+        elif command == 2003 and params[0] == 0 and (self.every_m or self.every_s):
+            self.stopped, self.every_m, self.every_s = (self.every_m, self.every_s), 0.0, 0.0
+        elif command == 2003 and params[0] == 1 and not (self.every_m or self.every_s):
+            self.every_m, self.every_s = self.stopped
+            if self.every_s:
+                self.picture()
         elif command == 178:
             if params[0] in (0, 1) and params[1] > 0:
                 self.speed = params[1]

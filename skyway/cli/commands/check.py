@@ -35,6 +35,7 @@ def check(
     zones: options.Zones = None,
     authorized: options.Authorized = None,
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
+    fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) that the drone is of.")] = None,
     autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot to check the mission for.")] = None,
     wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
     depart: Annotated[
@@ -85,7 +86,7 @@ def check(
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
     airspace = airspace_options.zones_of(region, zones or (), authorized or (), document.places)
     weather = weather_of(region, wind, depart, forecast, zoned=bool(zones))
-    conditions = conditions_of(region, drone, weather, payload, soc, reserve)
+    conditions = conditions_of(region, drone, weather, payload, soc, reserve, fleet)
     report = check_mission(
         document,
         dialect=family_named(autopilot) if autopilot else None,

