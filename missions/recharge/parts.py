@@ -15,12 +15,13 @@ from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAME
 from skyway.missions.items.commands import LAND_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
-from skyway.missions.recharge.item_roles import PICTURES, SPEED, VIDEO, is_no_region, role_of
+from skyway.missions.recharge.item_roles import PICTURES, SPEED, is_no_region, role_of
 from skyway.missions.recharge.pad_ways import STEADY_S
+from skyway.missions.recharge.pictures import NOT, ordered
 from skyway.missions.recharge.spans import spans_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Step
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 EXACT_M = 1.0
 """Acceptance radius of places where the work is left and gone on with."""
-_SPRAYER = "DO_SPRAYER"
 
 
 class PartBuilder:
@@ -170,21 +170,7 @@ class PartBuilder:
         """Fly as far as the work is done, and stop what runs on the way."""
         if point.share < 1.0:
             yield self._work_place(point, point.share, ground, 0.0), (point.step, point.share)
-        held = self.work.state(point)
-        taking = self.work.taking(point)
-        if taking:
-            pictures = held[PICTURES]
-            if pictures.command == Command.IMAGE_START_CAPTURE:
-                yield MissionItem(Command.IMAGE_STOP_CAPTURE, Frame.MISSION, pictures.param1), None
-            elif pictures.command == Command.DO_SET_CAM_TRIGG_INTERVAL:
-                yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION), None
-            else:
-                yield MissionItem(pictures.command, Frame.MISSION), None
-        video = held.get(VIDEO)
-        if video is not None and not _is_nothing(video):
-            yield MissionItem(Command.VIDEO_STOP_CAPTURE, Frame.MISSION, video.param1), None
-        if any(key.startswith(_SPRAYER) and item.param1 == 1.0 for key, item in held.items()):
-            yield MissionItem(Command.DO_SPRAYER, Frame.MISSION), None
+        yield from ((item, None) for item in orders_off(self.work.state(point).values()))
 
     def _to_pad(self, point: int, pad: int, ground: float) -> Iterator[MissionItem]:
         level = float(self.ways.level_m[point, pad])
@@ -262,6 +248,24 @@ class PartBuilder:
 
     def _speed(self, speed_mps: float) -> MissionItem:
         return MissionItem(Command.DO_CHANGE_SPEED, Frame.MISSION, 1.0, round(speed_mps, 2), -1.0)
+
+
+def orders_off(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
+    """Return the orders that stop what some items begin and no order ends by itself: pictures, video, spraying; each once."""
+    found: dict[tuple[int, float], MissionItem] = {}
+    for item in items:
+        off: MissionItem | None = None
+        if item.command == Command.DO_SET_CAM_TRIGG_INTERVAL and ordered(item, NOT):
+            off = MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION)
+        elif item.command == Command.IMAGE_START_CAPTURE and ordered(item, NOT):
+            off = MissionItem(Command.IMAGE_STOP_CAPTURE, Frame.MISSION, item.param1)
+        elif ordered(item, NOT) or (item.command == Command.DO_SPRAYER and item.param1 == 1.0):
+            off = MissionItem(item.command, Frame.MISSION)
+        elif item.command == Command.VIDEO_START_CAPTURE:
+            off = MissionItem(Command.VIDEO_STOP_CAPTURE, Frame.MISSION, item.param1)
+        if off is not None:
+            found[off.command, off.param1] = off
+    return tuple(found.values())
 
 
 def _is_nothing(item: MissionItem) -> bool:

@@ -74,7 +74,7 @@ def read_van_stands(path: Path, depart_s: float | None = None) -> tuple[VanStand
     if not faults:
         for before, after in pairwise(read):
             faults += _drive(before.stand, after)
-    refuse(faults)
+    refuse(list({str(fault): fault for fault in faults}.values()))  # all stands of a road have its properties
     return tuple(
         _numbered(one.stand, number)
         for _, group in groupby(read, key=lambda one: one.stand.van)
@@ -116,7 +116,7 @@ def _seconds(row: Row, field: str, depart_s: float | None) -> float:
         return 3600.0 * int(after[1]) + 60.0 * int(after[2]) + float(after[3] or 0)
     if not text:
         return math.nan
-    if re.fullmatch(r"[\d:.]+", text):
+    if not re.match(r"\d{4}-", text):
         row.fault(
             field,
             "is not a time",

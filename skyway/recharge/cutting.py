@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,8 @@ MAX_ROUNDS = 6
 ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
+SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
+"""So long before a pad is gone stops may have to end, for what is not known of charging."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +88,39 @@ def recharged(
 
 
 def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
-    """Cut a mission as `recharged` does."""
+    """Cut a mission as `recharged` does.
+
+    Who charges may come later, and take longer, than by the plan: where a pad is there for a while only, stops end earlier by a slack with
+    which the simulated flights keep the reserve, too; a note says where none does.
+    """
+    from skyway.recharge.simulated import RUNS, simulated
+
+    found = _cut(ready, options)
+    if not options.windows or options.swap_s is not None:
+        return found
+    epsilon = options.epsilon
+    enough = 1.0 - epsilon - 3.0 * math.sqrt(epsilon / RUNS)
+    most = min(simulated(found).each_p_reserve)
+    for slack_s in SLACKS_S:
+        if most >= enough:
+            return found
+        try:
+            other = _cut(ready, replace(options, window_slack_s=slack_s))
+        except InputError:
+            continue
+        least = min(simulated(other).each_p_reserve)
+        if least > most:
+            found, most = other, least
+    if most >= enough:
+        return found
+    note = (
+        f"pads are not there long enough to charge for all that is not known: as planned a landing keeps the reserve with {probability(most, 1)};"
+        " skyway fly leaves the work earlier then"
+    )
+    return replace(found, notes=(*found.notes, note))
+
+
+def _cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     document, families, notes, left_out = ready.document, ready.families, ready.notes, [*ready.left_out]
     work = ready.work(options)
     ways = ready.ways(work, options)

@@ -86,6 +86,8 @@ class RechargeOptions:
     """Independent parts may be flown in another order."""
     ground_s: float = GROUND_S
     """At each stop, before the take-off: beside waiting, charging and changing the battery."""
+    window_slack_s: float = 0.0
+    """Stops end so long before the window of their pad: charging may take longer."""
     held: tuple[Stay, ...] = ()
     """When others have which numbered pad; pads by their place among all."""
 
@@ -138,8 +140,8 @@ class RechargeProblem:
         )
         if not self.options.windows:
             return route
-        ground_s = self.options.ground_s
-        return on_windows(route, [(pad, (first, last - ground_s)) for pad, (first, last) in self.usable])
+        less_s = self.options.ground_s + self.options.window_slack_s
+        return on_windows(route, [(pad, (first, last - less_s)) for pad, (first, last) in self.usable])
 
     def stops(self, sure_ratio: float) -> ChargingPlan | None:
         """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""

@@ -28,6 +28,9 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
     if not np.isfinite(ways.level_m[can_leave]).any():
         what = "leaves the fence, enters a zone, or is over unknown ground"
         return InputError(f"no pad in reach: every way from the mission to a pad {what}", field="--pads")
+    if reached == len(work.points) - 1 and problem.options.windows:
+        told = "pads are not there when they are needed, or not for long enough: could they be used at any time, the mission could be cut"
+        return InputError(told, field="--pads", remedy="more time for vans and bookings, or a pad that is always there")
     hindering = _hindering(problem, sure_ratio, reached)
     if hindering is not None:
         name = work.mission.items[hindering].name

@@ -192,7 +192,9 @@ def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
     answer = skyway(*typed, "--drone", "m200-v2", "--wind", "6@250", "--autopilot", "px4", "--json")
     assert answer.code == 0, answer.err
     windows = {"van-1": (0.0, 1800.0), "van-2": (2700.0, 9000.0)}
-    stays = [flight["stay"] for flight in json.loads(answer.out)["flights"] if flight["stay"]]
+    told = json.loads(answer.out)
+    assert told["p_reserve"] >= 0.997  # charging that takes longer has time left before the van drives on
+    stays = [flight["stay"] for flight in told["flights"] if flight["stay"]]
     assert stays
     for stay in stays:
         first, last = windows[stay["pad"]]
@@ -201,6 +203,10 @@ def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
     reversed_times = skyway(*typed, "--force")
     assert reversed_times.code == 2
     assert "vans.csv:2: until: is not later than from" in reversed_times.err
+    vans.write_text(VANS.format("noon", "0:00"))
+    assert "vans.csv:2: from: is not a time (got 'noon'); hours and minutes" in skyway(*typed, "--force").err
+    vans.write_text("van,lat,lon,elevation_m,from,until\nvan,47.3978,8.5450,488,0:00,0:05\n")
+    assert "pads are not there when they are needed, or not for long enough" in skyway(*typed, "--wind", "6@250", "--force").err
     assert "give --pads, or --vans" in skyway("recharge", str(patrol / "patrol.plan"), "-o", str(patrol / "no")).err
 
 

@@ -243,6 +243,7 @@ def arming(ctx: Context) -> After:
     if (aircraft := ctx.give_way.bars(ctx)) is not None:
         return State.PREFLIGHT, f"not yet: {aircraft}"
     ctx.delivery.begin_flight()
+    ctx.divert.call_off()  # that of an earlier flight
     ctx.lean.begin()
     leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
     ctx.battery.begin_flight(charged=ctx.delivery.charged)

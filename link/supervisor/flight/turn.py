@@ -11,6 +11,7 @@ from skyway.link.supervisor.journal.entries import Turned, Uploaded
 from skyway.link.supervisor.legs import turn_leg, with_places
 from skyway.link.supervisor.states import State, Turn
 from skyway.link.vehicle.divert import Diversion, Refuge
+from skyway.missions.recharge.parts import orders_off
 from skyway.models.base import geodesy
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
 
@@ -46,6 +47,8 @@ def turn(ctx: Context, station: str, state: State) -> After:
         plan, station, here, home_ground, speed_mps, ctx.vehicle.family, ctx.job.options,
         last=last, home=leg.mission.document.mission.home, onward=back,
     )  # fmt: skip
+    if ctx.work.flight is not None:
+        mission = _with_all_off(mission, ctx.work.flight.mission)
     try:
         outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
     except VehicleTimeoutError as error:
@@ -62,6 +65,14 @@ def turn(ctx: Context, station: str, state: State) -> After:
     ctx.divert.done()
     ctx.note(Turned(destination=station, begun=False), f"diverted to {station}")
     return state, f"diverted to {station}"
+
+
+def _with_all_off(mission: LegMission, work: LegMission) -> LegMission:
+    """Stop what the work runs on its way (pictures, video, spraying) behind the first place of a mission."""
+    whole = mission.document.mission
+    first, *others = whole.items
+    items = (first, *orders_off(work.document.mission.items), *others)
+    return replace(mission, document=replace(mission.document, mission=replace(whole, items=items)))
 
 
 def _height_m(ctx: Context, leg: Leg, now_m: float) -> float:
