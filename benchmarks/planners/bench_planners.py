@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks.cases.instances import FOLDER, NETWORKS, UTILISATIONS, read_instance
 from benchmarks.planners.paper import NODES, rows, run_experiment
-from benchmarks.planners.trials import COMPARED_RUNS, try_instance
+from benchmarks.planners.trials import COMPARED_RUNS, Asked, try_instance
 from benchmarks.tables import report
 from benchmarks.tables.figure import commit, machine
 from skyway.models.base.errors import Fault, InputError
@@ -76,6 +76,8 @@ def run(
     keep: bool = False,
     progress: Callable[[str], None] = say,
     parameters: PlannerParameters = USUAL,
+    workers: int = 1,
+    cluster: str | None = None,
 ) -> list[Path]:
     """Run the benchmark and write table, figures and results into a folder; returns the files.
 
@@ -93,6 +95,8 @@ def run(
         Told in words how far it is.
     parameters : PlannerParameters
         Of all planners; those that are not at their defaults are kept with the results.
+    workers, cluster
+        See `skyway.models.compute.spreading.spread`; planning times are those of a processor of its own only with one worker.
 
     Raises
     ------
@@ -103,7 +107,8 @@ def run(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(Fault(f"cannot be made: {error.strerror}", str(out))) from None
-    results = Results(out, {"commit": commit()} | machine() | changed(parameters, "planner"))
+    spread_over = {} if cluster is None and workers == 1 else {"workers": cluster or str(workers)}
+    results = Results(out, {"commit": commit()} | machine() | spread_over | changed(parameters, "planner"))
     if keep:
         results.read()
     if not results.runs and size.nodes:
@@ -114,6 +119,8 @@ def run(
             runs=lambda nodes: min(nodes // 2, size.paper_runs),
             progress=progress,
             parameters=parameters,
+            workers=workers,
+            cluster=cluster,
         )
         results.add([], time.perf_counter() - started)
     for file in size.instances:
@@ -127,9 +134,8 @@ def run(
             progress(f"left out: {results.skipped[-1]}")
             continue
         started = time.perf_counter()
-        found = try_instance(
-            instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress, parameters=parameters
-        )
+        asked = Asked(instance, size.compared, size.time_limit_s, parameters)
+        found = try_instance(asked, progress=progress, workers=workers, cluster=cluster)
         results.add(found, time.perf_counter() - started)
     results.write()
     pictures = _draw(out, results.rows, results.paper, progress)

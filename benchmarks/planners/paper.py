@@ -12,6 +12,7 @@ import math
 import time
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, date, datetime, timedelta
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from benchmarks.cases.loads import scaled_to
 from benchmarks.cases.networks import CENTRE, new_york, random_pairs
 from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.models.composition.composition import State
+from skyway.models.compute.spreading import spread
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Station
@@ -120,6 +122,8 @@ def run_experiment(
     planners: Sequence[str] = PLANNERS,
     progress: Callable[[str], None] = lambda _: None,
     parameters: PlannerParameters = USUAL,
+    workers: int = 1,
+    cluster: str | None = None,
 ) -> list[PaperRun]:
     """Run all sizes.
 
@@ -137,21 +141,45 @@ def run_experiment(
         Names of planners.
     progress : callable
         Told in words how far it is.
+    workers, cluster
+        See `skyway.models.compute.spreading.spread`.
     """
     done: list[PaperRun] = []
-    _run(
-        4, 0, _request(paper_network(4, seed), ("n0", "n1"), date(2013, 7, 10), 0), planners, 1.0, parameters
-    )  # compiles
     for size in nodes:
-        scenario = paper_network(size, seed)
+        scenario = _network(size, seed)
         rng = np.random.default_rng((seed, size, 2))
         pairs = random_pairs(scenario.network, runs(size), seed)
+        asked = [Asked(number, pair, _day(scenario, rng)) for number, pair in enumerate(pairs)]
         started = time.perf_counter()
-        for number, pair in enumerate(pairs):
-            day = _day(scenario, rng)
-            done += _run(size, number, _request(scenario, pair, day, seed + number), planners, time_limit_s, parameters)
+        common = (size, seed, tuple(planners), time_limit_s, parameters)
+        found = spread(run_one, asked, common=common, workers=workers, cluster=cluster)
+        done += [run for several in found for run in several]
         progress(f"paper's experiment, {size} nodes: {len(pairs)} runs in {time.perf_counter() - started:.0f} s")
     return done
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request of the experiment: its number, its ends, and the day of its truth."""
+
+    number: int
+    pair: tuple[str, str]
+    day: date
+
+
+def run_one(common: tuple[int, int, tuple[str, ...], float, PlannerParameters], asked: Asked) -> list[PaperRun]:
+    """Run all planners on one request; `common` is size, seed, planners, time limit and parameters."""
+    size, seed, planners, time_limit_s, parameters = common
+    if not _ready:
+        _ready.append(True)
+        first = _request(_network(4, seed), ("n0", "n1"), date(2013, 7, 10), 0)
+        _run(4, 0, first, planners, 1.0, parameters)  # compiles
+    what = _request(_network(size, seed), asked.pair, asked.day, seed + asked.number)
+    return _run(size, asked.number, what, planners, time_limit_s, parameters)
+
+
+_ready: list[bool] = []
+_network = lru_cache(maxsize=2)(paper_network)
 
 
 def _day(scenario: Scenario, rng: np.random.Generator) -> date:

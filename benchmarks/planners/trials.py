@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.models.base.errors import InfeasibleError
+from skyway.models.compute.spreading import spread
 from skyway.planner.evaluation.evaluate import (
     Evaluation,
     Flown,
@@ -204,17 +206,11 @@ def case_of(
     return Case(scenario, instance, number, forecast, realizations, min(compared, instance.runs))
 
 
-def try_instance(
-    instance: Instance,
-    *,
-    compared: int = COMPARED_RUNS,
-    time_limit_s: float = 5.0,
-    progress: Callable[[str], None],
-    parameters: PlannerParameters = USUAL,
-) -> list[Row]:
-    """Try all planners on an instance.
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What all deliveries of an instance are tried with.
 
-    Parameters
+    Attributes
     ----------
     instance : Instance
         The instance.
@@ -222,32 +218,84 @@ def try_instance(
         See `COMPARED_RUNS`.
     time_limit_s : float
         Of each clairvoyant plan.
-    progress : callable
-        Told in words how far it is.
     parameters : PlannerParameters
         Of all planners.
     """
-    scenario = instance.scenario()
-    rivals = contenders(len(scenario.network))
-    trials: list[Trial] = []
-    known: dict[str, list[Floats]] = {}
-    spent: dict[str, float] = {}
-    cut: dict[str, int] = {}
+
+    instance: Instance
+    compared: int = COMPARED_RUNS
+    time_limit_s: float = 5.0
+    parameters: PlannerParameters = USUAL
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One delivery, tried by all.
+
+    Attributes
+    ----------
+    trials : list of Trial
+        Of those who do not need the truth.
+    known : dict
+        By clairvoyant planner: delivery times of the runs, planning time of all together, and how many were cut off.
+    """
+
+    trials: list[Trial]
+    known: dict[str, tuple[Floats, float, int]]
+
+
+def try_delivery(asked: Asked, number: int) -> Tried:
+    """Try all planners on one delivery; but for the planning times it depends on nothing else."""
+    instance = asked.instance
+    scenario = _scenario(instance)
+    case = case_of(scenario, instance, number, asked.compared, asked.parameters)
+    trials = [try_case(case, rival) for rival in contenders(len(scenario.network))]
+    known = {
+        name: clairvoyant_times(
+            case.realizations, instance.drone, name, range(case.compared), time_limit_s=asked.time_limit_s
+        )
+        for name in CLAIRVOYANT_PLANNERS
+        if tried(name, len(scenario.network))
+    }
+    return Tried(trials, known)
+
+
+@lru_cache(maxsize=1)
+def _scenario(instance: Instance) -> Scenario:
+    return instance.scenario()
+
+
+def try_instance(
+    asked: Asked, *, progress: Callable[[str], None], workers: int = 1, cluster: str | None = None
+) -> list[Row]:
+    """Try all planners on an instance.
+
+    Parameters
+    ----------
+    asked : Asked
+        The instance, and how.
+    progress : callable
+        Told in words how far it is.
+    workers, cluster
+        See `skyway.models.compute.spreading.spread`; planning times are those of a processor of its own only with one.
+    """
+    instance = asked.instance
+    rivals = contenders(len(_scenario(instance).network))
     started = time.perf_counter()
-    for number in range(len(instance.deliveries)):
-        case = case_of(scenario, instance, number, compared, parameters)
-        trials += [try_case(case, rival) for rival in rivals]
-        for name in CLAIRVOYANT_PLANNERS:
-            if not tried(name, len(scenario.network)):
-                continue
-            found, took, off = clairvoyant_times(
-                case.realizations, instance.drone, name, range(case.compared), time_limit_s=time_limit_s
-            )
-            known.setdefault(name, []).append(found)
-            spent[name] = spent.get(name, 0.0) + took / case.compared
-            cut[name] = cut.get(name, 0) + off
-        progress(f"{instance.name}: {number + 1} of {len(instance.deliveries)}, {time.perf_counter() - started:.0f} s")
-    return _rows(instance, rivals, trials, known, spent, cut, compared)
+
+    def told(done: int, total: int, left_s: float) -> None:
+        spent_s = time.perf_counter() - started
+        progress(f"{instance.name}: {done} of {total}, {spent_s:.0f} s, about {left_s:.0f} s left")
+
+    count = len(instance.deliveries)
+    done = spread(try_delivery, range(count), common=asked, workers=workers, cluster=cluster, told=told)
+    trials = [trial for one in done for trial in one.trials]
+    names = list(done[0].known) if done else []
+    known = {name: [one.known[name][0] for one in done] for name in names}
+    runs = min(asked.compared, instance.runs)
+    spent = {name: sum(one.known[name][1] for one in done) / runs for name in names}
+    cut = {name: sum(one.known[name][2] for one in done) for name in names}
+    return _rows(instance, rivals, trials, known, spent, cut, asked.compared)
 
 
 def try_case(case: Case, rival: Contender) -> Trial:

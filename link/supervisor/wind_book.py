@@ -126,8 +126,12 @@ class WindBook:
     @property
     def observations(self) -> tuple[WindObservation, ...]:
         """All that was measured, each averaged over a slot, carried to cruise height."""
-        measured = self.live.observations()
-        return (*self.earlier, *(one.at_height(self.cruise_height_m, self.exponent) for one in measured))
+        return (*self.earlier, *self.measured)
+
+    @property
+    def measured(self) -> tuple[WindObservation, ...]:
+        """Those of them that were measured since the supervisor began, carried to cruise height."""
+        return tuple(one.at_height(self.cruise_height_m, self.exponent) for one in self.live.observations())
 
     @property
     def measured_s(self) -> float:

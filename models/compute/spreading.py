@@ -44,8 +44,14 @@ def processors() -> int:
 
 
 def spread(
-    work: Callable[[T], R], arguments: Sequence[T], *, workers: int = 1, cluster: str | None = None, told: Told | None = None
-) -> list[R]:  # fmt: skip
+    work: Callable[[T], R] | Callable[[Any, T], R],
+    arguments: Sequence[T],
+    *,
+    common: object = None,
+    workers: int = 1,
+    cluster: str | None = None,
+    told: Told | None = None,
+) -> list[R]:
     """Return what `work` returns for each argument, in their order.
 
     Parameters
@@ -54,6 +60,8 @@ def spread(
         A function of a module, that others can import.
     arguments : sequence
         One for each piece; they are pickled.
+    common : object, optional
+        What all pieces have in common, too large to be sent with each: `work` has it before its argument.
     workers : int
         Processes of this machine; with 1 it is done in this one.
     cluster : str, optional
@@ -70,12 +78,12 @@ def spread(
     """
     progress = _Progress(len(arguments), told)
     if cluster is None and workers <= 1:
-        found = []
+        found: list[R] = []
         for one in arguments:
-            found.append(work(one))
+            found += _bundle(work, common, [one])[0]
             progress.done(1)
         return found
-    return _Spread(work, arguments, progress, workers, cluster).all()
+    return _Spread(work, arguments, common, progress, workers, cluster).all()
 
 
 class _Progress:
@@ -96,9 +104,15 @@ class _Spread(Generic[T, R]):
     """One round of work."""
 
     def __init__(
-        self, work: Callable[[T], R], arguments: Sequence[T], progress: _Progress, workers: int, cluster: str | None
+        self,
+        work: Callable[..., R],
+        arguments: Sequence[T],
+        common: object,
+        progress: _Progress,
+        workers: int,
+        cluster: str | None,
     ) -> None:
-        self._work, self._arguments, self._progress = work, arguments, progress
+        self._work, self._arguments, self._common, self._progress = work, arguments, common, progress
         self._workers, self._cluster = workers, cluster
         self._answers: dict[int, R] = {}
         self._lost = [0] * len(arguments)
@@ -108,19 +122,20 @@ class _Spread(Generic[T, R]):
     def all(self) -> list[R]:
         left = list(range(len(self._arguments)))
         while left:
-            with self._executor() as (executor, workers):
-                self._round(executor, deque(left), AHEAD * workers)
+            with self._executor() as (executor, workers, common):
+                self._round(executor, common, deque(left), AHEAD * workers)
             left = [number for number in left if number not in self._answers]
         return [self._answers[number] for number in range(len(self._arguments))]
 
-    def _round(self, executor: Executor, left: deque[int], ahead: int) -> None:
+    def _round(self, executor: Executor, common: object, left: deque[int], ahead: int) -> None:
         """Do pieces until none is left, or the workers were lost."""
         running: dict[Future[tuple[list[R], float]], list[int]] = {}
         try:
             while left or running:
                 while left and len(running) < ahead:
                     bundle = [left.popleft() for _ in range(min(self._size, len(left)))]
-                    running[executor.submit(_bundle, self._work, [self._arguments[one] for one in bundle])] = bundle
+                    pieces = [self._arguments[one] for one in bundle]
+                    running[executor.submit(_bundle, self._work, common, pieces)] = bundle
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     bundle = running[future]
                     answers, spent_s = future.result()
@@ -141,11 +156,13 @@ class _Spread(Generic[T, R]):
                 future.cancel()
 
     @contextmanager
-    def _executor(self) -> Iterator[tuple[Executor, int]]:
+    def _executor(self) -> Iterator[tuple[Executor, int, object]]:
+        """Yield an executor, how many workers it has, and what stands for what all pieces have in common: each worker is sent that once."""
         if self._cluster is None:
-            pool = ProcessPoolExecutor(self._workers, mp_context=multiprocessing.get_context("spawn"))
+            spawn = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(self._workers, mp_context=spawn, initializer=_keep, initargs=(self._common,))
             try:
-                yield pool, self._workers
+                yield pool, self._workers, _Kept()
             finally:
                 pool.shutdown(wait=False, cancel_futures=True)
             return
@@ -170,12 +187,27 @@ class _Spread(Generic[T, R]):
             except TimeoutError as error:
                 remedy = f"start some: dask worker {self._cluster}"
                 raise InputError("has no workers", field="--cluster", value=self._cluster, remedy=remedy) from error
-            yield client.get_executor(pure=False), len(client.scheduler_info(n_workers=-1)["workers"])
+            common = None if self._common is None else client.scatter([self._common], broadcast=True, hash=False)[0]
+            yield client.get_executor(pure=False), len(client.scheduler_info(n_workers=-1)["workers"]), common
 
 
-def _bundle(work: Callable[[T], R], arguments: list[T]) -> tuple[list[R], float]:
+class _Kept:
+    """Stands for what a process keeps."""
+
+
+_kept: list[object] = [None]
+
+
+def _keep(common: object) -> None:
+    """Keep, in a process that has just begun, what all pieces have in common."""
+    _kept[0] = common
+
+
+def _bundle(work: Callable[..., R], common: object, arguments: list[T]) -> tuple[list[R], float]:
     begin = time.perf_counter()
-    return [work(one) for one in arguments], time.perf_counter() - begin
+    common = _kept[0] if isinstance(common, _Kept) else common
+    given = () if common is None else (common,)
+    return [work(*given, one) for one in arguments], time.perf_counter() - begin
 
 
 def _lost_errors() -> tuple[type[BaseException], ...]:

@@ -23,6 +23,7 @@ from skyway.planner.evaluation.flights import (
     fly_itinerary,
     pooled,
 )
+from skyway.planner.evaluation.parts import fly_parts
 from skyway.planner.evaluation.policies import OpenLoop, Policy, Rolling, Standing
 from skyway.planner.evaluation.realizations import (
     Realizations,
@@ -36,7 +37,7 @@ from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import NO_ERRORS, Errors
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -154,7 +155,14 @@ class Evaluation:
 
 
 def evaluate(
-    result: PlanResult, realizations: Realizations, *, clairvoyant_s: NDArray[np.float64] | None = None, seed: int = 0
+    result: PlanResult,
+    realizations: Realizations,
+    *,
+    clairvoyant_s: NDArray[np.float64] | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    cluster: str | None = None,
+    told: Callable[[int, int, float], None] | None = None,
 ) -> Evaluation:
     """Fly a plan in realizations: as it stands, or, of ``robust``, with the charge decided at each stop.
 
@@ -168,6 +176,8 @@ def evaluate(
         See `clairvoyant_times`.
     seed : int
         Of the bootstrap.
+    workers, cluster, told
+        See `planner.evaluation.parts.fly_parts`: the figures do not depend on them.
 
     Raises
     ------
@@ -176,10 +186,8 @@ def evaluate(
     """
     check_held_out(realizations, result.problem.ensemble)
     drone = result.composition.drone
-    if result.robust is not None:
-        flown = fly_charging(realizations, drone, result.robust.policy)
-    else:
-        flown = fly_itinerary(realizations, drone, result.itinerary)
+    flying = result.itinerary if result.robust is None else result.robust.policy
+    flown = fly_parts(realizations, drone, flying, workers=workers, cluster=cluster, told=told)
     flown = flown.judged(result.outcome, result.problem.depart_s)
     if clairvoyant_s is not None:
         flown = replace(flown, clairvoyant_s=clairvoyant_s)

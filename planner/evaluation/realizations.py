@@ -99,6 +99,14 @@ class Realizations:
         """Ordinal of the day of each run, shape (runs,): runs that share it are not independent."""
         return np.array([day.toordinal() for day in self.days])[self.day]
 
+    def part(self, begin: int, end: int) -> Realizations:
+        """Some of the runs, one after another."""
+        some = slice(begin, end)
+        return replace(
+            self, day=self.day[some], queue=self.queue[some], vehicle_key=self.vehicle_key[some], gust_key=self.gust_key[some],
+            ratios=None if self.ratios is None else self.ratios[some], _energy={},
+        )  # fmt: skip
+
     def problem(self, drone: str) -> Problem:
         """The request in the winds of all days, for one drone of the fleet."""
         return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind, parameters=self.parameters)

@@ -83,6 +83,8 @@ class Flight:
             scenario=scenario,
             request=replace(request_of(composition, scenario), return_to="none"),
             forecast=region.forecast(now_s),
+            observed=lambda at_s: self._worker.winds.of_others(record.system, at_s),
+            drag=self._worker.service.drags.get(composition.drone),
             dispatched=True,
             hands_over=loaded,
             not_before_s=record.not_before_s,
@@ -120,6 +122,7 @@ class Flight:
             lat=None if place is None else place[0], lon=None if place is None else place[1],
         )  # fmt: skip
         self._told = self._record.progress = progress
+        self._worker.winds.tell(self._record.system, ctx.wind.measured)
         self._entry = self._worker.change(self._entry, "flying", self._record)
 
     def _late_s(self, ctx: Context) -> float:

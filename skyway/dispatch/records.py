@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from skyway.models.base.errors import InputError
+from skyway.models.drones.drag import DragModel  # noqa: TC001  records are read by their annotations
 from skyway.models.ledger.desk import Entry
 from skyway.models.orders.order import Order, Vehicle  # noqa: TC001  records are read by their annotations
 
@@ -47,6 +48,8 @@ class ServiceRecord(msgspec.Struct, kw_only=True):
     seed: int = 1
     strangers: bool = True
     """Of the simulated world: its seed, and whether others charge, too."""
+    drags: dict[str, DragModel] = {}
+    """By drone type: by it the tilt of a drone measures the wind."""
 
 
 class Promise(msgspec.Struct, kw_only=True):

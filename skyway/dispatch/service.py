@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skyway.calibration_flight import drag_of
 from skyway.dispatch.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.records import DroneRecord, OrderRecord, ServiceRecord, read, written
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     import subprocess
     from collections.abc import Callable, Sequence
 
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.drone import Drone
     from skyway.models.ledger.ledger import Lease
     from skyway.models.orders.order import Order, Vehicle
 
@@ -159,15 +162,23 @@ class Service:
             begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=o.ledger, scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
             reserve=o.reserve, workers=o.workers, ttl_s=o.ttl_s, settings=list(o.settings), seed=o.seed, strangers=o.strangers,
         )  # fmt: skip
-        vehicles = fit(Region(record).base, (), o.fleet).vehicles
+        region = Region(record)
+        vehicles = fit(region.base, (), o.fleet).vehicles
         drones = [
             DroneRecord(vehicle=one, system=number, place=one.place, soc=one.soc)
             for number, one in enumerate(vehicles, 1)
         ]
+        record.drags = {name: self._drag(region.base.drone(name)) for name in sorted({one.type for one in vehicles})}
         entries = [Entry("drone", one.vehicle.id, 0, "standing", o.dispatcher, written(one)) for one in drones]
         service = Entry("service", "service", 0, "begun", o.dispatcher, written(record))
         written_ = self._desk.put(self._lease, [*entries, service])
         return self._with_world(written_[-1], record)
+
+    def _drag(self, drone: Drone) -> DragModel:
+        """Fly a simulated drone of a type with half of its greatest package to find its drag: without it nobody measures the wind on the way."""
+        found = drag_of(drone, 0.5 * drone.max_payload_kg).another_flight()
+        self._say(f"drag of {drone.id} found in a calibration flight: its tilt measures the wind")
+        return found
 
     @property
     def _lease(self) -> Lease:

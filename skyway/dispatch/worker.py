@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skyway.dispatch.fleet_winds import FleetWinds
 from skyway.dispatch.flight import Flight
 from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.records import ACTIVE, FlightRecord, ServiceRecord, read, written
@@ -58,6 +59,7 @@ class Worker:
         self.service = read(found, ServiceRecord)
         self.region = Region(self.service)
         self.leases = KeptLeases(ledger, f"{socket.gethostname()} {os.getpid()}", self.service.ttl_s)
+        self.winds = FleetWinds()
         self._flights: dict[str, Flight] = {}
         self._tried_wall_s = 0.0
         self._looked_wall_s = self._led_wall_s = time.monotonic()

@@ -12,6 +12,7 @@ import typer
 import skyway
 from skyway import typed_values
 from skyway.cli import options
+from skyway.cli.commands.shared_work import Cluster
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.errors import InputError
 
@@ -27,6 +28,13 @@ def planners(
     ),
     settings: options.Settings = None,
     keep: Annotated[bool, typer.Option("--resume", help="Continue: keep the results that the folder holds.")] = False,
+    workers: Annotated[
+        int,
+        typer.Option(
+            help="Processes. With more than one, planning times are those of a busy machine.", min=1, max=1024
+        ),
+    ] = 1,
+    cluster: Cluster = None,
 ) -> None:
     """Measure all planners, in the paper's experiment and on held-out days of wind.
 
@@ -37,10 +45,12 @@ def planners(
     --------
       skyway bench planners --quick
       skyway bench planners --output results --resume
+      skyway bench planners --workers 8
     """
     parameters = typed_values.planner_parameters(settings)
     module = _benchmark()
-    for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep, parameters=parameters):
+    size = module.QUICK if quick else module.FULL
+    for path in module.run(size, out, keep=keep, parameters=parameters, workers=workers, cluster=cluster):
         typer.echo(str(path))
 
 

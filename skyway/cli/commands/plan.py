@@ -11,6 +11,7 @@ import typer
 
 from skyway import typed_values
 from skyway.cli import completion, options
+from skyway.cli.commands.shared_work import Cluster, Workers, processes, progress
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions, Depart, PadOptions, RequestOptions
 from skyway.models.base.errors import InputError
@@ -31,6 +32,8 @@ OBJECTIVE_HELP = (
     "mean, p95, energy, cost, a sum such as 'cost + 12/h*time + 0.3/kWh*energy', several in order such as 'cost within 5%, then mean', "
     "or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."
 )
+WORTH = 30
+"""So many parts of an evaluation take longer than processes take to begin."""
 TimeLimit = Annotated[
     float, typer.Option("--time-limit", help="Time limit of `ies` and `exact` for each drone, and of `robust`, s.")
 ]
@@ -207,6 +210,8 @@ def evaluate(
         bool,
         typer.Option("--online", help="Fly the online policy, which decides at each stop; seconds for each delivery."),
     ] = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
     zones: options.Zones = None,
@@ -216,19 +221,21 @@ def evaluate(
 ) -> None:
     """Simulate a plan on days of the wind record that its forecast was not told.
 
-    Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days.
+    Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days. Deliveries are shared out
+    over processes, or a Dask cluster; the figures are the same however many there are.
 
     Examples
     --------
       skyway evaluate --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
       skyway evaluate --from bellevue --to jacobi --payload 0.8 --depart 2013-07-10T14:00-04:00 --planner pfs --runs 200
       skyway evaluate --from bellevue --to jacobi --payload 0.8 --depart 2013-07-10T14:00-04:00 --online --runs 24
+      skyway evaluate --from bellevue --to jacobi --payload 0.8 --depart 2013-07-10T14:00-04:00 --runs 1000000 --cluster tcp://127.0.0.1:8786
     """
     from dataclasses import replace
 
-    from skyway.planner.evaluation.decisions import fly_policy
     from skyway.planner.evaluation.evaluate import evaluate as evaluated
     from skyway.planner.evaluation.evaluate import summarise
+    from skyway.planner.evaluation.parts import PART, fly_parts
     from skyway.planner.evaluation.realizations import held_out_forecast, sample_realizations, season_days
     from skyway.planner.online.evaluated import RollingRobust
     from skyway.planner.plan import plan
@@ -245,11 +252,14 @@ def evaluate(
         result = plan(world, request, planner=planner, forecast=forecast, parameters=parameters)
         request = replace(request, drone=result.composition.drone)
         realizations = sample_realizations(world, request, held_out, runs=runs, seed=request.seed)
+        told = progress("deliveries simulated")
+        count = processes(workers) if workers is not None or online or runs >= WORTH * PART else 1
         if online:
-            flown, _ = fly_policy(realizations, result.composition.drone, RollingRobust(result.problem))
+            policy = RollingRobust(result.problem)
+            flown = fly_parts(realizations, result.composition.drone, policy, workers=count, cluster=cluster, told=told)
             found = summarise("online policy", flown, replicates=parameters.evaluation.replicates)
         else:
-            found = evaluated(result, realizations)
+            found = evaluated(result, realizations, workers=count, cluster=cluster, told=told)
     typer.echo(found.to_json() if as_json else found.summary())
 
 

@@ -26,7 +26,9 @@ from skyway.planner.evaluation.evaluate import (
     summarise,
 )
 from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, schedules
+from skyway.planner.evaluation.parts import fly_parts
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import Departure
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
@@ -450,3 +452,31 @@ def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_
     late = summarise("late", flown_at(draw(10_000) + 30.0).judged(promise, 0.0))
     assert late.calibration_error.value > 0.1
     assert late.calibration_error.low > 0.08
+
+
+def test_parts_of_realizations_are_flown_as_the_whole(realizations, planned, monkeypatch):
+    monkeypatch.setattr("skyway.planner.evaluation.parts.PART", 7)
+    told = []
+    drone = planned.composition.drone
+    found = fly_parts(realizations, drone, planned.itinerary, told=lambda *one: told.append(one[:2]))
+    whole = fly_itinerary(realizations, drone, planned.itinerary)
+    for name, values in vars(whole).items():
+        np.testing.assert_array_equal(getattr(found, name), values)
+    assert told[-1] == (60, 60)
+    assert len(told) == 9
+
+
+@pytest.mark.slow
+def test_processes_and_a_cluster_evaluate_the_very_same_deliveries(newyork, request_, days, realizations, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask: pip install 'skyway-planner[cluster]'")
+    monkeypatch.setattr("skyway.planner.evaluation.parts.PART", 9)
+    result = plan(newyork, request_, planner="robust", forecast=held_out_forecast(newyork, request_, days))
+    alone = evaluate(result, realizations).document()
+    policy = RollingRobust(result.problem)
+    few = realizations.part(0, 3)
+    decided = summarise("online", fly_parts(few, "m200", policy)).document()
+    assert evaluate(result, realizations, workers=2).document() == alone
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        assert evaluate(result, realizations, cluster=cluster.scheduler_address).document() == alone
+        spread_out = fly_parts(few, "m200", policy, cluster=cluster.scheduler_address)
+        assert summarise("online", spread_out).document() == decided

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from datetime import date
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from skyway import typed_values
 from skyway.cli import options
+from skyway.cli.commands.shared_work import Cluster, Workers, processes, progress
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 study = typer.Typer(help="Study a network over many simulated days.", no_args_is_help=True, rich_markup_mode=None)
 study.callback()(lambda: None)
 MOST_DAYS = 100_000
-SAID_EVERY_S = 20.0
-"""How often progress is told where nobody watches a terminal."""
 
 
 @study.command("capacity")
@@ -51,10 +46,8 @@ def capacity(
     more: Annotated[bool, typer.Option(help="Try one pad, one station and one drone more, too.")] = True,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
     iterations: Annotated[int, typer.Option(help="Changes tried to better the plan of each day.", min=0)] = 0,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes. Without it: one for each processor.", min=1, max=1024)
-    ] = None,
-    cluster: Annotated[str | None, typer.Option(help="Dask scheduler in place of processes: tcp://HOST:8786.")] = None,
+    workers: Workers = None,
+    cluster: Cluster = None,
     seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**31 - 1)] = 0,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
@@ -75,7 +68,7 @@ def capacity(
     """
     from skyway.cli.commands.fleet.capacity_view import print_capacity
     from skyway.models.base.files import write_atomically
-    from skyway.models.compute.spreading import processors, spread
+    from skyway.models.compute.spreading import spread
     from skyway.models.orders.files import read_orders
     from skyway.planner.capacity.day import Study, simulate
     from skyway.planner.capacity.demand import Demand, pattern_of
@@ -110,8 +103,8 @@ def capacity(
     found = find_capacity(
         asked, tried, promises_s, fleets, days=days, level=wanted, network=world.network if more else None,
         run=lambda pieces: spread(
-            partial(simulate, load=load_scenario), pieces, workers=processors() if workers is None else workers, cluster=cluster,
-            told=progress(),
+            partial(simulate, load=load_scenario), pieces, workers=processes(workers), cluster=cluster,
+            told=progress("days simulated"),
         ),
     )  # fmt: skip
     document = json_text(document_of(found), indent=1)
@@ -146,22 +139,3 @@ def shuffled(days: list[date], seed: int) -> tuple[date, ...]:
     import numpy as np
 
     return tuple(days[int(one)] for one in np.random.default_rng(seed).permutation(len(days)))
-
-
-def progress() -> Callable[[int, int, float], None]:
-    """Return what tells how far the work is: a line that is written over on a terminal, else one now and then."""
-    from skyway.models.base.formatting import duration
-
-    shown = sys.stderr.isatty()
-    said = [time.monotonic()]
-
-    def tell(done: int, total: int, left_s: float) -> None:
-        line = f"{done} of {total} days simulated, about {duration(left_s)} left"
-        if shown:
-            end = "\r" + " " * 70 + "\r" if done == total else ""
-            typer.echo(f"\r  {line:<66}{end}", nl=False, err=True)
-        elif time.monotonic() >= said[0] + SAID_EVERY_S and done < total:
-            said[0] = time.monotonic()
-            typer.echo(line, err=True)
-
-    return tell
