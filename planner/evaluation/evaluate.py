@@ -210,7 +210,7 @@ def summarise(
         regret = Estimate(found.value - 1.0, found.low - 1.0, found.high - 1.0)
     calibration: tuple[tuple[float, Estimate], ...] = ()
     if len(flown.kept):
-        promised = flown.promised.mean(axis=0).tolist()
+        promised = np.ascontiguousarray(flown.promised).mean(axis=0).tolist()  # summed alike, however it lies in memory
         calibration = tuple((level, days.rate(flown.kept[:, k])) for k, level in enumerate(promised))
     return Evaluation(
         planner=planner,
