@@ -1,7 +1,8 @@
 """Are the ends that ``skyway recharge`` tells kept? ``python -m benchmarks.link.work_ends --seeds 40``: cut missions, told, flown in simulated worlds, compared.
 
 Every seed is another mission on another day: autopilot, lines, heights, pads, charge, drone. The worlds share little with what is told: power, drag and
-autopilots are the simulator's own, the wind is a day that the forecast leaves out, with gusts, batteries draw and charge otherwise by some percent.
+autopilots are the simulator's own, the wind is a day that the forecast leaves out, with gusts, batteries draw and charge otherwise by some percent;
+`--drones-as-believed` draws as much more or less as is believed of drones that nobody has measured.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from skyway.link.supervisor.journal.entries import Decided, Landed
 from skyway.missions.checks.energy import fly_leg
 from skyway.missions.checks.route import fly
 from skyway.models.base.errors import InputError
+from skyway.models.drones.drone import M200_V2
 from skyway.recharge.simulated import simulated
 from skyway.sim_stub.plant.wind_truth import RecordedWind
 
@@ -37,9 +39,12 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 HORIZON_H = 24
+RESERVE = 0.2
 REMAINDER = 2
 """Days whose ordinal leaves this when divided by 7."""
 CHARGES_WITHIN = 0.06
+TAKES = 0.9
+"""What the simulated drone takes of what the model says: measured over 14 missions, 0.82 to 0.97."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +123,17 @@ def story_of(seed: int) -> tuple[Story, float]:
     return story, luck.uniform(1.0 - CHARGES_WITHIN, 1.0 + CHARGES_WITHIN)
 
 
-def tell(seed: int, folder: Path) -> Told | None:
+def as_believed(story: Story) -> Story:
+    """Let the drone of a story take as much more or less than the model says as drones are believed to."""
+    luck, belief = random.Random(f"believed/{story.seed}"), M200_V2.energy_belief
+    return replace(story, power_error=max(luck.gauss(belief.mean_ratio, belief.sd_between), 0.3) / TAKES)
+
+
+def tell(seed: int, folder: Path, *, believed: bool = False) -> Told | None:
     """Tell and fly one; None where it cannot be cut."""
     story, slower = story_of(seed)
+    if believed:
+        story = as_believed(story)
     begun = time.perf_counter()
     try:
         stage = Stage(story, folder)
@@ -187,12 +200,13 @@ def main() -> None:
     asked.add_argument("--seeds", type=int, default=40)
     asked.add_argument("--first", type=int, default=0)
     asked.add_argument("--output", type=Path, default=Path("out/work-ends.jsonl"))
+    asked.add_argument("--drones-as-believed", action="store_true")
     given = asked.parse_args()
     given.output.parent.mkdir(parents=True, exist_ok=True)
     found = []
     with given.output.open("a") as out, tempfile.TemporaryDirectory() as folder:
         for seed in range(given.first, given.first + given.seeds):
-            one = tell(seed, Path(folder))
+            one = tell(seed, Path(folder), believed=given.drones_as_believed)
             if one is None:
                 continue
             found.append(one)
@@ -202,8 +216,11 @@ def main() -> None:
                 f"{seed:4} {one.autopilot:9} {one.stops} stops, told {one.early_s:.0f} {one.p50_s:.0f} {one.late_s:.0f} s, flown {one.end_s:.0f} s ({one.share:.3f}), lowest {one.lowest_soc:.3f}, {one.wall_s:.0f} s",
                 flush=True,
             )
-    inside = np.mean([0.05 <= one.share <= 0.95 for one in found])
-    print(f"{len(found)} missions: {100 * inside:.0f} % of the flown ends between p5 and p95")
+    share, lowest = np.array([one.share for one in found]), np.array([one.lowest_soc for one in found])
+    print(
+        f"{len(found)} missions, {sum(one.done for one in found)} done: {(share < 0.05).sum()} ended before the 5th percentile, {(share < 0.5).sum()} before the 50th,"
+        f" {(share > 0.95).sum()} behind the 95th; {(lowest < RESERVE).sum()} below the reserve, lowest {lowest.min(initial=1.0):.3f}"
+    )
 
 
 if __name__ == "__main__":

@@ -75,9 +75,10 @@ def prepared(
     document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
 ) -> Prepared:
     """Complete a mission, and find out who flies it and where it can land; an `InputError` says what hinders it."""
+    given = len(document.mission.items)
     mission, notes = _whole(document.mission, families, options)
     document = replace(document, mission=mission)
-    flown_by, left_out = _that_fly(document, families, options)
+    flown_by, left_out = _that_fly(document, families, options, given)
     usable = tuple(pad for pad in pads if pad.pads > 0 and not pad.flyover)
     if not usable:
         raise InputError("there are no pads", field="--pads", remedy="give stations with one pad or more")
@@ -106,10 +107,16 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
     return mission, (*added, *notes)
 
 
+def _added(number: int, document: MissionDocument, given: int) -> str:
+    """Return the name of an item in brackets where its number is not that of the file, which had so many items."""
+    items = document.mission.items
+    return "" if len(items) == given or number >= len(items) else f" ({items[number].name}; what was added is counted)"
+
+
 def _that_fly(
-    document: MissionDocument, families: Sequence[Family], options: RechargeOptions
+    document: MissionDocument, families: Sequence[Family], options: RechargeOptions, given: int
 ) -> tuple[list[Family], list[str]]:
-    """Return the autopilots that fly a mission but for its battery, and what is said of the others.
+    """Return the autopilots that fly a mission but for its battery, and what is said of the others; it had so many items before it was completed.
 
     An `InputError` says why none does.
     """
@@ -130,7 +137,7 @@ def _that_fly(
         if not errors:
             fit.append(family)
             continue
-        where = "" if errors[0].item is None else f"item {errors[0].item}: "
+        where = "" if errors[0].item is None else f"item {errors[0].item}{_added(errors[0].item, document, given)}: "
         faults.append(Fault(f"no missions for {family.name}: {where}{errors[0].message}", remedy=errors[0].remedy))
     if not fit:
         problems = {fault.problem.partition(": ")[2]: fault for fault in faults}
