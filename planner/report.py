@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.models.base.errors import InputError
 from skyway.planner.between_sites import between_sites
+from skyway.planner.evaluation.as_flown import as_flown
 from skyway.planner.explain import charge_ranges, robust_gain, stop_reasons, wait_and_see
 from skyway.planner.plan import alternative_plans
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 from skyway.planner.uncertainties import not_counted, uncertainties
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from skyway.planner.between_sites import BetweenSites
     from skyway.planner.departure import Departure
+    from skyway.planner.evaluation.as_flown import AsFlown
     from skyway.planner.explain import ChargeRange, RobustGain, StopReason, WaitAndSee
     from skyway.planner.result import Comparison, PlanResult
     from skyway.planner.uncertainties import Uncertainty
@@ -43,13 +46,29 @@ class PlanReport:
     """What the promise rests on; None where nobody asked."""
     not_counted: tuple[str, ...]
     """What it does not count; empty where nobody asked."""
+    as_flown: AsFlown | None
+    """When it arrives as `fly` flies it; None where nobody asked."""
 
 
 def plan_report(
-    result: PlanResult, departures: Sequence[Departure] = (), alternatives: int = 1, *, explain: bool = False
+    result: PlanResult,
+    departures: Sequence[Departure] = (),
+    alternatives: int = 1,
+    *,
+    explain: bool = False,
+    flown_runs: int = 0,
+    told: Callable[[int, int, float], None] | None = None,
 ) -> PlanReport:
-    """Work out what is told of a plan; the bound, alternatives and reasons are searches of their own."""
+    """Work out what is told of a plan; the bound, alternatives and reasons are searches of their own.
+
+    With `flown_runs` so many deliveries are simulated as `fly` decides them, and `told` how far that is (`planner.evaluation.as_flown`).
+    An `InputError` says that this cannot be done for this plan.
+    """
     robust = result.robust
+    if flown_runs and robust is None:
+        remedy = "plan with robust, as fly decides"
+        named = result.composition.planner
+        raise InputError("only plans of robust can be simulated as flown", field="planner", value=named, remedy=remedy)
     return PlanReport(
         result=result,
         departures=tuple(departures),
@@ -60,6 +79,7 @@ def plan_report(
         reasons=tuple(stop_reasons(result)) if explain else None,
         rests_on=tuple(uncertainties(result)) if explain else None,
         not_counted=tuple(not_counted(result)) if explain else (),
+        as_flown=as_flown(result.problem, flown_runs, told=told) if flown_runs else None,
     )
 
 

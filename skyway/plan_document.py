@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import (
     about,
+    between,
     duration,
     energy_text,
     later_text,
@@ -13,6 +14,7 @@ from skyway.models.base.formatting import (
     no_earlier,
     percent,
     probability,
+    share,
     speed_text,
 )
 from skyway.models.base.units import J_PER_WH, iso
@@ -21,9 +23,11 @@ from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from datetime import datetime
 
     from skyway.models.composition.composition import Composition
     from skyway.planner.between_sites import BetweenSites
+    from skyway.planner.evaluation.as_flown import AsFlown
     from skyway.planner.explain import StopReason
     from skyway.planner.report import PlanReport
     from skyway.planner.uncertainties import Uncertainty
@@ -37,6 +41,8 @@ def plan_document(report: PlanReport) -> dict[str, object]:
         found["bound"] = {name: value for name, value in told.items() if value is not None}
     if report.between_sites is not None:
         found["between_sites"] = _between_sites_json(report.between_sites)
+    if report.as_flown is not None:
+        found["as_flown"] = _as_flown_json(report.as_flown, report.result.problem.request.objective.deadline)
     if report.departures:
         found["departures"] = [
             {
@@ -68,6 +74,38 @@ def _between_sites_json(found: BetweenSites) -> dict[str, object]:
     }
     named = {name: getattr(found, name) for name in ("sd_mps", "station", "p_below", "p_turned")}
     return named | {name: figure_json(figure) for name, figure in told.items()}
+
+
+def _as_flown_json(found: AsFlown, deadline: datetime | None) -> dict[str, object]:
+    outcome = found.outcome
+    told = {
+        "delivery_mean": outcome.delivery,
+        "delivery_p50": outcome.delivery_quantile(0.5),
+        "delivery_p95": outcome.delivery_quantile(0.95),
+    }
+    if deadline is not None:
+        told["on_time"] = outcome.on_time(deadline.timestamp())
+    counts = {name: getattr(found, name) for name in ("runs", "below_reserve", "on_the_ground")}
+    return counts | {name: figure_json(figure) for name, figure in told.items()}
+
+
+def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[str]:
+    """Return when deliveries arrive as `fly` flies them, a line each; `due` is the deadline for people."""
+    outcome = found.outcome
+    middle, late = outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95)
+    mean = outcome.delivery
+    lines = [
+        f"As `skyway fly` flies it, deciding again at each stop and over stations ({found.runs:,} simulated deliveries):",
+        f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(no_earlier(late, middle))} ({between(late)})",
+    ]
+    if deadline is not None:
+        lines.append(f"On time, by {due}: {share(outcome.on_time(deadline.timestamp()))}")
+    lines.append(f"{found.below_reserve} of {found.runs:,} landed below the reserve")
+    if found.on_the_ground:
+        lines.append(
+            f"{found.on_the_ground} of {found.runs:,} stayed at a station: no later hour of the forecast lets them go on"
+        )
+    return lines
 
 
 def between_sites_words(found: BetweenSites, epsilon: float) -> list[str]:

@@ -52,6 +52,8 @@ TYPED = {
     "undelivered_to": "--if-undelivered",
     "release": "--release",
     "not_before": "--not-before",
+    "flown_runs": "--as-flown",
+    "planner": "--planner",
 }
 """Option behind each field that a fault may name."""
 

@@ -28,6 +28,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--runs", type=int, default=5, help="deliveries a day")
     parser.add_argument("--planner", choices=sorted(PLANNERS), default="robust")
     parser.add_argument("--now", action="store_true", help="plan each day with what was reported by the departure")
+    parser.add_argument(
+        "--flown-runs", type=int, default=0, help="promise what so many deliveries say, simulated as fly decides"
+    )
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
@@ -45,7 +48,15 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(f"no such world: {', '.join(unknown)}; there are {', '.join(known)}")
     count = 1 if options.order else options.requests
     study = Study(
-        options.city, options.planner, count, options.days, options.runs, options.seed, options.order, options.now
+        options.city,
+        options.planner,
+        count,
+        options.days,
+        options.runs,
+        options.seed,
+        options.order,
+        options.now,
+        options.flown_runs,
     )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []

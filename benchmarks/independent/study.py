@@ -56,6 +56,8 @@ class Study:
     order: str = ""
     now: bool = False
     """Each day is planned for by itself, with what the sites reported by the departure."""
+    flown_runs: int = 0
+    """What is promised is that of so many deliveries simulated as `fly` decides them, not of the fixed route; 0: the route."""
 
     @property
     def documents(self) -> int:
@@ -90,7 +92,7 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
     """Fly one order in several worlds; plans for the same sites are made once. JSON documents: one a world, or one a world and day."""
     city = planning.city(study.city)
     days = planning.days_for(study.city, order, study.days, study.seed)
-    policies: dict[str, tuple[Any, planning.Planned] | None] = {}
+    policies: dict[str, tuple[Any, planning.Promise] | None] = {}
     of_run = [day for day in days for _ in range(study.runs)]
     shift = np.array([planning.shift_s(study.city, order, day) for day in of_run])
     seeds: list[tuple[int, ...]] = [
@@ -105,13 +107,15 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
     for world in worlds:
         if world.kept_back not in policies:
             plan = planning.planned(study.city, order, days, world.kept_back)
-            policies[world.kept_back] = None if plan is None else (PLANNERS[study.planner](plan), plan)
+            policies[world.kept_back] = (
+                None if plan is None else (PLANNERS[study.planner](plan), planning.promised(plan, study.flown_runs))
+            )
         found = policies[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
         if found is not None:
-            policy, plan = found
+            policy, promise = found
             policy.forget()
-            document |= _flown(world, order, policy, plan.promise, (of_run, shift, seeds), city)
+            document |= _flown(world, order, policy, promise, (of_run, shift, seeds), city)
         yield document
 
 
@@ -131,7 +135,8 @@ def _flown_now(
     document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": plan is not None}
     if plan is None:
         return document
-    return document | _flown(world, order, PLANNERS[study.planner](plan), plan.promise, drawn, city)
+    promise = planning.promised(plan, study.flown_runs)
+    return document | _flown(world, order, PLANNERS[study.planner](plan), promise, drawn, city)
 
 
 def _flown(

@@ -188,6 +188,10 @@ class WindEnsemble:
             return self
         return self._chosen(np.sort(np.argsort(-self.probability, kind="stable")[:most]))
 
+    def possible(self) -> WindEnsemble:
+        """Return the members whose probability is above zero."""
+        return self._chosen(np.flatnonzero(self.probability > 0.0))
+
     def _chosen(self, members: NDArray[np.int64]) -> WindEnsemble:
         probability = self.probability[members]
         total = probability.sum()

@@ -162,10 +162,10 @@ def _crossed(
 ) -> Crossed:
     member, queue = groups
     known = np.zeros((len(weight), 0)) if control is None else control
-    return Crossed(weight[arrived], member[arrived], queue[arrived], _full_costs_s(problem), known[arrived])
+    return Crossed(weight[arrived], member[arrived], queue[arrived], full_costs_s(problem), known[arrived])
 
 
-def _full_costs_s(problem: Problem) -> float:
+def full_costs_s(problem: Problem) -> float:
     """What it costs, about, to find a station full, s; 0 where no others fly."""
     load = problem.load
     used = load.arrivals_per_s.max(axis=1) > 0.0

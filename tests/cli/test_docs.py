@@ -37,7 +37,7 @@ NOWHERE = {
     "a firmware that is not there yet",
 }
 """Why a block cannot be typed by a test."""
-NOT_RUN = 16
+NOT_RUN = 17
 REMEDY = "run: python tests/cli/docs_pages.py"
 
 

@@ -31,6 +31,7 @@ from skyway.models.wind.history import read_history
 from skyway.models.wind.observed.conditioning import conditioned, counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
 from skyway.models.wind.triangle import speed_from
+from skyway.planner.evaluation.as_flown import as_flown
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.result import PlanResult
+    from skyway.planner.schedule.outcome import Outcome
 
 LEVELS = (0.5, 0.8, 0.95)
 GRAVITY = 9.806_65
@@ -222,15 +224,22 @@ def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> 
         result = plan(scenario, request, planner="robust", forecast=forecast)
     except InfeasibleError:
         return None
-    outcome, start = result.outcome, request.state.time.timestamp()
+    return Planned(scenario, request, forecast, result, _promise(result.outcome))
+
+
+def promised(plan: Planned, flown_runs: int) -> Promise:
+    """What is promised: of the fixed route, or with `flown_runs` as that many deliveries simulated as `fly` decides them say (`plan --as-flown`)."""
+    return _promise(as_flown(plan.result.problem, flown_runs).outcome) if flown_runs else plan.promise
+
+
+def _promise(outcome: Outcome) -> Promise:
     due = [outcome.quantile_s(level) for level in LEVELS]
-    promise = Promise(
-        outcome.mean_s - start,
-        tuple(one - start for one in due),
+    return Promise(
+        outcome.mean_s - outcome.start_s,
+        tuple(one - outcome.start_s for one in due),
         tuple(outcome.p_by(one) for one in due),
         outcome.p_success,
     )
-    return Planned(scenario, request, forecast, result, promise)
 
 
 def _now(

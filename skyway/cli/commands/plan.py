@@ -58,6 +58,14 @@ def plan(
     explain: Annotated[
         bool, typer.Option("--explain", help="Explain each stop and its charge, and what the promise rests on.")
     ] = False,
+    as_flown: Annotated[
+        int,
+        typer.Option(
+            help="Simulate so many deliveries as `fly` decides them, half a second to some seconds each, and tell when they arrive (planner robust).",
+            metavar="N",
+            min=0,
+        ),
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
     geojson: Annotated[Path | None, typer.Option(help="Write the route as GeoJSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the route: FILE.png or FILE.svg.")] = None,
@@ -76,6 +84,7 @@ def plan(
       skyway plan --from edison --to Syosset --payload 2 --observed metars.txt --observed LGA=9@310 --pads tcp:127.0.0.1:5790
       skyway plan --from bellevue --to jacobi --payload 0.8 --objective 'on-time 2030-07-10T16:00-04:00' --depart 2030-07-10T14:30-04:00
       skyway plan --from bellevue --to white-plains --payload 0.8 --depart-window 3h --alternatives 3 --explain
+      skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --as-flown 100
       skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
     """
     from skyway.cli.views import plan_reasons
@@ -106,6 +115,8 @@ def plan(
             result, tried = solve_window(
                 *request, conditions, depart_window, planner, parameters=parameters, progress=progress
             )
+    with _shown(_deliveries, quiet=as_json) as progress, typed_values.as_typed():
+        report = plan_report(result, tried, alternatives, explain=explain, flown_runs=as_flown, told=progress)
     options.hint_at_warnings(world, conditions.scenario)
     composition = result.composition
     if output is not None:
@@ -128,7 +139,6 @@ def plan(
 
         plot_composition(composition, result.problem.scenario, plot, charge_band(result))
     options.say_written(output, geojson, kml, briefing, plot)
-    report = plan_report(result, tried, alternatives, explain=explain)
     if as_json:
         typer.echo(json_text(plan_document(report), indent=1))
         return
@@ -270,6 +280,10 @@ def _sequences(labels_expanded: int, best_s: float) -> None:
 
 def _departures(done: int, count: int) -> None:
     typer.echo(f"\r  {done} of {count} departures ", nl=False, err=True)
+
+
+def _deliveries(done: int, count: int, left_s: float) -> None:
+    typer.echo(f"\r  {done} of {count} deliveries simulated, {duration(left_s)} left ", nl=False, err=True)
 
 
 @contextmanager

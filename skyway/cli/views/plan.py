@@ -27,7 +27,7 @@ from skyway.models.base.formatting import (
     spent,
 )
 from skyway.models.composition.way_back_words import delivered_text, end_text, way_back_lines
-from skyway.plan_document import between_sites_words, spending_words
+from skyway.plan_document import as_flown_words, between_sites_words, spending_words
 from skyway.planner.schedule.airspace_notes import WAITS
 
 if TYPE_CHECKING:
@@ -55,6 +55,11 @@ def print_plan(report: PlanReport) -> None:
     _print_expected(result, zone)
     if report.between_sites is not None:
         for line in between_sites_words(report.between_sites, result.problem.epsilon):
+            say(line)
+    if report.as_flown is not None:
+        deadline = result.problem.request.objective.deadline
+        due = "" if deadline is None else clock(deadline, zone, c.depart)
+        for line in as_flown_words(report.as_flown, deadline, due):
             say(line)
     say("")
     time = duration(c.delivery_time_s)

@@ -1,0 +1,175 @@
+"""When a delivery arrives as `skyway fly` flies it: the online policy simulated in the winds of the forecast.
+
+The truth of each simulated delivery is a member of the forecast, and what the policy is told lacks that member and its neighbours, as in
+`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy is told the wind measured at the sites, the pads and its own
+energy, and decides again. Members are drawn by their probability, evenly; queues, gusts and vehicles are other ones in each delivery.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+from skyway.models.base.statistics import drawn_evenly
+from skyway.models.compute.spreading import processors, spread
+from skyway.planner.evaluation.decisions import fly_policy
+from skyway.planner.evaluation.flights import GAVE_UP, Flown, pooled
+from skyway.planner.evaluation.realizations import LEGS, Realizations
+from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.problem.problem import Problem
+from skyway.planner.robust.out_of_sample import left_out
+from skyway.planner.schedule.outcome import Outcome, full_costs_s
+from skyway.planner.schedule.precision import Crossed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.problem.error_model import Errors
+    from skyway.planner.problem.request import Request
+
+LEAST_RUNS = 8
+"""Fewer simulated deliveries tell nothing."""
+_STREAM = 0x46
+_RUNS_OF_A_WORKER = 8
+"""So many deliveries are worth the start of a process."""
+
+
+@dataclass(frozen=True, eq=False)
+class AsFlown:
+    """Simulated deliveries of the online policy."""
+
+    outcome: Outcome
+    """When they arrive; legs are not told, since each delivery may have others."""
+    flown: Flown
+    """The deliveries, one by one."""
+
+    @property
+    def runs(self) -> int:
+        """Number of simulated deliveries."""
+        return len(self.flown)
+
+    @property
+    def below_reserve(self) -> int:
+        """Deliveries with a landing below the reserve."""
+        return int(self.flown.below_reserve.sum())
+
+    @property
+    def on_the_ground(self) -> int:
+        """Deliveries that stayed at a station, since no later hour of the forecast let them go on."""
+        return int((self.flown.ending == GAVE_UP).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Delivery:
+    """One delivery to be simulated, in this process or in another."""
+
+    scenario: Scenario
+    request: Request
+    drone: str
+    parameters: PlannerParameters
+    errors: Errors
+    truth: WindEnsemble
+    told: WindEnsemble
+    number: int
+    seeds: tuple[int, int, int]
+    """Of queues, vehicle and gusts."""
+    ratios: NDArray[np.float64]
+    """Shape (legs,). Energy of each leg as a multiple of the model's."""
+
+
+def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], None] | None = None) -> AsFlown:
+    """Simulate deliveries of a request as `fly` decides them.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the drone that flies; it stands at a station.
+    runs : int
+        Deliveries, `LEAST_RUNS` or more; each takes about half a second on one processor.
+    told : callable, optional
+        Is told deliveries done, deliveries in all, and about how long the rest takes, s.
+
+    Raises
+    ------
+    InputError
+        Too few runs, or a forecast of one member: there is no other to be told.
+    """
+    forecast, errors = problem.forecast, problem.usual_errors
+    if runs < LEAST_RUNS:
+        raise InputError(
+            "too few simulated deliveries", field="flown_runs", value=runs, remedy=f"at least {LEAST_RUNS}"
+        )
+    if len(forecast) < 2:
+        remedy = "leave out --wind, or give a forecast with an error"
+        raise InputError(
+            "one course of the wind is no forecast that could turn out otherwise", field="wind", remedy=remedy
+        )
+    rng = np.random.default_rng((problem.request.seed, _STREAM, runs))
+    member = np.searchsorted(np.cumsum(forecast.probability), (np.arange(runs) + 0.5) / runs).clip(
+        max=len(forecast) - 1
+    )
+    others = left_out(forecast)
+    shares = [drawn_evenly(rng, 1, runs) for _ in range(1 + LEGS)]
+    _, ratios = errors.energy_of(problem.drone).ratios(np.column_stack(shares))
+    seeds = rng.integers(0, 2**62, (runs, 3))
+    request = replace(problem.request, drone=problem.drone.id)
+    deliveries = [
+        _Delivery(
+            problem.scenario, request, problem.drone.id, problem.parameters, errors, forecast.member(one),
+            replace(forecast, probability=others[one]).possible(), number, tuple(seeds[number].tolist()), ratios[number],
+        )
+        for number, one in enumerate(member.tolist())
+    ]  # fmt: skip
+    workers = min(processors(), runs // _RUNS_OF_A_WORKER)
+    flown = pooled(spread(_fly, deliveries, workers=workers, told=told))
+    return AsFlown(_outcome(problem, flown, member), flown)
+
+
+def _fly(one: _Delivery) -> Flown:
+    """Simulate one delivery."""
+    queues, vehicle, gusts = one.seeds
+    realization = Realizations(
+        scenario=one.scenario,
+        request=one.request,
+        days=(one.request.state.time.date(),),
+        wind=one.truth,
+        day=np.zeros(1, dtype=np.int64),
+        queue=np.zeros(1, dtype=np.int64),
+        queue_seed=queues,
+        vehicle_key=np.array([vehicle], dtype=np.uint64),
+        gust_key=np.array([gusts], dtype=np.uint64),
+        errors=one.errors,
+        parameters=one.parameters,
+        ratios=one.ratios[None],
+    )
+    drone = one.scenario.drone(one.drone)
+    start = Problem(one.scenario, one.request, drone, one.told, parameters=one.parameters)
+    return fly_policy(realization, drone.id, RollingRobust(start, one.errors))[0]
+
+
+def _outcome(problem: Problem, flown: Flown, member: NDArray[np.int64]) -> Outcome:
+    """When they arrive, and how sure that is: deliveries in one member of the forecast are not independent."""
+    there, runs = np.flatnonzero(flown.delivered), len(flown)
+    weight = np.full(len(there), 1.0 / runs)
+    kept = ~flown.below_reserve
+    nothing = np.empty(0)
+    return Outcome(
+        start_s=problem.depart_s,
+        arrival_s=problem.depart_s + flown.delivery_s[there],
+        weight=weight,
+        p_reserve=nothing,
+        p_hold=nothing,
+        p_hold_room=nothing,
+        p_success=float(kept.mean()),
+        p_arrive=len(there) / runs,
+        kept=kept[there],
+        crossed=Crossed(weight, member[there], there, full_costs_s(problem)),
+    )
