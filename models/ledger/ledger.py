@@ -97,6 +97,16 @@ class Hold:
     holder: str
     token: int
 
+    @property
+    def name(self) -> str:
+        """What its holder calls the itinerary; see `itinerary_of`."""
+        return self.itinerary.removeprefix(f"{self.holder}: ")
+
+
+def itinerary_of(holder: str, name: str) -> str:
+    """Return the id of what a holder calls so, such as an order: another one may have an order of the same id."""
+    return f"{holder}: {name}"
+
 
 @dataclass(frozen=True, slots=True)
 class Event:
@@ -256,7 +266,7 @@ class Ledger(ABC):
         FencedError
             The lease is lost.
         """
-        _check_text("itinerary", itinerary)
+        _check_text("itinerary", itinerary, 2 * MAX_TEXT + 2)
         check_windows(windows)
         if state not in ("tentative", "firm"):
             raise InputError("out of range", field="state", value=state, remedy="tentative or firm")
@@ -442,7 +452,7 @@ def _check_ttl(ttl_s: float) -> None:
         raise InputError("out of range", field="ttl_s", value=ttl_s, remedy=f"up to {MAX_LEASE_S:g} s")
 
 
-def _check_text(field: str, value: str) -> None:
-    if not value or one_line(value) != value or len(value) > MAX_TEXT:
-        remedy = f"one line of plain text of up to {MAX_TEXT} characters"
+def _check_text(field: str, value: str, longest: int = MAX_TEXT) -> None:
+    if not value or one_line(value) != value or len(value) > longest:
+        remedy = f"one line of plain text of up to {longest} characters"
         raise InputError("must be a name", field=field, value=value, remedy=remedy)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
-from contextlib import contextmanager
+import socket
+import threading
+import time
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +24,9 @@ LEAST_VERSION = 150_000
 MAX_CLOCK_OFFSET_S = 30.0
 """Of the database's clock from this computer's: drones fly by the latter, pads are booked by the former."""
 CONNECT_S = 10
+ANSWER_S = 15.0
+"""A server that has not answered for so long has gone away: on a network that carries nothing any more one would wait for minutes."""
+LOOK_S = 1.0
 MIGRATING = 0x5C79_1ED6
 """Advisory lock of those who migrate."""
 
@@ -41,6 +48,8 @@ class PostgresqlLedger(Ledger):
             self._connection = psycopg.connect(address, connect_timeout=CONNECT_S, autocommit=True)
         except psycopg.Error as error:
             raise LedgerError(one_line(f"the ledger {self._name} cannot be reached: {error}")) from error
+        self._asked_s: float | None = None
+        threading.Thread(target=self._watch, daemon=True, name="ledger").start()
         try:
             self._check_server()
             self._migrate(scripts("postgresql", migrations))
@@ -92,6 +101,7 @@ class PostgresqlLedger(Ledger):
         """Do all of a block, or nothing."""
         errors = self._psycopg.errors
         pads = dict(self._pads)
+        self._asked_s = time.monotonic()
         try:
             with self._connection.transaction():
                 yield
@@ -107,6 +117,21 @@ class PostgresqlLedger(Ledger):
         except BaseException:
             self._pads = pads
             raise
+        finally:
+            self._asked_s = None
+
+    def _watch(self) -> None:
+        """End the connection where an answer does not come: who waits for it is told that the server went away."""
+        while not self._connection.closed:
+            asked_s = self._asked_s
+            if asked_s is not None and time.monotonic() > asked_s + ANSWER_S:
+                with (
+                    suppress(OSError, self._psycopg.Error),
+                    socket.socket(fileno=os.dup(self._connection.fileno())) as same,
+                ):
+                    same.shutdown(socket.SHUT_RDWR)
+                return
+            time.sleep(LOOK_S)
 
     def _to_db(self, instant: datetime) -> datetime:
         return instant

@@ -7,7 +7,7 @@ import socket
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import refuse
-from skyway.models.ledger.ledger import MAX_LEASE_S, TakenError
+from skyway.models.ledger.ledger import MAX_LEASE_S, TakenError, itinerary_of
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.rows import fault_at
 from skyway.planner.dispatch.dispatch import dispatch
@@ -61,7 +61,7 @@ def plan_fleet(
         try:
             _refuse_under_way(book, work, holder)
             for number in range(ROUNDS):
-                others = [one for one in book.holds(begin=depart) if one.holder != holder or one.itinerary not in ids]
+                others = [one for one in book.holds(begin=depart) if one.holder != holder or one.name not in ids]
                 plan = planned(others)
                 lease = book.renew(lease, lasts_s)
                 try:
@@ -79,7 +79,7 @@ def plan_fleet(
 
 def _refuse_under_way(book: Ledger, work: Work, holder: str) -> None:
     """Refuse orders whose drone stands on a pad already: their bookings must not be given up."""
-    begun = {hold.itinerary for hold in book.holds() if hold.holder == holder and hold.state in ("in use", "late")}
+    begun = {hold.name for hold in book.holds() if hold.holder == holder and hold.state in ("in use", "late")}
     remedy = "leave it out: what flies already is not replanned"
     refuse([fault_at(one.source, "id", "is under way", one.id, remedy) for one in work.orders if one.id in begun])
 
@@ -89,11 +89,11 @@ def _book(book: Ledger, lease: Lease, plan: DispatchPlan) -> None:
     _give_up(book, lease, {one.order for one in plan.answers})
     for one in plan.answers:
         if one.windows:
-            book.book(lease, one.order, one.windows)
+            book.book(lease, itinerary_of(lease.holder, one.order), one.windows)
 
 
 def _give_up(book: Ledger, lease: Lease, ids: set[str]) -> None:
     """Release what the holder has booked for some orders."""
-    mine = {hold.itinerary for hold in book.holds() if hold.holder == lease.holder and hold.itinerary in ids}
+    mine = {hold.itinerary for hold in book.holds() if hold.holder == lease.holder and hold.name in ids}
     for itinerary in sorted(mine):
         book.mark(lease, itinerary, "released")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.dispatch.replanning import apart
 from skyway.models.base.units import from_posix
-from skyway.models.ledger.ledger import TakenError
+from skyway.models.ledger.ledger import TakenError, itinerary_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,6 +37,7 @@ class Bookings:
         for one in self._ledger.holds():
             if one.holder == self._holder:
                 held.setdefault(one.itinerary, []).append(one)
+        wanted = {itinerary_of(self._holder, name): one for name, one in wanted.items()}
         windows = apart(wanted, self._pads, [one.window for one in self.of_others(now_s)])
         moved = [
             name for name, holds in held.items() if not _same([one.window for one in holds], windows.get(name, []))

@@ -137,7 +137,7 @@ def document_of(status: Status) -> dict[str, Any]:
         "pads": [
             {
                 "station": one.window.station, "pad": one.window.pad, "from": iso(one.window.start), "until": iso(one.window.end),
-                "state": one.state, "itinerary": one.itinerary, "holder": one.holder,
+                "state": one.state, "itinerary": one.name, "holder": one.holder,
             }
             for one in status.holds
         ],

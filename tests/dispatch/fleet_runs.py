@@ -30,8 +30,8 @@ def order_line(name, origin, to, ready_min=0, due_min=180, priority=0, mass=0.3)
 class FleetRun:
     """A service of its own in a folder."""
 
-    def __init__(self, folder, orders, fleet, *more, ledger=None):
-        self.folder, self.ledger = folder, ledger or str(folder / "ledger.db")
+    def __init__(self, folder, orders, fleet, *more, ledger=None, holder="dispatch"):
+        self.folder, self.ledger, self.holder = folder, ledger or str(folder / "ledger.db"), holder
         (folder / "orders.csv").write_text("id,from,to,mass_kg,ready,due,priority\n" + "".join(orders))
         (folder / "fleet.csv").write_text("id,type,home,charge_percent\n" + "".join(fleet))
         self.more = ("--wind", "3@270", "--iterations", "30", "--lease", "1.5", "--no-traffic", *more)
@@ -64,7 +64,7 @@ class FleetRun:
         end = time.monotonic() + longest_s
         while time.monotonic() < end:
             with contextlib.suppress(Exception), open_ledger(self.ledger) as book:
-                found = condition(Desk(book, "dispatch"))
+                found = condition(Desk(book, self.holder))
                 if found:
                     return found
             if self.process is not None and self.process.poll() not in (None, -signal.SIGKILL):
@@ -109,7 +109,7 @@ class FleetRun:
     def truth(self):
         """Where the vehicles really are."""
         with open_ledger(self.ledger) as book:
-            service = read(Desk(book, "dispatch").get("service", "service"), ServiceRecord)
+            service = read(Desk(book, self.holder).get("service", "service"), ServiceRecord)
         client = LockstepClient(service.world, "test")
         try:
             return client.order("look")
@@ -118,7 +118,7 @@ class FleetRun:
 
     def order_to_world(self, do, **what):
         with open_ledger(self.ledger) as book:
-            service = read(Desk(book, "dispatch").get("service", "service"), ServiceRecord)
+            service = read(Desk(book, self.holder).get("service", "service"), ServiceRecord)
         client = LockstepClient(service.world, "test")
         try:
             client.order(do, **what)
@@ -127,7 +127,7 @@ class FleetRun:
 
     def status(self):
         with open_ledger(self.ledger) as book:
-            return status_of(Desk(book, "dispatch"))
+            return status_of(Desk(book, self.holder))
 
     def audit(self):
         with open_ledger(self.ledger) as book:
@@ -153,7 +153,7 @@ def nothing_is_forgotten(run):
     }
     assert all(one.reason for state, one in status.orders.values() if state != "delivered")
     assert run.audit() == []
-    assert judge(run.ledger).wrong == []
+    assert judge(run.ledger, run.holder).wrong == []
     assert status.holds == []
     assert not status.flights
     return status

@@ -103,7 +103,7 @@ def _booked(status: Status) -> list[dict[str, Any]]:
         one = hold.window
         begin_s, end_s = one.start.timestamp(), one.end.timestamp()
         rows.setdefault((one.station, one.pad), []).append({
-            "kind": "charge", "begin_s": begin_s, "end_s": end_s, "words": f"{hold.itinerary}, {hold.state}", "state": hold.state,
+            "kind": "charge", "begin_s": begin_s, "end_s": end_s, "words": f"{hold.name}, {hold.state}", "state": hold.state,
             "from_s": begin_s - SHOWN * one.start_sd_s, "until_s": end_s + SHOWN * one.end_sd_s,
         })  # fmt: skip
     for _, pad in status.pads.values():
