@@ -306,7 +306,7 @@ def _asked_for(request: Request, conditions: Conditions) -> list[str]:
         raise InputError(
             "is the start, the destination or a stop that is asked for",
             field="--avoid",
-            value=sorted(map(str, both)),
+            value=", ".join(sorted(map(str, both))),
             remedy=remedy,
         )
     ways = [("stops", request.stop_at), ("avoided", conditions.avoid or ())]

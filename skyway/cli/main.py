@@ -111,7 +111,7 @@ def _tell_usage(error: Exception) -> None:
 
 def run() -> None:
     """Entry point of the ``skyway`` command."""
-    gc.set_threshold(300_000, 20, 20)  # the many objects that imports make are all kept: do not look for waste so often
+    gc.set_threshold(100_000, 5, 5)  # the many objects that imports make are all kept: do not look for waste so often
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ° and … gets ? instead

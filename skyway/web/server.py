@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import socket
 from contextlib import closing, suppress
@@ -23,6 +24,8 @@ MAX_CONNECTIONS = 512
 """At once; more are refused. Those that say nothing are cut off before, see `connections`."""
 MIN_TOKEN = 12
 """Characters of a token."""
+WASTE = (2_000, 10, 10)
+"""Objects, and rounds, after which waste is looked for; a page is some 4,000 objects."""
 RECONNECT_S = 30.0
 """A browser that was away for no longer finds its page as it left it."""
 
@@ -115,8 +118,15 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
     say(f"skyway: open {address} in a browser; Ctrl-C ends {options.ends}")
     if options.base.origin is not None:
         say(f"skyway: browsers fetch the base map from {options.base.origin}, as --tiles says")
+    look_for_waste()
     with listening, closing(site.workers), suppress(KeyboardInterrupt):  # Ctrl-C is how it ends
         uvicorn.Server(config).run(sockets=[listening])
+
+
+def look_for_waste() -> None:
+    """Have what pages leave be found soon from now on: a command looks seldom, and would keep half a megabyte of each page that was ever opened."""
+    gc.freeze()  # what is loaded stays
+    gc.set_threshold(*WASTE)
 
 
 def _listening(options: ServeOptions) -> socket.socket:

@@ -10,6 +10,11 @@ from tests.web.departures import ENDS, departs, planned, taken, the_journal
 from tests.web.simulated import simulated
 
 pytestmark = pytest.mark.slow
+UNDER_WAY = """() => {
+  const { vehicle, leg } = window.skywayFlights.flight.live;
+  return leg?.way.length && vehicle.lat !== null && Math.hypot(vehicle.lat - leg.way[0][0], vehicle.lon - leg.way[0][1]) > 0.002;
+}"""
+"""Whether it is some 200 m from where it took off."""
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +30,13 @@ def browser():
         ("Return to where it came from", True, "return", "diverting", "stopped-safe"),
         ("Land here", True, "land", "diverting", "landed-elsewhere"),
         ("Divert to", True, "divert jersey-city", "diverting", "asks"),
-        ("Not handed over", True, "undelivered", "diverting", "asks"),
+        (
+            "Not handed over",
+            True,
+            "undelivered",
+            "diverting",
+            "stopped-safe",
+        ),  # back where it came from, with the package
         ("Leave it alone", True, "leave", "left-to-itself", "left-to-itself"),
     ],
 )
@@ -40,6 +51,7 @@ def test_an_order_is_given_once_and_carried_out(browser, site, tmp_path, button,
         assert taken(the_journal(tmp_path)) == ["take"]
         hold(tab, "Hold it down: Start: take off")
         state(tab, "flying")
+        tab.wait_for_function(UNDER_WAY)  # it would land on the pad that it left
         tab.get_by_role("button", name=button).first.wait_for()
         hold(tab, button) if held else tab.get_by_role("button", name=button).click()
         tab.get_by_label("What became of your orders").get_by_text("taken").last.wait_for()

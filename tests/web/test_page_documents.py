@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import math
+import weakref
+from collections import deque
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +20,7 @@ from skyway.web.folder import Folder
 from skyway.web.live.fleet import Fleet
 from skyway.web.live.flights import Flights
 from skyway.web.live.runs import Run
+from skyway.web.server import look_for_waste
 from skyway.web.work.calls import call
 from skyway.web.work.history import energy_per_km, flown, reports, told
 from skyway.web.work.missions import converted, shown
@@ -207,3 +211,24 @@ def test_a_log_whose_clock_lies_is_shown_without_a_date(tmp_path, shared_data):
     assert true["begin_s"] == pytest.approx(1436056006.0, abs=1.0)
     assert false["begin_s"] is None
     assert len(false["columns"]["lat"]) > 1
+
+
+class _Page:
+    """As many objects as a page has, all of which know it."""
+
+    def __init__(self):
+        self.parts = [[self] for _ in range(4000)]
+
+
+def test_what_closed_pages_leave_is_found_though_nobody_asks_for_it():
+    before = gc.get_threshold()
+    try:
+        look_for_waste()
+        opened = deque(maxlen=100)  # the newest are still looked at, and were looked through more than once
+        seen = []
+        for _ in range(400):
+            opened.append(_Page())
+            seen.append(weakref.ref(opened[-1]))
+        assert sum(one() is not None for one in seen) < 250
+    finally:
+        gc.set_threshold(*before)
