@@ -85,7 +85,9 @@ def _height_m(ctx: Context, leg: Leg, now_m: float) -> float:
 
 
 def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
-    """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now."""
+    """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now; of work that of its ways to pads."""
+    if ctx.job.work is not None:
+        return ctx.job.work.transit_mps
     cleared_m = (
         -math.inf if ctx.delivery.leg is None else ctx.delivery.leg.top_m - ctx.job.scenario.rules.cruise_height_m
     )

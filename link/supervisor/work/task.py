@@ -103,6 +103,11 @@ class WorkPlanner(Protocol):
         """A landing may miss the reserve with this probability."""
         ...
 
+    @property
+    def transit_mps(self) -> float:
+        """Ground speed of ways to pads: what `refuge` reckons with, and a divert flies."""
+        ...
+
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
         """Plan what is left: from the start, or from a point of the work and the pad where the drone stands."""
         ...

@@ -76,6 +76,11 @@ class SetPlanner:
         """A landing may miss the reserve with this probability."""
         return self.found.problem.options.epsilon
 
+    @property
+    def transit_mps(self) -> float:
+        """Ground speed of ways to pads."""
+        return self.found.problem.options.transit.speed_mps
+
     # Asked by the supervisor
 
     def pad_of(self, station: str | None) -> int | None:

@@ -131,9 +131,11 @@ def test_a_drone_that_is_sent_to_the_pad_by_a_person_goes_on_from_where_it_left(
     story = Story(autopilot=autopilot, **SMALL)
     stage = Stage(story, tmp_path, operator=Scripted(lambda *_: (1.0, "yes"), lambda: 0.0))
     stage.operator.now_s = lambda: stage.lockstep.now_s
-    before, sent = [], []
+    before, sent, way = [], [], []
 
     def order(ctx):
+        if str(ctx.state) == "diverting":
+            way.append((stage.lockstep.now_s, ctx.place))
         if str(ctx.state) != "flying" or ctx.delivery.leg.destination != "home" or sent:
             return
         taken = len(stage.camera.pictures)
@@ -151,6 +153,12 @@ def test_a_drone_that_is_sent_to_the_pad_by_a_person_goes_on_from_where_it_left(
     assert expected <= len(stage.camera.pictures) <= expected + 5  # up to 15 s of the work are flown again
     stands = [one for one in entries(stage, WorkStands) if not one.finished]
     assert [one.pad for one in stands] == ["west", "west"]
+    fastest = max(
+        math.hypot(*offset_m(*a, *b)) / (later - now)
+        for (now, a), (later, b) in zip(way, way[10:], strict=False)
+        if later > now + 5.0
+    )
+    assert fastest == pytest.approx(story.transit_mps, rel=0.1)  # as fast as its charge was reckoned with
     assert stands[1].point > stands[0].point
 
 
