@@ -8,6 +8,7 @@ from skyway.cli.main import main
 from skyway.link.supervisor import read_journal
 from tests.web.simulated import DEPART
 
+DRAG = "drag.toml"
 ENDS = ("delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
 
 
@@ -17,12 +18,23 @@ def planned(folder, start, target, **more):
                  "-o", str(folder / "plan.json"), *words]) == 0  # fmt: skip
 
 
+def calibrated(folder):
+    """Write what the wind is told by, which lets a flight be sure of its way on: `DRAG`."""
+    from skyway.calibration_flight import drag_of
+    from skyway.models.drones.drag_file import drag_file
+    from skyway.scenarios import load_scenario
+
+    (folder / DRAG).write_text(drag_file(drag_of(load_scenario(None).drone("m200"), 0.8)))
+
+
 def departs(tab, simulation, plan="plan.json", *, pads=True):
     """Fill the form and start; the flight's tab is open then. Without pads people charge."""
     tab.wait_for_function(
         "(plan) => [...document.querySelectorAll('option')].some((one) => one.value === plan)", arg=plan
     )
     tab.get_by_label("Plan", exact=True).select_option(plan)
+    if tab.locator(f"option[value='{DRAG}']").count():
+        tab.get_by_label("Drag of the drone").select_option(DRAG)
     for label, words in (
         ("Connection to the drone", simulation.drone),
         ("Pads", simulation.pads if pads else "manual"),

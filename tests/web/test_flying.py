@@ -17,7 +17,7 @@ from skyway.link.pads import TcpPads
 from skyway.link.supervisor import read_journal
 from tests.web.browsing import AXE, chromium, hold, person, state
 from tests.web.conftest import served
-from tests.web.departures import ENDS, departs, no_flight_twice, planned, taken, the_journal
+from tests.web.departures import ENDS, calibrated, departs, no_flight_twice, planned, taken, the_journal
 from tests.web.simulated import simulated
 
 pytestmark = pytest.mark.slow
@@ -54,6 +54,7 @@ def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alon
     question = (
         "/?start=bellevue&to=jacobi&depart=2013-07-10T14%3A00-04%3A00&wind=3%40250&drone=m200&payload=0.8&reserve=50"
     )
+    calibrated(tmp_path)
     with simulated("bellevue") as simulation, person(browser, site.address, question, color_scheme="dark") as tab:
         tab.wait_for_selector("dl.figures")
         tab.get_by_text("Save, export, open").click()
@@ -91,6 +92,7 @@ def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alon
 
 def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
     planned(tmp_path, "bellevue", "jacobi", reserve="50")
+    calibrated(tmp_path)
     charges = 0
     with simulated("bellevue") as simulation, person(browser, site.address, "/fly") as tab:
         departs(tab, simulation, pads=False)

@@ -8,8 +8,8 @@ import pytest
 
 from tests.web.browsing import HELD_MS, chromium, person, state
 from tests.web.conftest import ended, served
+from tests.web.departures import DRAG, calibrated, no_flight_twice, taken, the_journal
 from tests.web.simulated import simulated
-from tests.web.test_flying import no_flight_twice, taken, the_journal
 from tests.web.test_recharge_page import PADS, mission
 
 pytestmark = pytest.mark.slow
@@ -93,6 +93,7 @@ def browser():
 
 
 def test_a_delivery_is_planned_saved_uploaded_flown_and_replayed_with_the_keyboard_alone(browser, site, tmp_path):
+    calibrated(tmp_path)
     with simulated("bellevue", speedup=8.0) as simulation, person(browser, site.address, "/") as tab:
         tab.wait_for_function("window.skywayMap?.state.region")
         for label, words in (("Start", "bellevue"), ("Deliver to", "jacobi"), ("Package", "0.8")):
@@ -175,6 +176,7 @@ def _flown(tab, simulation, folder):
     chosen(tab, "Plan", "keys.json")
     typed(tab, "Connection to the drone", simulation.drone)
     typed(tab, "Pads", simulation.pads)
+    chosen(tab, "Drag of the drone", DRAG)
     tab.wait_for_function("document.querySelector('#fly-command').textContent.includes('--pads tcp:')")
     pressed(tab, "Connect and check")
     tab.get_by_role("button", name="Start: take off").wait_for()
