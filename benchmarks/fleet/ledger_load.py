@@ -14,16 +14,21 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from skyway.models.ledger.ledger import TakenError
+from skyway.models.base.errors import SkywayError
+from skyway.models.ledger.ledger import LedgerError, TakenError, VersionError
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.ledger.window import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from multiprocessing.synchronize import Event
     from pathlib import Path
 
+    from skyway.models.ledger.ledger import Ledger
+
 START = datetime(2030, 1, 1, tzinfo=UTC)
+AWAY_S = 120.0
+"""A client waits so long for a database."""
 HOT_PADS, STOPS, SLOT_MIN = 40, 4, 15
 
 
@@ -70,23 +75,59 @@ def windows(random_: random.Random, slots: int) -> list[Window]:
 
 
 def client(name: str, number: int, count: int, slots: int, begin: Event, journal: Path) -> None:
-    """Try to book so many itineraries; the journal has a line for each that the ledger said was booked, and for each attempt."""
+    """Try to book so many itineraries; the journal has a line for each that the ledger said was booked, and for each attempt.
+
+    A database that goes away is waited for; whether the booking under way was made before, its history says.
+    """
     draws = random.Random(number)
-    with open_ledger(name) as ledger, journal.open("w", encoding="ascii", buffering=1) as lines:
+    ledger = open_ledger(name)
+    with journal.open("w", encoding="ascii", buffering=1) as lines:
         lease = ledger.acquire(f"client {number}", f"process {os.getpid()}", 86_400.0)
         lines.write("ready\n")
         begin.wait()
         for attempt in range(count):
-            try:
-                ledger.book(lease, f"{number}-{attempt}", windows(draws, slots))
-            except TakenError:
-                lines.write(f"taken {number}-{attempt}\n")
-            else:
-                lines.write(f"booked {number}-{attempt}\n")
+            itinerary, wanted = f"{number}-{attempt}", windows(draws, slots)
+            while True:
+                try:
+                    ledger.book(lease, itinerary, wanted, version=0)
+                except TakenError:
+                    lines.write(f"taken {itinerary}\n")
+                except VersionError:
+                    lines.write(f"booked {itinerary}\n")  # before the database went away
+                except LedgerError:
+                    lines.write("again\n")
+                    ledger.close()
+                    ledger = _opened_again(name)
+                    continue
+                else:
+                    lines.write(f"booked {itinerary}\n")
+                break
+    ledger.close()
 
 
-def run(name: str, folder: Path, *, clients: int, count: int, slots: int, kill: int = 0) -> Load:
-    """Let clients book at once, and kill some of them in the middle of it with SIGKILL."""
+def _opened_again(name: str) -> Ledger:
+    """Open a ledger whose database is away for a while."""
+    end = time.monotonic() + AWAY_S
+    while True:
+        try:
+            return open_ledger(name)
+        except SkywayError:
+            if time.monotonic() >= end:
+                raise
+            time.sleep(0.1)
+
+
+def run(
+    name: str,
+    folder: Path,
+    *,
+    clients: int,
+    count: int,
+    slots: int,
+    kill: int = 0,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> Load:
+    """Let clients book at once, kill some of them in the middle of it with SIGKILL, and do something else to the database then."""
     context = multiprocessing.get_context("spawn")
     open_ledger(name).close()
     begin = context.Event()
@@ -105,10 +146,11 @@ def run(name: str, folder: Path, *, clients: int, count: int, slots: int, kill: 
         while len(journals[number].read_text().splitlines()) < count // 4 and processes[number].is_alive():
             time.sleep(0.001)
         os.kill(processes[number].pid or 0, signal.SIGKILL)
+    meanwhile()
     for process in processes:
         process.join()
     wall_s = time.perf_counter() - started
-    lines = [line for journal in journals for line in journal.read_text().splitlines()[1:]]
+    lines = [line for journal in journals for line in journal.read_text().splitlines()[1:] if line != "again"]
     return Load(len(lines), sum(line.startswith("booked") for line in lines), wall_s, kill)
 
 

@@ -16,6 +16,7 @@ from skyway.models.base.units import iso
 from skyway.models.ledger.window import (
     FOLLOWING,
     MAX_TEXT,
+    SPAN,
     State,
     Window,
     check_windows,
@@ -346,11 +347,18 @@ class Ledger(ABC):
         """Bookings of the pads of some windows about their time, and the ids of those that nobody keeps any more."""
         marks = ", ".join("?" * len(keys))
         if not any(one.epsilon for one in windows):  # whatever touches one is in its way
-            where = " OR ".join(["(pad_key = ? AND state <> 'released' AND closes > ? AND opens < ?)"] * len(windows))
+            where = " OR ".join(
+                ["(pad_key = ? AND state <> 'released' AND closes > ? AND closes < ? AND opens < ?)"] * len(windows)
+            )
             values = [
                 value
                 for one in windows
-                for value in (keys[one.station, one.pad], self._to_db(one.opens), self._to_db(one.closes))
+                for value in (
+                    keys[one.station, one.pad],
+                    self._to_db(one.opens),
+                    self._to_db(one.closes + SPAN),
+                    self._to_db(one.closes),
+                )
             ]
         else:
             begin, end = min(one.opens for one in windows), max(one.closes for one in windows)

@@ -21,6 +21,8 @@ APPLICATION = 0x5C79_1ED6
 """Mark of our files, as SQLite's ``application_id``."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
+PAGES = 10_000
+"""Of the log before it goes into the file, for which the disk is waited for: 40 MB."""
 BUSY_S = 60.0
 """How long a transaction waits for those of others."""
 RETRY_S = 0.004
@@ -60,6 +62,7 @@ class SqliteLedger(Ledger):
         run(
             "PRAGMA synchronous = NORMAL"
         )  # no killed process loses anything; a power failure may lose the last moments
+        run(f"PRAGMA wal_autocheckpoint = {PAGES}")
         run("PRAGMA foreign_keys = ON")
         run("PRAGMA busy_timeout = 0")  # `_begin` waits
         if version < len(known) or version > len(known):
