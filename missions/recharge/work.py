@@ -327,7 +327,7 @@ class _Reading:
         last = 0.0
         every_s = self.taking.every_s > 0.0
         for index, share in enumerate(shares):
-            following = shares[index + 1] if index + 1 < len(shares) else None
+            following = shares[index + 1] if index + 1 < len(shares) and shares[index + 1] < 1.0 else None
             middle = 0.5 * (share + (1.0 if following is None else following))
             if following is None and every_s:
                 continue

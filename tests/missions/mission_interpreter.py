@@ -81,6 +81,14 @@ class Vehicle:
             self.at = after
             self.track.append((self.at, held))
 
+    def stay(self, seconds):
+        """Stand where it is, with a camera that takes pictures by the clock."""
+        self.elapsed_s += seconds
+        while self.every_s and self.elapsed_s >= self.every_s - 1e-9:
+            left = self.elapsed_s - self.every_s
+            self.picture()
+            self.elapsed_s = left
+
     @staticmethod
     def between(begin, end, share):
         return tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True))
@@ -174,6 +182,8 @@ def fly(mission, vehicle, *, laps=1, speed=None, ardupilot=False):
             elif item.command == 21:
                 vehicle.go((*place, vehicle.at[2]))
             vehicle.go((*place, height))
+            if item.command in (16, 19, 82):
+                vehicle.stay(max(item.params[0], 0.0))
         else:
             vehicle.order(item)
     return vehicle
