@@ -100,7 +100,7 @@ class Dispatcher:
         self._pads_known: dict[str, str] | None = None
         self._retried_s: float | None = None
         self._failed: dict[str, int] = {}
-        self._brought: dict[str, float] = {}
+        self._brought: dict[tuple[str, str], float] = {}
         self.plans = 0
         self.orders: dict[str, tuple[str, OrderRecord]] = {}
         self.drones: dict[str, tuple[str, DroneRecord]] = {}
@@ -250,7 +250,8 @@ class Dispatcher:
         waiting = any(state == "new" for state, _ in self.orders.values())
         if waiting and (self._retried_s is None or now_s >= self._retried_s + RETRY_S):
             why.general.append("orders wait for a promise")
-        if any(state == "aboard" for state, _ in self.orders.values()):
+        carriers = [one.drone for state, one in self.orders.values() if state == "aboard" and one.drone in self.drones]
+        if any(self._may_bring_on(one, now_s) for one in carriers):
             why.general.append("a package is aboard a drone that stands")
 
     def _take_pads(self, now_s: float, why: Reasons) -> None:
@@ -388,6 +389,10 @@ class Dispatcher:
             return
         self._order(name, state if flying else "promised" if after is not None else "new", order)
 
+    def _may_bring_on(self, name: str, now_s: float) -> bool:
+        """Whether it is time to plan for a drone alone: where its flight on was not begun, the same is not tried again at once."""
+        return now_s >= self._brought.get((name, self.drones[name][1].place), -RETRY_S) + RETRY_S
+
     def _bring_on(self, now_s: float) -> None:
         """Plan for each drone alone that stands with a package, or away from home without anything to do."""
         for name, (state, drone) in list(self.drones.items()):
@@ -398,9 +403,9 @@ class Dispatcher:
                 continue
             if order is None and drone.place == drone.vehicle.home:
                 continue
-            if order is None and now_s < self._brought.get(name, -RETRY_S) + RETRY_S:
+            if not self._may_bring_on(name, now_s):
                 continue
-            self._brought[name] = now_s
+            self._brought[name, drone.place] = now_s
             wanted = ferry(name, drone.place, drone.vehicle.home, now_s, None if order is None else order[1])
             vehicle = replace(
                 drone.vehicle, place=drone.place, soc=drone.soc, available_from=from_posix(now_s), available_to=None
