@@ -15,7 +15,7 @@ import pytest
 from skyway.flights.live import read_live
 from skyway.link.pads import TcpPads
 from skyway.link.supervisor import read_journal
-from tests.web.browsing import AXE, chromium, hold, person, state
+from tests.web.browsing import AXE, FLIGHT_MS, chromium, hold, person, state
 from tests.web.conftest import served
 from tests.web.departures import ENDS, calibrated, departs, no_flight_twice, planned, taken, the_journal
 from tests.web.simulated import simulated
@@ -132,6 +132,12 @@ def test_two_deliveries_are_flown_at_once_a_tab_each_and_both_on_one_map(browser
         for number, (plan, simulation) in enumerate((("one.json", first), ("two.json", second)), start=1):
             departs(tab, simulation, plan)
             tab.wait_for_function("(many) => document.querySelectorAll('[role=tab]').length === many", arg=1 + number)
+            tab.get_by_role("button", name="Start: take off").wait_for(timeout=FLIGHT_MS)
+        for goal in (
+            "hoboken",
+            "city-hall",
+        ):  # both are ready: they take off soon after each other, however slow the machine
+            tab.get_by_role("tab", name=goal).click()
             hold(tab, "Start: take off")
             state(tab, "flying")
         tab.get_by_role("tab", name="All", exact=True).click()
@@ -291,4 +297,5 @@ def test_the_demonstration_is_flown_by_itself_and_by_a_diverting_person(browser,
         hold(tab, "Return to where it came from")
         state(tab, "diverting")
         state(tab, "stopped-safe")
+        tab.wait_for_function("window.skywayFlights.flight.live.ended")  # it has restored the parameters
     assert json.loads(page.ask("/api/fleet")[2])["flights"][0]["ended"]
