@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from skyway.models.base.errors import InputError, SkywayError
+from skyway.models.compute.worker_processes import begin_worker, end_workers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -163,8 +164,10 @@ class _Spread(Generic[T, R]):
             pool = ProcessPoolExecutor(self._workers, mp_context=spawn, initializer=_keep, initargs=(self._common,))
             try:
                 yield pool, self._workers, _Kept()
-            finally:
-                pool.shutdown(wait=False, cancel_futures=True)
+            except BaseException:
+                end_workers(pool)
+                raise
+            pool.shutdown(wait=False, cancel_futures=True)
             return
         try:
             import distributed
@@ -199,7 +202,8 @@ _kept: list[object] = [None]
 
 
 def _keep(common: object) -> None:
-    """Keep, in a process that has just begun, what all pieces have in common."""
+    """Begin a process, and keep what all pieces have in common."""
+    begin_worker()
     _kept[0] = common
 
 

@@ -9,6 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.compute.worker_processes import end_workers
 from skyway.web.work.calls import begin, call, prepare
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class Workers:
     def close(self) -> None:
         """End all processes, and what they are at."""
         for process in (*self._idle, *self._busy):
-            _end(process)
+            end_workers(process)
         self._idle, self._busy = [], set()
 
     async def ask(self, name: str, *arguments: Any) -> Any:
@@ -69,7 +70,7 @@ class Workers:
         if done:
             self._idle.append(process)
         else:
-            _end(process)
+            end_workers(process)
         while len(self._idle) + len(self._busy) < 1 + SPARE:
             self._idle.insert(0, self._prepared())
 
@@ -80,11 +81,3 @@ class Workers:
         )
         process.submit(prepare, self._scenario)
         return process
-
-
-def _end(pool: ProcessPoolExecutor) -> None:
-    """End a process, whatever it is at."""
-    started = list((pool._processes or {}).values())  # noqa: SLF001  there is no other way to end a call under way
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in started:
-        process.kill()

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 
@@ -27,3 +28,10 @@ def always_dies(number):
 
 def fails(number):
     raise ValueError(f"wrong at {number}")
+
+
+def told_and_asleep(piece):
+    """A piece that writes which process it is in, and takes long."""
+    folder, _ = piece
+    (Path(folder) / f"{os.getpid()}.pid").touch()
+    time.sleep(600.0)

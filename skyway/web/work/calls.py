@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 import traceback
 from importlib import import_module
-from multiprocessing.connection import wait
 from typing import Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.compute.worker_processes import begin_worker
 from skyway.web.work.weather_and_zones import Given, give
 
 
 def begin(what: Given) -> None:
     """Begin a process: it knows what the page was started with, and leaves Ctrl-C to the server, which ends it. It ends with the server, too."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    server = multiprocessing.parent_process()
-    if server is not None:
-        threading.Thread(target=_end_with, args=(server.sentinel,), daemon=True).start()
+    begin_worker()
     give(what)
-
-
-def _end_with(sentinel: int) -> None:
-    """End this process when the server is gone: one that was killed cannot say so, and nobody would wait for the answer."""
-    wait([sentinel])
-    os._exit(1)
 
 
 def prepare(scenario: str | None) -> None:
