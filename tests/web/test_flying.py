@@ -116,7 +116,9 @@ def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
         assert tab.inner_text(".flight .state") == "delivered"
     records = the_journal(tmp_path)
     assert charges >= 1
-    assert [word.split(" ")[0] for word in taken(records)] == ["take", "yes", *["charged"] * charges]
+    refused = sum(r.event == "order" and r.data["done"] == "refused" for r in records)  # it had gone on meanwhile
+    assert refused < charges
+    assert [word.split(" ")[0] for word in taken(records)] == ["take", "yes", *["charged"] * (charges - refused)]
     no_flight_twice(records, simulation)
 
 
