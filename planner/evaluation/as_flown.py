@@ -8,7 +8,7 @@ energy, and decides again. Members are drawn by their probability, evenly; queue
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -68,17 +68,24 @@ class AsFlown:
 
 
 @dataclass(frozen=True, eq=False)
-class _Delivery:
-    """One delivery to be simulated, in this process or in another."""
+class _World:
+    """What all deliveries have in common; each process is sent it once."""
 
     scenario: Scenario
     request: Request
     drone: str
     parameters: PlannerParameters
     errors: Errors
-    truth: WindEnsemble
-    told: WindEnsemble
-    number: int
+    forecast: WindEnsemble
+    told: NDArray[np.float64]
+    """Shape (members, members). Probability of each member as it is told where one is the truth."""
+
+
+class _Delivery(NamedTuple):
+    """One delivery to be simulated, in this process or in another."""
+
+    member: int
+    """The truth."""
     seeds: tuple[int, int, int]
     """Of queues, vehicle and gusts."""
     ratios: NDArray[np.float64]
@@ -116,43 +123,42 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     member = np.searchsorted(np.cumsum(forecast.probability), (np.arange(runs) + 0.5) / runs).clip(
         max=len(forecast) - 1
     )
-    others = left_out(forecast)
     shares = [drawn_evenly(rng, 1, runs) for _ in range(1 + LEGS)]
     _, ratios = errors.energy_of(problem.drone).ratios(np.column_stack(shares))
     seeds = rng.integers(0, 2**62, (runs, 3))
-    request = replace(problem.request, drone=problem.drone.id)
+    drone = problem.drone.id
+    request = replace(problem.request, drone=drone)
+    world = _World(problem.scenario, request, drone, problem.parameters, errors, forecast, left_out(forecast))
     deliveries = [
-        _Delivery(
-            problem.scenario, request, problem.drone.id, problem.parameters, errors, forecast.member(one),
-            replace(forecast, probability=others[one]).possible(), number, tuple(seeds[number].tolist()), ratios[number],
-        )
-        for number, one in enumerate(member.tolist())
-    ]  # fmt: skip
+        _Delivery(one, (queues, vehicle, gusts), ratios[number])
+        for number, (one, (queues, vehicle, gusts)) in enumerate(zip(member.tolist(), seeds.tolist(), strict=True))
+    ]
     workers = min(processors(), runs // _RUNS_OF_A_WORKER)
-    flown = pooled(spread(_fly, deliveries, workers=workers, told=told))
+    flown = pooled(spread(_fly, deliveries, common=world, workers=workers, told=told))
     return AsFlown(_outcome(problem, flown, member), flown)
 
 
-def _fly(one: _Delivery) -> Flown:
+def _fly(world: _World, one: _Delivery) -> Flown:
     """Simulate one delivery."""
     queues, vehicle, gusts = one.seeds
     realization = Realizations(
-        scenario=one.scenario,
-        request=one.request,
-        days=(one.request.state.time.date(),),
-        wind=one.truth,
+        scenario=world.scenario,
+        request=world.request,
+        days=(world.request.state.time.date(),),
+        wind=world.forecast.member(one.member),
         day=np.zeros(1, dtype=np.int64),
         queue=np.zeros(1, dtype=np.int64),
         queue_seed=queues,
         vehicle_key=np.array([vehicle], dtype=np.uint64),
         gust_key=np.array([gusts], dtype=np.uint64),
-        errors=one.errors,
-        parameters=one.parameters,
+        errors=world.errors,
+        parameters=world.parameters,
         ratios=one.ratios[None],
     )
-    drone = one.scenario.drone(one.drone)
-    start = Problem(one.scenario, one.request, drone, one.told, parameters=one.parameters)
-    return fly_policy(realization, drone.id, RollingRobust(start, one.errors))[0]
+    drone = world.scenario.drone(world.drone)
+    told = replace(world.forecast, probability=world.told[one.member]).possible()
+    start = Problem(world.scenario, world.request, drone, told, parameters=world.parameters)
+    return fly_policy(realization, drone.id, RollingRobust(start, world.errors))[0]
 
 
 def _outcome(problem: Problem, flown: Flown, member: NDArray[np.int64]) -> Outcome:
