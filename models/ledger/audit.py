@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import TYPE_CHECKING
 
 from skyway.models.ledger.window import FOLLOWING, Window, p_both
@@ -9,8 +10,35 @@ from skyway.models.ledger.window import FOLLOWING, Window, p_both
 if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Event, Hold, Ledger
 
+    Key = tuple[str, int, int]
+
 PAGE = 50_000
 SLACK = 1e-9
+PART_S = 6 * 3600.0
+"""Windows of a pad are looked for by the parts of time that they touch."""
+
+
+class _Pad:
+    """Windows of one pad that are held."""
+
+    def __init__(self) -> None:
+        self._parts: defaultdict[int, dict[Key, Window]] = defaultdict(dict)
+
+    @staticmethod
+    def _of(window: Window) -> range:
+        return range(int(window.opens.timestamp() // PART_S), int(window.closes.timestamp() // PART_S) + 1)
+
+    def put(self, key: Key, window: Window) -> None:
+        for part in self._of(window):
+            self._parts[part][key] = window
+
+    def take(self, key: Key, window: Window) -> None:
+        for part in self._of(window):
+            self._parts[part].pop(key, None)
+
+    def touching(self, window: Window) -> list[Window]:
+        near = {key: other for part in self._of(window) for key, other in self._parts.get(part, {}).items()}
+        return [other for other in near.values() if window.touches(other)]
 
 
 def audit(ledger: Ledger) -> list[str]:
@@ -20,13 +48,13 @@ def audit(ledger: Ledger) -> list[str]:
     went back, tokens that came after newer ones, and bookings that are not what the history says.
     """
     found: list[str] = []
-    state: dict[tuple[str, int, int], Hold] = {}
-    by_pad: dict[tuple[str, int], dict[tuple[str, int, int], Window]] = {}
+    state: dict[Key, Hold] = {}
+    pads: defaultdict[tuple[str, int], _Pad] = defaultdict(_Pad)
     seen = 0
     while True:
         events = ledger.history(after=seen, limit=PAGE)
         for event in events:
-            found += _event(event, state, by_pad)
+            found += _event(event, state, pads[event.hold.window.station, event.hold.window.pad])
         if len(events) < PAGE:
             break
         seen = events[-1].seq
@@ -42,18 +70,13 @@ def audit(ledger: Ledger) -> list[str]:
     return found
 
 
-def _key(hold: Hold) -> tuple[str, int, int]:
+def _key(hold: Hold) -> Key:
     return hold.itinerary, hold.version, hold.number
 
 
-def _event(
-    event: Event,
-    state: dict[tuple[str, int, int], Hold],
-    by_pad: dict[tuple[str, int], dict[tuple[str, int, int], Window]],
-) -> list[str]:
-    """Take one event into account; returns what is wrong with it."""
+def _event(event: Event, state: dict[Key, Hold], pad: _Pad) -> list[str]:
+    """Take one event of a pad into account; returns what is wrong with it."""
     hold, key = event.hold, _key(event.hold)
-    live = by_pad.setdefault((hold.window.station, hold.window.pad), {})
     before = state.get(key)
     state[key] = hold
     where = f"event {event.seq}: {hold.itinerary} version {hold.version} window {hold.number}"
@@ -62,16 +85,16 @@ def _event(
         if before.holder == hold.holder and hold.token < before.token:
             found.append(f"{where}: token {hold.token} after {before.token}")
         if hold.state == "released":
-            live.pop(key, None)
+            pad.take(key, before.window)
         return found
-    found = _met(where, hold.window, live)
-    live[key] = hold.window
+    found = _met(where, hold.window, pad)
+    pad.put(key, hold.window)
     return found
 
 
-def _met(where: str, window: Window, live: dict[tuple[str, int, int], Window]) -> list[str]:
+def _met(where: str, window: Window, pad: _Pad) -> list[str]:
     """What is wrong with a window among those that were held when it was booked."""
-    touching = [other for other in live.values() if window.touches(other)]
+    touching = pad.touching(window)
     if any(window.epsilon == 0.0 or other.epsilon == 0.0 for other in touching):
         return [f"{where}: overlaps another"]
     if sum(p_both(window, other) for other in touching) > window.epsilon + SLACK:
@@ -79,7 +102,7 @@ def _met(where: str, window: Window, live: dict[tuple[str, int, int], Window]) -
     broken = [
         other
         for other in touching
-        if p_both(other, window) + sum(p_both(other, third) for third in live.values() if third is not other)
+        if p_both(other, window) + sum(p_both(other, third) for third in pad.touching(other) if third is not other)
         > other.epsilon + SLACK
     ]
     return [f"{where}: takes the pad of another more often than that one allows"] if broken else []

@@ -22,6 +22,7 @@ from skyway.dispatch.simulation import ADDRESS
 from skyway.dispatch.status import status_of
 from skyway.models.base.errors import InputError, LinkLostError
 from skyway.models.base.files import write_atomically
+from skyway.models.compute.worker_processes import lifeline
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
@@ -97,7 +98,10 @@ def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str], None] | None = None) -> None:
-    """Fly the fleet: as long as `show` shows it, which is told the path of its page, or to its end where there is none."""
+    """Fly the fleet: as long as `show` shows it, which is told the path of its page, or to its end where there is none.
+
+    All that it starts ends with this program, also where that is killed.
+    """
     folder = demo.folder
     if (folder / LEDGER).exists():
         _remove_last(folder)
@@ -113,21 +117,23 @@ def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str
     say(
         f"{demo.drones} drones, {orders.count(chr(10)) - 1} orders in {demo.hours:g} h; in {folder}: skyway {' '.join(words)}"
     )
-    with (folder / OUTPUT).open("wb") as output:
-        shown = None if show is None else output
-        service = subprocess.Popen(  # noqa: S603  our own command, its words as a list
-            [sys.executable, "-m", "skyway", *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=shown, stderr=shown
-        )
-    try:
-        if show is None:
-            if service.wait():
-                raise InputError("the service ended with a fault", str(folder / OUTPUT))
-        else:
-            show("/fleet?" + urlencode({"ledger": LEDGER}))
-    finally:
-        service.terminate()
-        service.wait()
-        _end_world(folder / JOURNALS / ADDRESS)
+    with lifeline() as environment:
+        with (folder / OUTPUT).open("wb") as output:
+            shown = None if show is None else output
+            service = subprocess.Popen(  # noqa: S603  our own command, its words as a list
+                [sys.executable, "-m", "skyway", *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=shown, stderr=shown,
+                env=environment,
+            )  # fmt: skip
+        try:
+            if show is None:
+                if service.wait():
+                    raise InputError("the service ended with a fault", str(folder / OUTPUT))
+            else:
+                show("/fleet?" + urlencode({"ledger": LEDGER}))
+        finally:
+            service.terminate()
+            service.wait()
+            _end_world(folder / JOURNALS / ADDRESS)
     if show is None:
         for line in how_it_ended(folder / LEDGER):
             say(line)

@@ -174,3 +174,16 @@ def test_the_chance_that_both_want_a_pad_is_that_of_a_simulation():
         end = rng.normal(1800.0, 420.0, 200_000), rng.normal(60.0 * begin + 1200.0, 60.0, 200_000)
         both = float(np.mean((start[0] < end[1]) & (start[1] < end[0])))
         assert p_both(one, other) == pytest.approx(both, abs=0.005)
+
+
+def test_the_audit_finds_what_touches_days_after_it_began(tmp_path):
+    with opened("sqlite", tmp_path) as ledger:
+        lease = ledger.acquire("operator", "process")
+        ledger.book(lease, "long", [window(length_min=3 * 1440)])
+        ledger.book(lease, "after", [window(begin_min=3 * 1440)])
+        events, holds = ledger.history(), ledger.holds()
+    assert audit(Forged(events, holds)) == []
+    inside = replace(events[1].hold, itinerary="inside", window=window(begin_min=2 * 1440))
+    found = audit(Forged([*events, Event(9, events[0].at, inside)], [*holds, inside]))
+    assert len(found) == 1
+    assert "inside version 1 window 1: overlaps another" in found[0]

@@ -142,8 +142,10 @@ def run(
       skyway dispatch run --simulate --ledger ledger.db --fleet fleet.csv --hours 24 --workers 4 --http 127.0.0.1:8090
     """
     from skyway.dispatch.service import Options, Service
+    from skyway.models.compute.worker_processes import hold_lifeline
     from skyway.models.orders.files import read_orders, read_vehicles
 
+    hold_lifeline()
     if not simulate:
         remedy = "give --simulate; a single real drone is flown by skyway fly"
         raise InputError("fleets of real drones are not flown yet", field="--simulate", remedy=remedy)
@@ -208,7 +210,9 @@ def worker(
 ) -> None:
     """Supervise flights of a service; skyway dispatch run starts it."""
     from skyway.dispatch.worker import work
+    from skyway.models.compute.worker_processes import hold_lifeline
 
+    hold_lifeline()
     work(ledger, holder, number)
 
 
@@ -216,7 +220,9 @@ def worker(
 def world(ledger: LedgerName, holder: Holder = "dispatch") -> None:
     """Simulate the world of a service; skyway dispatch run starts it."""
     from skyway.dispatch.simulation import simulate as run_world
+    from skyway.models.compute.worker_processes import hold_lifeline
 
+    hold_lifeline()
     run_world(ledger, holder)
 
 
