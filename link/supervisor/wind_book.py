@@ -139,6 +139,11 @@ class WindBook:
         return max((one.time_s for one in self.observations), default=math.nan)
 
     @property
+    def measures(self) -> bool:
+        """Whether the drone is known to measure the wind on its way: by its tilt, or since its autopilot has reported it."""
+        return self.live.drag is not None or math.isfinite(self.measured_s)
+
+    @property
     def roughness(self) -> float:
         """How much the wind changed along the flights so far: see `models.wind.estimation.roughness`."""
         return roughness(self.observations, self._field)

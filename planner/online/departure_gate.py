@@ -71,6 +71,8 @@ class _Taken(NamedTuple):
     """The same of its second half alone, halfway."""
     energy_soc: float
     """Standard deviation halfway of what the second half takes in a known wind, and of the charge that is told then."""
+    learnt: float = 0.0
+    """Standard deviation of what the first half teaches of the energy of the flight, as a share of it."""
 
 
 def _least(reach: Reach, below: tuple[NDArray[np.float64], float, NDArray[np.float64]], share: float) -> float | None:
@@ -90,6 +92,7 @@ class DepartureGate:
 
     def __init__(self, policy: OnlinePolicy, info: Information, p: Problem) -> None:
         self._policy, self._info, self._problem = policy, info, p
+        self._epsilon = policy.epsilon_of(info)
         self._kept: dict[str, float] = {}
         self._reserve = policy.request.reserve_soc
         """What the landing at the end of the leg that is checked keeps."""
@@ -105,6 +108,8 @@ class DepartureGate:
         """Probability that a watched leg which is begun as a step says is turned before the first station where it can land."""
         sure, reach, taken = self._leg(step)
         for_charge = float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
+        if not self._info.measures_wind:
+            for_charge = float(for_charge > self._epsilon)
         return 1.0 - (1.0 - for_charge) * (
             1.0 - self._p_no_room(sure, reach, taken, self._take_off_s(step), step.charge)
         )
@@ -113,7 +118,8 @@ class DepartureGate:
         """Charges with which a watched leg is turned with some probabilities, the greatest probability first; those that a battery has."""
         sure, reach, taken = self._leg(step)
         below = self._turned_below(taken, self._kept_at(sure[-1]))
-        found = (_least(reach, below, share) for share in self._policy.parameters.turned_shares)
+        shares = self._policy.parameters.turned_shares if self._info.measures_wind else (self._epsilon,)
+        found = (_least(reach, below, share) for share in shares)
         return [one for one in found if one is not None]
 
     def _leg(self, step: Step) -> tuple[tuple[str, ...], Reach, _Taken]:
@@ -203,8 +209,9 @@ class DepartureGate:
         """
         parameters = self._policy.parameters
         if self._info.watched:
-            return _least(reach, self._turned_below(taken, self._reserve), parameters.p_begin)
-        return _least(reach, (taken.cost, self._reserve, taken.doubt), self._policy.epsilon)
+            share = parameters.p_begin if self._info.measures_wind else self._epsilon
+            return _least(reach, self._turned_below(taken, self._reserve), share)
+        return _least(reach, (taken.cost, self._reserve, taken.doubt), self._epsilon)
 
     def _taken(self, reach: Reach, way: list[Place], at_s: float) -> _Taken:
         """What a leg takes."""
@@ -217,15 +224,21 @@ class DepartureGate:
         rest = by_then.to_the_end(second_half(way), at_s + half_s).doubt
         half_soc = 0.5 * float(reach.expected(flown.soc))
         then = reach.belief.in_flight(half_soc * reach.belief.mean_ratio, half_soc)
-        return _Taken(time_s, cost, doubt, rest[:, None], math.hypot(half_soc * then.sd_between, SOC_SD))
+        learnt = math.sqrt(max(reach.belief.sd_between**2 - then.sd_between**2, 0.0)) / reach.belief.mean_ratio
+        return _Taken(time_s, cost, doubt, rest[:, None], math.hypot(half_soc * then.sd_between, SOC_SD), learnt)
 
     def _turned_below(self, taken: _Taken, reserve: float) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
         """For `Reach.p_below`: below which charge a leg is turned.
 
         It is turned where halfway, where that is done last, what is still unknown then breaks the reserve with more than epsilon: that must be
         left beside it, and what is known of the wind by then, the rest of the doubt now, is the doubt.
+        Where the wind is not measured on the way, nothing more is known of it then: what is unknown now must break the reserve with epsilon
+        at most, also where the first half teaches that the flight takes more energy, but for the share of flights that may be turned.
         """
-        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._policy.epsilon), self._reach.belief.mean_ratio
+        if not self._info.measures_wind:
+            more = NormalDist().inv_cdf(1.0 - self._policy.parameters.p_begin) * taken.learnt
+            return taken.cost * (1.0 + more), reserve, taken.doubt
+        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._epsilon), self._reach.belief.mean_ratio
         known = np.sqrt(np.maximum(taken.doubt**2 - taken.rest**2, 0.0))
         return taken.cost + sigmas * np.hypot(taken.rest, taken.energy_soc / ratio), reserve, known
 
@@ -240,7 +253,7 @@ class DepartureGate:
 
         def cover(soc: float) -> DivertCover:
             return divert_cover(
-                reach, way, at_s, soc, floor_soc=floor, epsilon=self._policy.epsilon, destination=end, full=full, reserve_soc=kept
+                reach, way, at_s, soc, floor_soc=floor, epsilon=self._epsilon, destination=end, full=full, reserve_soc=kept
             )  # fmt: skip
 
         found, low, soc = cover(least), least, least

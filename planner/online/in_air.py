@@ -53,7 +53,7 @@ class FlightDecision:
         info, here, memory = self._info, self._info.here, self._memory
         reach = self._reach()
         now, figures = self._outlook(here, reach)
-        bad = now.p_empty > self._parameters.max_probable if memory.turned else not self._policy.keeps_reserve(now)
+        bad = now.p_empty > self._parameters.max_probable if memory.turned else not self._keeps_reserve(now)
         bad = bad and not self._may_turn_later(here, reach, now)
         memory.doubtful = memory.doubtful + 1 if bad else 0
         if bad and (memory.doubtful >= self._parameters.confirm or info.sudden) and self._due(now):
@@ -72,6 +72,9 @@ class FlightDecision:
             f"below the reserve with probability {probability(now.p_below, 1)}"
         )
         return Decision("continue", reason, figures)
+
+    def _keeps_reserve(self, option: Option) -> bool:
+        return self._policy.keeps_reserve(option, self._policy.epsilon_of(self._info))
 
     def _over(self) -> Decision:
         """Over a station: on to the end while that is safe; else what is best from here."""
@@ -103,7 +106,7 @@ class FlightDecision:
         cost = (info.soc - now.soc) * parameters.ahead_s / max(now.lands_s - info.time_s, 1.0)
         there = along_way(way, share * now.distance_m)
         others = self._others(there, reach, info.time_s + parameters.ahead_s, info.soc - cost)
-        return any(self._policy.keeps_reserve(one) for one in others)
+        return any(self._keeps_reserve(one) for one in others)
 
     def _reach(self) -> Reach:
         info, chosen = self._info, self._memory.airspeed_mps
@@ -230,7 +233,7 @@ class FlightDecision:
         speeds = [self._with_room(one, reach) for one in other_airspeeds(*given)]
         options = [*speeds, *self._others(here, reach, airborne.time_s, airborne.soc)]
         clearly = self._parameters.clearly * now.p_below
-        safe = [one for one in options if one.p_below <= clearly and self._policy.keeps_reserve(one)]
+        safe = [one for one in options if one.p_below <= clearly and self._keeps_reserve(one)]
         if safe:
             weighed = self._weighed(safe, reach, self._onward(reach))
             figures |= {"options": [one.as_data() for one in weighed[:6]]}
@@ -286,7 +289,7 @@ class FlightDecision:
         memory.better_s = airborne.time_s
         others = self._others(here, reach, airborne.time_s, airborne.soc)
         ahead = [one for one in others if one.station not in airborne.left]
-        safe = [one for one in ahead if self._policy.keeps_reserve(one)]
+        safe = [one for one in ahead if self._keeps_reserve(one)]
         if not safe:
             return None
         onward = self._onward(reach)

@@ -56,6 +56,9 @@ class Information:
     watched: bool = True
     """Decisions follow all along the flight, and divert stations are at hand: a leg need not be sure in all but a
     quarter of the request's epsilon when it begins, as where nothing is decided in the air."""
+    measures_wind: bool = True
+    """Whether the drone is known to measure the wind on its way: its drag is known, or its autopilot has reported the wind. Else a flight knows no
+    more of the wind halfway than at its take-off."""
     station: str | None = None
     """Where it stands. In the air: the station that it is over, time and charge set back by a climb, as if it took off
     there."""

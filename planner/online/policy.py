@@ -87,9 +87,13 @@ class OnlinePolicy:
         """
         return max(self.request.epsilon, MIN_EPSILON)
 
-    def keeps_reserve(self, option: Option) -> bool:
-        """Whether a landing keeps the reserve, as surely as was asked for, and most probably finds a place."""
-        return option.p_reserve <= self.epsilon and option.p_no_room <= self.parameters.p_no_room
+    def epsilon_of(self, info: Information) -> float:
+        """The same where this is known: more where the wind is not measured on the way, since a forecast alone hardly lets a drone promise as much."""
+        return self.epsilon if info.measures_wind else max(self.epsilon, self.parameters.p_unmeasured)
+
+    def keeps_reserve(self, option: Option, epsilon: float) -> bool:
+        """Whether a landing keeps the reserve but for epsilon (`epsilon_of`), and most probably finds a place."""
+        return option.p_reserve <= epsilon and option.p_no_room <= self.parameters.p_no_room
 
     def reach(
         self,

@@ -26,6 +26,10 @@ class OnlineParameters(Parameters):
         0,
         1,
     )
+    p_unmeasured: float = parameter(
+        0.01, "a drone that does not measure the wind on its way may land below the reserve with this probability, where less was asked for",
+        0, 1, measured=_FAULTS,
+    )  # fmt: skip
     turned_shares: tuple[float, ...] = parameter(
         (0.3, 0.15, 0.07, 0.03),
         "charges are compared with which a watched leg is turned with these probabilities",

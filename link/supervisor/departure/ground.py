@@ -108,6 +108,7 @@ def information(ctx: Context) -> Information:
         behind=behind,
         roughness=ctx.wind.roughness,
         wind_measured_s=ctx.wind.measured_s,
+        measures_wind=ctx.wind.measures,
         plan=plan,
         planned_soc=_planned(ctx),
     )

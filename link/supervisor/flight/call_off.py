@@ -55,7 +55,8 @@ def _best(ctx: Context, goal: str, stations: Sequence[str]) -> Option | None:
     if known is None:
         return None
     found = ctx.policy().refuges(replace(known, destination=target, via=(), diverts=tuple(with_pads)))
-    safe = [one for one in found if ctx.policy().keeps_reserve(one)]
+    epsilon = ctx.policy().epsilon_of(known)
+    safe = [one for one in found if ctx.policy().keeps_reserve(one, epsilon)]
     end = network.stations[network.index[goal]]
 
     def away_m(one: Option) -> float:

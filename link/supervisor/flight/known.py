@@ -34,6 +34,7 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
         visited=frozenset(ctx.delivery.visited),
         busy_pads=pads,
         roughness=ctx.wind.roughness,
+        measures_wind=ctx.wind.measures,
         via=_ahead(ctx),
         destination=leg.destination,
         commanded_mps=_obeyed_mps(ctx, leg),

@@ -342,7 +342,10 @@ def _flown(
             remedy = "run it at a terminal, or give --yes in a simulation"
             raise InputError("take-offs cannot be confirmed: standard input has ended", remedy=remedy)
         if job.drag is None:
-            operator.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
+            operator.tell(
+                "no --drag: the wind is not measured on the way unless the autopilot reports it; until then a landing below the reserve may come "
+                "with 1 %, and more flights turn back; skyway calibrate wind finds the drag"
+            )
         if path is None:
             name = journal_name(job.composition.origin, job.composition.destination, now)
             book = Journal.beside_others(_journal_path(link.record, name), clock.posix_s)

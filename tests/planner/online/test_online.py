@@ -27,6 +27,7 @@ from skyway.planner.online.told_plan import best_charges, itinerary_of, needed_c
 from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
+from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 from skyway.planner.reach.diverts import divert_cover
@@ -636,3 +637,20 @@ def test_a_wind_in_which_it_could_not_have_come_here_turns_no_flight(policy):
     )
     figures = policy.in_air(known_at(0.1, 0.95, both, SURE)).figures
     assert figures["p_below_reserve"] < 0.001
+
+
+def test_a_leg_begins_with_more_charge_where_the_wind_is_not_measured_on_the_way(newyork):
+    """What is unknown at the take-off stays unknown: it must be kept from the start, where a drone that measures may turn."""
+    start = State(DEPART, "bellevue")
+    request = Request(state=start, destination="columbia", payload_kg=0.8, drone="m200")
+    forecast = plan(newyork, request, planner="robust").problem.ensemble
+    policy = OnlinePolicy(newyork, request)
+    known = Information(
+        time_s=start.time.timestamp(), soc=0.3, forecast=forecast, belief=USUAL_ERRORS.energy_of(newyork.drone("m200")),
+        station="bellevue",
+    )  # fmt: skip
+    blind = replace(known, measures_wind=False)
+    assert policy.epsilon_of(known) == request.epsilon < policy.epsilon_of(blind)
+    measured, unmeasured = policy.on_ground(known), policy.on_ground(blind)
+    assert measured.station == unmeasured.station == "columbia"
+    assert unmeasured.charge_to > measured.charge_to + 0.03
