@@ -41,10 +41,10 @@ def planned_once():
             plans[key] = make_plan(scenario, request, **asked)
         return plans[key]
 
-    def report_of(result, tried, *asked, explain):
-        key = result.composition.id, asked, explain
+    def report_of(result, tried, *asked, explain, **more):
+        key = result.composition.id, asked, explain, more.get("flown_runs")
         if key not in reports:
-            reports[key] = make_report(result, tried, *asked, explain=explain)
+            reports[key] = make_report(result, tried, *asked, explain=explain, **more)
         return reports[key]
 
     patch = pytest.MonkeyPatch()

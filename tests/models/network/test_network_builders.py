@@ -104,6 +104,7 @@ def free_ball(points: np.ndarray, i: int, j: int) -> float:
 @pytest.mark.parametrize("few", [0, 150])
 @settings(max_examples=60)
 @given(region=REGIONS, offsets=OFFSETS)
+@example(region=(40.7, -74.0), offsets=[(0.0, 0.0), (0.25, 0.0), (6.711545725016408e-10, 0.0)])
 def test_gabriel_joins_two_stations_when_no_third_lies_between(few, region, offsets):
     stations = around(region, offsets)
     points = np.array([earth_xyz(s) for s in stations]).reshape(-1, 3)
@@ -111,9 +112,10 @@ def test_gabriel_joins_two_stations_when_no_third_lies_between(few, region, offs
     def wanted(i, j):
         d = length(stations[i], stations[j])
         margin = free_ball(points, i, j)
+        beside_an_end = any(0.0 < np.linalg.norm(points[end] - one) < 1e-2 for end in (i, j) for one in points)
         return (
-            None
-            if abs(margin) < 1e-4 * d or 0.0 < d < 1e-2 or abs(d - 30_000.0) < 1e-3
+            None  # a third millimetres from an end: which of the two is joined is rounding
+            if abs(margin) < 1e-4 * d or beside_an_end or abs(d - 30_000.0) < 1e-3
             else margin > 0.0 and 0.0 < d <= 30_000.0
         )
 
