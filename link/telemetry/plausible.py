@@ -42,6 +42,7 @@ class Plausible:
         self._speed: tuple[float, ...] = ()
         self._off_s: dict[str, float] = {}
         self._kept: dict[str, deque[float]] = {}
+        self._highest_v = 0.0
         self._flies = False
 
     def hear(self, reports: dict[str, float], time_s: float) -> dict[str, float]:
@@ -108,12 +109,15 @@ class Plausible:
         kept = self._kept.setdefault(name, deque(maxlen=_KEPT))
         if len(kept) >= _KEPT // 3:
             usual = median(kept)
-            if name == "voltage_v":
-                strange = abs(value / usual - 1.0) > SHARE_OF_VOLTS
+            if name == "voltage_v":  # what was usual before a fall is no rise
+                self._highest_v = max(self._highest_v, usual)
+                strange = value < (1.0 - SHARE_OF_VOLTS) * usual or value > (1.0 + SHARE_OF_VOLTS) * self._highest_v
             else:
                 strange = value > max(TIMES_AMPERES * max(kept), MIN_AMPERES) and not self._begins(value)
-            if strange and not self._again(name, time_s, POWER_AGAIN_S):
-                return math.nan
+            if strange:
+                if not self._again(name, time_s, POWER_AGAIN_S):
+                    return math.nan
+                kept.clear()  # what stays is usual from now on
         if math.isfinite(value):
             self._off_s.pop(name, None)
             kept.append(value)

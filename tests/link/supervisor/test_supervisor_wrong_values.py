@@ -290,6 +290,29 @@ def test_a_speed_that_jumps_is_unknown_and_one_that_changes_as_a_vehicle_does_is
     assert math.isnan(checked.hear(place(0.6, vel_down_mps=math.inf), 0.6)["vel_down_mps"])
 
 
+@pytest.mark.parametrize("factor", [0.97, 0.8, 0.74, 0.694, 0.66, 0.6, 0.3, 0.0, 1.2, 1.3, 1.4, 1.6])
+@pytest.mark.parametrize("packets", [1, 10, 20, 100])
+def test_a_voltage_is_known_again_as_soon_as_it_is_told_rightly_again(factor, packets):
+    checked = Plausible()
+    for second in range(60):
+        assert checked.hear({"voltage_v": 25.0}, float(second))["voltage_v"] == 25.0
+    for second in range(60, 60 + packets):
+        known = checked.hear({"voltage_v": 25.0 * factor}, float(second))["voltage_v"]
+        assert known == 25.0 * factor if 0.65 < factor < 1.35 else math.isnan(known)
+    for second in range(60 + packets, 100 + packets):
+        assert checked.hear({"voltage_v": 25.0}, float(second))["voltage_v"] == 25.0
+
+
+@pytest.mark.parametrize("volts", [0.0, 12.0, 50.0])
+def test_a_voltage_that_stays_elsewhere_is_believed_and_so_are_those_after_it(volts):
+    checked = Plausible()
+    for second in range(60):
+        checked.hear({"voltage_v": 25.0}, float(second))
+    known = [checked.hear({"voltage_v": volts}, 60.0 + second)["voltage_v"] for second in range(300)]
+    assert all(math.isnan(one) for one in known[:120])
+    assert known[120:] == [volts] * 180
+
+
 def test_a_time_since_boot_that_jumps_is_left_out_and_a_restart_is_not():
     times = BootTimes()
     assert all(times.believed(1000.0 * second, second) for second in range(100, 200))
