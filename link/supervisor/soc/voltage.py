@@ -46,7 +46,8 @@ POWER_ERROR, LOAD_ERROR, YOUNG_ERROR = 0.03, 0.4, 0.05
 SAME_GUST = 0.5
 """What half a minute of gusts leaves of their spread in a median."""
 AGAIN, AGAIN_S = 6, 300.0
-"""A loss is taken back where so many voltages in a row, so long after it at most, are as before."""
+"""A loss is taken back where so many voltages in a row, so long after it at most, are as before. A fall so long after a rise in flight,
+to no less than before that rise, is none."""
 FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
 """A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is not known; and by which share
 of what charge used and a change of the sag explain these may be wrong."""
@@ -158,6 +159,16 @@ class _Fall:
         return not (self.mismeasured and self.power_fell(heard[-SURE:]))
 
 
+class _Rise(NamedTuple):
+    """A voltage that rose in flight, as no battery's does: a wrong measurement, then or before."""
+
+    found_s: float
+    volts: float
+    """The voltage before."""
+    told: float
+    """State of charge that the vehicle told before."""
+
+
 @dataclass(slots=True)
 class VoltageWatch:
     """Watches one vehicle's voltage."""
@@ -170,6 +181,7 @@ class VoltageWatch:
     _seen: deque[_Heard] = field(default_factory=deque)
     _heard_s: float = -math.inf
     _falls: list[_Fall] = field(default_factory=list)
+    _rise: _Rise | None = None
 
     def hear(
         self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
@@ -185,6 +197,7 @@ class VoltageWatch:
         if amperes < FLIGHT_A:
             if not flies:
                 self._seen.clear()  # on the ground: nothing that is compared with flight
+                self._rise = None
             if amperes < REST_A and not flies:
                 self._rest = (time_s, volts, amperes)
             return 0.0
@@ -235,10 +248,16 @@ class VoltageWatch:
         if len(new) < 3 or len(old) < 3 or new[0].time_s <= old[-1].time_s:
             return 0.0
         before, now = median(one.volts for one in old), median(one.volts for one in new)
+        noted = self._rise is not None and time_s <= self._rise.found_s + AGAIN_S
+        if now > before * (1.0 + FALL) and self.ohm > 0.0 and not noted and not self._falls:
+            self._rise = _Rise(time_s, before, old[-1].told)
         fell_v = before - now
         if max(one.volts for one in new) > before * (1.0 - FALL):
             return 0.0
         if median(one.raw_v for one in old) - median(one.raw_v for one in new) < RAW_SHARE * fell_v:
+            return 0.0
+        if self._fell_back(now, new[-1].told):
+            self._seen = deque(new)
             return 0.0
         believed = max(old[-1].told - self.lost, 0.02)
         found = soc_of(now * open_voltage(believed) / before)
@@ -252,6 +271,13 @@ class VoltageWatch:
         self._seen.clear()
         return lost
 
+    def _fell_back(self, volts: float, told: float) -> bool:
+        """Whether a voltage is no lower than a sound battery's after a wrong measurement that was too high."""
+        rise, self._rise = self._rise, None
+        if rise is None or self._heard_s > rise.found_s + AGAIN_S:
+            return False
+        return volts >= rise.volts * open_voltage(told) / open_voltage(rise.told) * (1.0 - 0.5 * FALL)
+
     def restore(self, lost: float) -> None:
         """Bring back what was lost before the program was begun again."""
         self.lost = lost
@@ -259,5 +285,6 @@ class VoltageWatch:
     def forget(self) -> None:
         """Begin again: the battery was measured, or another one put in."""
         self.lost = 0.0
+        self._rise = None
         self._falls.clear()
         self._seen.clear()

@@ -108,6 +108,19 @@ def test_a_voltage_told_wrongly_lands_no_healthy_vehicle_in_the_street(autopilot
     assert not {wrong: end for wrong, end in ended.items() if end.kind not in SAFE}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_voltage_told_too_high_lands_no_healthy_vehicle_in_the_street(autopilot, tmp_path):
+    story = Story(autopilot=autopilot, start="bellevue", to="yankee-stadium", seed=1, traffic=False)
+    wrongs = [
+        Wrong("SYS_STATUS", "voltage_battery", f"times {factor}", packets, "flying", after_s)
+        for after_s, factor in ((6.0, 1.2), (90.0, 1.1), (186.0, 1.33))
+        for packets in (10, 100)
+    ]
+    ended = fly_each_wrong(story, tmp_path, wrongs)
+    assert {end.kind for end in ended.values()} == {"delivered"}, ended
+
+
 # The charge told
 
 
@@ -181,6 +194,29 @@ def test_a_voltage_that_is_measured_wrongly_is_doubted_and_what_was_lost_comes_b
     failed, _ = watched(195, lambda n, v: (left_v[n - 100], left_v[n - 100]) if n >= 100 else (v, v))
     assert failed.lost > 0.1
     assert not failed.doubtful()
+
+
+@pytest.mark.parametrize("packets", [10, 60, 100])
+@pytest.mark.parametrize("factor", [1.04, 1.1, 1.2, 1.34])
+def test_a_voltage_that_was_told_too_high_loses_nothing_when_it_is_told_rightly_again(factor, packets):
+    watch, said = watched(400, lambda n, v: (factor * v if 100 <= n < 100 + packets else v, v))
+    assert not any(said)
+    assert watch.lost == 0.0
+
+
+@pytest.mark.parametrize("gap", [0, 5, 60, 150])
+@pytest.mark.parametrize("packets", [3, 10, 100])
+def test_a_pack_that_fails_after_its_voltage_was_told_too_high_is_noticed(packets, gap):
+    fails = 100 + packets + gap
+
+    def volts(second, true_v):
+        failed_v = 6.0 * open_voltage(max(0.15 - RATE * (second - fails), 0.0))
+        real = true_v if second < fails else failed_v
+        return (1.2 * real if 100 <= second < 100 + packets else real), real
+
+    watch, said = watched(fails + 150, volts)
+    assert next(second for second, lost in enumerate(said) if lost > 0.1) <= fails + 8
+    assert not watch.doubtful(affordable=False)
 
 
 def test_a_voltage_that_falls_on_as_that_of_an_empty_battery_is_not_doubted():
