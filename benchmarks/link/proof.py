@@ -6,7 +6,8 @@ wind that the scale is told is off. What weighs and judges is the supervisor's o
 
 ``python -m benchmarks.link.proof --good 1000 --bad 200``; with ``--heard FILE`` what was heard is kept, and ``--again FILE`` judges it once more, without
 flying: so a change of the scale is judged in a minute. ``--ways N`` flies N long ways in gusts that begin and end at once, with the wind as it is believed in a
-supervised flight, and counts what is told of a package lost on the way; in every second it is.
+supervised flight, and counts what is told of a package lost on the way; in every second it is. ``--far N`` flies N far deliveries (`benchmarks.link.proof_far`): minutes
+of cruise, strong wind that grows with height, speeds that are changed, packages of any weight, weak batteries; half of them fail.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import fmean, median, pstdev
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -47,11 +49,15 @@ from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from skyway.link.supervisor.context import Context
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.telemetry import TelemetrySample
+    from skyway.sim_stub.plant.wind_truth import WindTruth
+
+    Acts = Sequence[tuple[float, Callable[[], None]]]
+    """What is done so many seconds after a take-off."""
 
 LAT, LON, GROUND_M = 40.7392, -73.9756, 5.0
 FAILURES = ("stuck", "early", "half", "silent", "jammed")
@@ -79,6 +85,10 @@ class Run:
     """In flight, before the release, the power fell as if the package were lost: so many seconds after the take-off."""
     lost_after_s: float | None
     """It was lost so many seconds after the take-off."""
+    package_kg: float = 0.0
+    before: tuple[float, float] | None = None
+    after: tuple[float, float] | None = None
+    """`before`, `after`: share of the package that was weighed before and after the release, and its standard deviation."""
 
 
 @dataclass
@@ -163,16 +173,20 @@ class Judged:
         verdict, reason = self.proof.verdict
         h, known = self.heard, self.proof.lost or self.proof.evidence.acknowledged is False
         after_s = 0.0 if known else self.known_s - self.left_s
+        e = self.proof.evidence
+        before, after = (None if one is None else (one.share, one.sigma) for one in (e.before, e.weight))
         return Run(
-            h.seed, h.autopilot, h.winch, h.failure, str(verdict), reason, after_s, self.alarmed_s, h.lost_after_s
-        )
+            h.seed, h.autopilot, h.winch, h.failure, str(verdict), reason, after_s, self.alarmed_s, h.lost_after_s,
+            h.package_kg, before, after,
+        )  # fmt: skip
 
 
 WAY_M, WAY_GUSTS = 4500.0, 7
 """A long way, and how many gusts blow on it."""
 
 
-def _mission(north_m: float, *, back: bool) -> Mission:
+def leg(north_m: float, *, back: bool = False) -> Mission:
+    """Up, so far north, or back from there, and down."""
     ends = [LAT, LAT + north_m / 111_000.0]
     begin, end = (round(one * 1e7) for one in (reversed(ends) if back else ends))
     y = round(LON * 1e7)
@@ -184,21 +198,29 @@ def _mission(north_m: float, *, back: bool) -> Mission:
     return Mission((up, over, item(Command.NAV_LAND, end, 0.0)))
 
 
-def _lowering() -> Mission:
+def _lowering(north_m: float, *, back: bool) -> Mission:
     """Out, hover, line out and in, and on the way back."""
-    out = _mission(LEG_M, back=False).items
+    out = leg(north_m, back=back).items
     over = out[1]
     hover = dataclasses.replace(over, z=WINCH_HEIGHT_M)
     wait = dataclasses.replace(hover, command=Command.NAV_LOITER_TIME, param1=winch_s(), param4=0.0)
     length_m = WINCH_HEIGHT_M + WINCH_SLACK_M
     down, up = (MissionItem(Command.DO_WINCH, Frame.MISSION, 1.0, 1.0, metres, 1.0) for metres in (length_m, -length_m))
-    return Mission((*out[:2], hover, down, wait, up, wait, over, *_mission(LEG_M, back=True).items[1:]))
+    return Mission((*out[:2], hover, down, wait, up, wait, over, *leg(north_m, back=not back).items[1:]))
 
 
 class Stage:
     """One vehicle with its package, and the proof of its delivery."""
 
-    def __init__(self, heard: Heard, *, gusts: int = 0, over_s: float = 60.0) -> None:
+    def __init__(
+        self,
+        heard: Heard,
+        *,
+        gusts: int = 0,
+        over_s: float = 60.0,
+        wind: WindTruth | None = None,
+        parameters: tuple[tuple[str, float], ...] = (),
+    ) -> None:
         seed, autopilot, failure = heard.seed, heard.autopilot, heard.failure
         self.rng = rng = random.Random(f"{'winch/' if heard.winch else ''}{seed}/{autopilot}/{failure}")
         wind_mps, towards = rng.uniform(0.0, 9.0), rng.uniform(0.0, 360.0)
@@ -214,11 +236,12 @@ class Stage:
                 "gust", begins_s, begins_s + rng.uniform(8.0, 60.0), rng.uniform(3.0, 9.0), after_take_off=True
             )
             faults = (*faults, gust)
-        self.world = World(wind=ConstantWind.of(wind_mps, towards), faults=faults)
+        blows = wind or ConstantWind.of(wind_mps, towards)
+        self.world = World(wind=blows, faults=faults)
         self.craft = self.world.add(
             VehicleConfig(
                 lat=LAT, lon=LON, ground_m=GROUND_M, autopilot=autopilot, seed=seed, warm=True,
-                payload_kg=heard.package_kg, parameters=gripper,
+                payload_kg=heard.package_kg, parameters=(*gripper, *parameters),
             )
         )  # fmt: skip
         lockstep = Lockstep(self.world)
@@ -229,8 +252,8 @@ class Stage:
         self.wind: LiveWind | None = None
         """Believes the wind as a supervised flight does; None tells the true one, a little off."""
         if heard.drag is not None:
-            blows = ConstantWind.of(wind_mps, towards)
-            told = blows.north_mps + 2.0 * self.off[0], blows.east_mps + 2.0 * self.off[1]
+            north, east = blows.at(0.0, LAT, LON, HEIGHT_M)
+            told = north + 2.0 * self.off[0], east + 2.0 * self.off[1]
             self.wind = LiveWind(drag=heard.drag, forecast=lambda *_: told)
 
     def _air(self, s: TelemetrySample) -> tuple[float, float]:
@@ -247,15 +270,19 @@ class Stage:
             self.judged.hear(s, self._air(s))
             yield s
 
-    def lower(self) -> None:
+    def lower(self, north_m: float = LEG_M, acts: Acts = (), *, back: bool = False) -> None:
         """Fly out, lower the package and leave; ends when the answer is due."""
-        vehicle, clock, mission, judged = self.vehicle, self.connection.clock, _lowering(), self.judged
+        vehicle, clock, judged = self.vehicle, self.connection.clock, self.judged
+        mission = _lowering(north_m, back=back)
         assert vehicle.upload(mission).verified
         vehicle.start(60.0)
         first, last = release_range(mission.items) or (0, 0)
         begun_s, line_m, asked, weighed = math.nan, None, False, False
-        end = clock.now_s() + 600.0
+        end, due, set_off_s = clock.now_s() + 3600.0, list(acts), math.nan
         while clock.now_s() < end:
+            self._act(due, set_off_s)
+            if math.isnan(set_off_s) and self.craft.body.up_mps > 0.3:
+                set_off_s = judged.now_s
             for s in self._samples(0.5):
                 if s.time_s > judged.left_s + AFTER_S:
                     return
@@ -275,13 +302,19 @@ class Stage:
                 judged.tell("leaves", hovered=True)
         raise RuntimeError("it did not leave")
 
-    def fly(self, mission: Mission, until_s: float = math.inf) -> None:
-        """Fly until it stands, or so long after its take-off."""
+    def _act(self, due: list[tuple[float, Callable[[], None]]], took_off_s: float) -> None:
+        """Do what is due so long after a take-off."""
+        while due and self.judged.now_s > took_off_s + due[0][0]:
+            due.pop(0)[1]()
+
+    def fly(self, mission: Mission, until_s: float = math.inf, acts: Acts = ()) -> None:
+        """Fly until it stands, or so long after its take-off; `acts` in the order of time."""
         vehicle, clock = self.vehicle, self.connection.clock
         assert vehicle.upload(mission).verified
         vehicle.start(60.0)
-        took_off_s, end = math.nan, clock.now_s() + 900.0
+        took_off_s, end, due = math.nan, clock.now_s() + 3600.0, list(acts)
         while clock.now_s() < end:
+            self._act(due, took_off_s)
             for s in self._samples(0.5):
                 if math.isnan(took_off_s) and s.height_m > 0.3:
                     took_off_s = s.time_s
@@ -291,9 +324,9 @@ class Stage:
                 return
         raise RuntimeError("it did not land")
 
-    def let_go(self) -> None:
+    def let_go(self, north_m: float = LEG_M, acts: Acts = (), *, back: bool = False) -> None:
         """Fly out, land, let the package go, and begin the way back."""
-        self.fly(_mission(LEG_M, back=False))
+        self.fly(leg(north_m, back=back), acts=acts)
         self.judged.tell("before_release")
         self.connection.run_for(20.0)
         if self.rng.random() < 0.5:  # other wind when it leaves
@@ -305,7 +338,7 @@ class Stage:
             acknowledged = False
         self.judged.tell("released", acknowledged=acknowledged)
         if acknowledged:
-            self.fly(_mission(LEG_M, back=True), until_s=AFTER_S)
+            self.fly(leg(north_m, back=not back), until_s=AFTER_S)
 
 
 def _faults(failure: str, rng: random.Random) -> tuple[Fault, ...]:
@@ -342,12 +375,18 @@ def way(seed: int, autopilot: str, failure: str = "") -> tuple[Run, Heard]:
     if failure:
         heard.lost_after_s = luck.uniform(30.0, WAY_M / 15.0)
         stage.craft.faults.add(Fault("package-lost", heard.lost_after_s, value=1.0, after_take_off=True), 0.0)
-    stage.fly(_mission(WAY_M, back=False), until_s=WAY_M / 12.0)
+    stage.fly(leg(WAY_M), until_s=WAY_M / 12.0)
     return stage.judged.run(), heard
 
 
 def _way(case: tuple[int, str, str, bool, bool]) -> tuple[Run, Heard]:
     return way(*case[:3])
+
+
+def _far(case: tuple[int, str, str, bool, bool]) -> tuple[Run, Heard]:
+    from benchmarks.link.proof_far import far  # it is made of what is here
+
+    return far(*case[:3])
 
 
 def _one(case: tuple[int, str, str, bool, bool]) -> tuple[Run, Heard]:
@@ -398,9 +437,31 @@ def tell(runs: list[Run]) -> Iterator[str]:
     lost = sum(run.lost_after_s is not None for run in bad)
     if after:
         yield f"  lost on the way: {len(after)} of {lost} told in flight, {max(after):.0f} s after the loss at the latest, {min(after):.0f} s at the earliest"
+    yield from _weighed(runs)
     yield f"known at the latest {max((run.after_s for run in runs), default=0.0):.1f} s after the take-off"
     for run in (*alarms[:20], *missed[:20]):
         yield f"  {run}"
+
+
+ABOARD = {"stuck": 1.0, "silent": 1.0, "jammed": 1.0, "half": 0.5}
+"""Share of the package that is aboard after the release."""
+
+
+def _weighed(runs: list[Run]) -> Iterator[str]:
+    """How well what was weighed agrees with what was aboard."""
+    kinds = (
+        ("before the release", [(one.before, 1.0) for one in runs if one.failure != "early"]),
+        ("after it", [(one.after, ABOARD.get(one.failure, 0.0)) for one in runs if one.failure != "early"]),
+    )
+    for name, pairs in kinds:
+        known = [(found[0], found[1], (found[0] - true) / found[1]) for found, true in pairs if found is not None]
+        if len(known) > 1:
+            off, sigmas, z = [one[0] for one in known], [one[1] for one in known], [one[2] for one in known]
+            yield (
+                f"weighed {name}, of {len(pairs)}: {len(known)}; off by {fmean(z):+.2f} standard deviations, {pstdev(z):.2f} of scatter, at most "
+                f"{max(map(abs, z)):.1f}; within two of them {sum(abs(one) < 2.0 for one in z) / len(z):.1%}; shares {min(off):.2f} to {max(off):.2f}, "
+                f"standard deviation {median(sigmas):.2f}"
+            )
 
 
 def main() -> None:
@@ -411,6 +472,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=10_000)
     parser.add_argument("--gusts", action="store_true", help="with a gust that begins at once")
     parser.add_argument("--ways", type=int, default=0, help="so many long ways instead, half of them with a loss")
+    parser.add_argument("--far", type=int, default=0, help="so many far deliveries instead, half of them fail")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument(
         "--output", type=Path, default=Path("out/proof.jsonl"), help="each run, as soon as it is judged"
@@ -433,6 +495,11 @@ def main() -> None:
     ]
     if given.ways:
         cases = [(given.first + n, pilots[n % 2], ("", "early")[n // 2 % 2], False, False) for n in range(given.ways)]
+    if given.far:
+        cases = [
+            (given.first + n, pilots[n % 2], ("", FAILURES[n // 4 % len(FAILURES)])[n // 2 % 2], False, False)
+            for n in range(given.far)
+        ]
     random.Random(0).shuffle(cases)  # so that a run that is stopped has some of all
     given.output.parent.mkdir(parents=True, exist_ok=True)
     runs = []
@@ -453,7 +520,8 @@ def main() -> None:
         keep(one for file in given.again for one in _again(file))
     else:
         with ProcessPoolExecutor(given.workers) as pool:
-            keep(pool.map(_way if given.ways else _one, cases, chunksize=4))
+            flown = _way if given.ways else _far if given.far else _one
+            keep(pool.map(flown, cases, chunksize=4))
     print(*tell(runs), sep="\n")
 
 

@@ -71,7 +71,7 @@ class Proof:
         if self.lost:
             return
         if not self.evidence.tried:
-            gain = scale.keep()
+            gain = scale.gain()
             if gain is not None:
                 ctx.note(
                     Proved(gain_w=gain),
@@ -96,22 +96,18 @@ class Proof:
 
     def before_release(self, ctx: Context) -> None:
         """It is about to release the package: weigh what is aboard."""
-        found = None if self._scale is None else self._scale.before_release()
+        found = None if self._scale is None else self._scale.before_release(self.evidence.lost_s)
         if found is not None:
             self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
 
     def begins_release(self) -> None:
         """It hovers to release the package."""
         self._releasing = True
-        if self._scale is not None:
-            self._scale.may_be_empty()
 
     def leaves(self, ctx: Context, *, hovered: bool) -> None:
         """It leaves the place over which it released the package: weigh it from now on; and by the hover, where it only hovered there."""
         if self._scale is not None:
-            if hovered:
-                self._scale.hovered()
-            self._scale.take_off(ctx.now_s)
+            self._scale.leave(ctx.now_s, hovered=hovered)
             self._open = True
 
     def _take(self, ctx: Context, evidence: Evidence) -> None:

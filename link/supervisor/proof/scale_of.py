@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.proof.power_units import USUAL_KAPPA
 from skyway.link.supervisor.proof.tilt_airspeed import TiltAirspeed
-from skyway.link.supervisor.proof.weighing import USUAL_KAPPA, Scale
+from skyway.link.supervisor.proof.weighing import Scale
 from skyway.models.drones.airspeed_load import AirspeedLoad
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.power import EnduranceEnergy
