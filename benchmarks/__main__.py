@@ -22,6 +22,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "ledger": ("fleet.bench_ledger", []),
     "fleet-gap": ("fleet.bench_gap", []),
     "fleet-city": ("fleet.bench_city", []),
+    "fleet-size": ("fleet.bench_size", []),
     "sydney": ("fleet.bench_sydney", []),
     "page": ("web.bench_page", ["--seconds", "30"]),
     "rolling": ("online.bench_rolling", ["--deliveries", "12"]),

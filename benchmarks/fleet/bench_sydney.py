@@ -86,8 +86,9 @@ def problem(town: City, asked: list[Request]) -> DispatchProblem:
     orders = Orders(
         origin=origin, destination=np.array([ends[one.destination, FINALS[one.threshold]] for one in asked], dtype=np.int64), ready_s=ready,
         due_s=due, refusal_s=np.full(count, 1e7), mode=np.ones((1, count), dtype=np.int64),
+        latest_s=np.full(count, np.inf),
     )  # fmt: skip
-    return DispatchProblem(flights, fleet, orders, Weights(1.0, 1e9, ENERGY_S))
+    return DispatchProblem(flights, fleet, orders, Weights(1.0, ENERGY_S))
 
 
 def searched(town: City, asked: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:

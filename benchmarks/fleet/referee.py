@@ -109,7 +109,7 @@ def _arcs(  # noqa: PLR0915  one pass over all states
     ]  # fmt: skip
     ready = [round(one / step_s) for one in orders.ready_s]
     due = [one / step_s for one in orders.due_s]
-    last = [math.floor(one + weights.max_late_s / step_s + 1e-9) for one in due]
+    last = [math.floor(one / step_s + 1e-9) for one in orders.latest_s]
     end = max(last, default=0)
     fast = _fastest(hops[1], places)
     home_cost = _home_energy(hops[0], places)

@@ -41,9 +41,12 @@ def small_world(
     )  # fmt: skip
     origin = rng.integers(stations, size=orders)
     ready = rng.integers(0, horizon // 2, orders)
+    destination = (origin + rng.integers(1, stations, orders)) % stations
+    due_s = ((ready + rng.integers(3, due + 1, orders)) * STEP_S).astype(np.float64)
     made = Orders(
-        origin=origin, destination=(origin + rng.integers(1, stations, orders)) % stations,
-        ready_s=(ready * STEP_S).astype(np.float64), due_s=((ready + rng.integers(3, due + 1, orders)) * STEP_S).astype(np.float64),
+        origin=origin, destination=destination,
+        ready_s=(ready * STEP_S).astype(np.float64), due_s=due_s,
         refusal_s=(86_400.0 * 8.0 ** rng.integers(0, 2, orders)).astype(np.float64), mode=np.ones((1, orders), dtype=np.int64),
+        latest_s=due_s + 3 * STEP_S,
     )  # fmt: skip
-    return DispatchProblem(flights, fleet, made, Weights(10.0, 3 * STEP_S, 600.0))
+    return DispatchProblem(flights, fleet, made, Weights(10.0, 600.0))

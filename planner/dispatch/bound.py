@@ -40,7 +40,7 @@ def lower_bound(problem: DispatchProblem) -> float:
     done = begin + legs_s[None, :]
     late = np.maximum(done - orders.due_s[None, :], 0.0)
     cost = done - orders.ready_s[None, :] + weights.lateness * late + weights.energy_s * (way_need + legs_need[None, :])
-    cost = np.where(late <= weights.max_late_s + 1e-6, cost, np.inf)
+    cost = np.where(done <= orders.latest_s[None, :] + 1e-6, cost, np.inf)
     drones = len(fleet.place)
     cost[drones + np.arange(count), np.arange(count)] = np.inf  # no order comes before itself
     cost = np.minimum(cost, orders.refusal_s[None, :])

@@ -28,7 +28,8 @@ from skyway.planner.dispatch.flight_kernels import (
     TO,
 )
 from skyway.planner.dispatch.flights import Laid, lay_out_problem
-from skyway.planner.dispatch.improve import Before, solve
+from skyway.planner.dispatch.improve import solve
+from skyway.planner.dispatch.kept import before
 from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
 from skyway.planner.dispatch.search import Search
 from skyway.planner.parameters.planner import USUAL
@@ -36,12 +37,14 @@ from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import DEFAULT_RESERVE_SOC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from datetime import datetime
 
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
+    from skyway.planner.dispatch.flights import Leg
     from skyway.planner.parameters.planner import PlannerParameters
 
 MAX_EXPLAINED = 200
@@ -59,9 +62,13 @@ def dispatch(
     iterations: int = 10**9,
     seed: int = 0,
     parameters: PlannerParameters = USUAL,
-    kept: Mapping[str, Sequence[str]] | None = None,
-    stops: Mapping[tuple[str, str], tuple[str, float]] | None = None,
+    kept: Mapping[str, Sequence[Step]] | None = None,
     promised: Mapping[str, datetime] | None = None,
+    once_promised: Collection[str] = (),
+    margin_of: Mapping[str, DepartureMargin] | None = None,
+    hope: WindEnsemble | None = None,
+    closed: Mapping[Leg, float] | None = None,
+    bounded: bool = True,
 ) -> DispatchPlan:
     """Plan which drone takes which order when, over which pads.
 
@@ -83,12 +90,20 @@ def dispatch(
         Of everything random; with a limit on iterations alone the same plan comes out each time.
     parameters : PlannerParameters, optional
         Tuned numbers.
-    kept : mapping of str to sequence of str, optional
-        Orders of each drone as they were planned before, in their order: the search begins with them.
-    stops : mapping of (str, str) to (str, float), optional
-        Where the drone of an order charged last in a phase, in that plan, and with which charge it left.
+    kept : mapping of str to sequence of Step, optional
+        What was planned for each drone before and has not begun: the search begins with it, and does it as it was planned where it can be.
     promised : mapping of str to datetime, optional
         When orders were promised to be delivered. Whatever the search finds is taken only where it is worth the promises that it changes.
+    once_promised : collection of str
+        Orders that were promised at any time, those of `promised` too: they weigh as one priority more, and are late rather than refused.
+    margin_of : mapping of str to DepartureMargin, optional
+        By how much more than the mean flights of each type of drone need (`planner.dispatch.departure_margin`); the usual one by default.
+    hope : WindEnsemble, optional
+        A forecast in which, with the usual margin, an order must be hopeless as well to be told so: what was just measured of the wind passes.
+    closed : mapping of Leg to float, optional
+        Legs that are not flown before a time, POSIX seconds.
+    bounded : bool
+        Whether the bound of the cost is wanted, too; without it is 0.
 
     Raises
     ------
@@ -97,12 +112,26 @@ def dispatch(
     """
     started = time.perf_counter()
     forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
-    laid = lay_out_problem(work, depart, forecast, parameters, holds=holds, reserve=reserve)
+    once = {*once_promised, *(promised or {})}
+    laid = lay_out_problem(
+        work,
+        depart,
+        forecast,
+        parameters,
+        holds=holds,
+        reserve=reserve,
+        margin_of=margin_of,
+        promised=once,
+        closed=closed,
+    )
     search = solve(
         laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
-        before=_before(work, laid, kept or {}, stops or {}, promised or {}),
+        before=before(work, laid, kept or {}, promised or {}),
     )  # fmt: skip
     routes, answers = told(work, laid, search)
+    hoped = None
+    if hope is not None and len(answers) < len(work.orders):
+        hoped = lay_out_problem(work, depart, hope, parameters, holds=holds, reserve=reserve, promised=once)
     health = {one.id: one.battery_health for one in work.vehicles}
     energy_j = sum(
         (one.soc_begin - one.soc_end) * health[route.drone] * work.scenario.drone(route.type).battery_j
@@ -112,36 +141,14 @@ def dispatch(
     )
     return DispatchPlan(
         depart=depart,
-        answers=tuple(_explained(work, laid, answers, parameters)),
+        answers=tuple(_explained(work, laid, answers, parameters, hoped)),
         routes=tuple(routes),
         cost_s=search.cost,
-        bound_s=lower_bound(laid.problem),
+        bound_s=lower_bound(laid.problem) if bounded else 0.0,
         energy_j=energy_j,
         iterations=search.iterations,
         planning_time_s=time.perf_counter() - started,
     )
-
-
-def _before(
-    work: Work, laid: Laid, kept: Mapping[str, Sequence[str]], stops: Mapping[tuple[str, str], tuple[str, float]],
-    promised: Mapping[str, datetime],
-) -> Before | None:  # fmt: skip
-    """What was planned before, by the numbers of drones, orders and places."""
-    if not kept and not promised:
-        return None
-    order = {one.id: number for number, one in enumerate(work.orders)}
-    place = {work.scenario.network.stations[node].id: number for number, node in enumerate(laid.places)}
-    routes = {
-        number: [order[one] for one in kept.get(drone.id, ()) if one in order]
-        for number, drone in enumerate(work.vehicles)
-    }
-    phases: dict[str, int] = {phase: number for number, phase in enumerate(PHASES)}
-    halts = {
-        (order[name], phases[phase]): (place[station], soc)
-        for (name, phase), (station, soc) in stops.items()
-        if name in order and station in place and laid.problem.flights.pads[place[station]]
-    }
-    return Before(routes, halts, {order[one]: at.timestamp() for one, at in promised.items() if one in order})
 
 
 def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
@@ -196,21 +203,33 @@ def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int,
     return routes, answers
 
 
-def _explained(work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters) -> list[Answer]:
-    """Give each order that is not served its reason: what would become of it if it were the only one."""
-    patient = replace(laid.problem, weights=laid.problem.weights._replace(max_late_s=1e9), taken=())
+def _explained(
+    work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters, hoped: Laid | None = None
+) -> list[Answer]:
+    """Give each order that is not served its reason: what would become of it if it were the only one; hopeless is what is so in what is hoped for, too."""
     refused = [number for number in range(len(work.orders)) if number not in answers]
-    alone = Search(patient, parameters.dispatch) if refused else None
+    forever = np.full(len(work.orders), np.inf)
+    alone, at_best = (
+        Search(
+            replace(one.problem, orders=one.problem.orders._replace(latest_s=forever), taken=()), parameters.dispatch
+        )
+        if refused and one is not None
+        else None
+        for one in (laid, hoped)
+    )
     for count, number in enumerate(refused):
         order = work.orders[number]
         reason, hopeless = "the drones and pads serve orders that count more", False
         if alone is not None and count < MAX_EXPLAINED:
-            reason, hopeless = _alone(work, alone, number, reason, parameters.dispatch.max_late_s)
+            latest = float(laid.problem.orders.latest_s[number])
+            reason, hopeless = _alone(work, alone, number, reason, latest)
+            if hopeless and at_best is not None:
+                hopeless = _alone(work, at_best, number, reason, latest)[1]
         answers[number] = Answer(order=order.id, status="refused", reason=reason, hopeless=hopeless)
     return [answers[number] for number in range(len(work.orders))]
 
 
-def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: float) -> tuple[str, bool]:
+def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: float) -> tuple[str, bool]:
     """Return why an order is not served, by what would become of it without any other, and whether even that does not serve it."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
@@ -224,7 +243,7 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, max_late_s: f
     done_s = float(rows[(rows[:, ORDER] == number) & (rows[:, PHASE] == LOADED)][-1, END])
     alone.restore(drone, before)
     alone.drone_of[number] = -1
-    late_s = done_s - work.orders[number].due.timestamp()
-    if late_s > max_late_s:
+    if done_s > latest_s:
+        late_s = done_s - work.orders[number].due.timestamp()
         return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
     return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it", False

@@ -24,7 +24,7 @@ from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC,
 from skyway.planner.problem.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from datetime import datetime
 
     from numpy.typing import NDArray
@@ -32,14 +32,21 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
+    from skyway.models.orders.order import Order
     from skyway.models.queues.opening_hours import Closures
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
+    from skyway.planner.parameters.dispatch import DispatchParameters
     from skyway.planner.parameters.planner import PlannerParameters
 
 MAX_BYTES = 3e9
 """Of the tables of flights."""
 AFTER_S = 4 * S_PER_H
 """So long after the last order is due winds are worked out."""
+
+
+Leg = tuple[str, str, str]
+"""A type of drone, and the stations from and to which it flies."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +69,14 @@ def lay_out_problem(
     holds: Sequence[Hold] = (),
     reserve: float = DEFAULT_RESERVE_SOC,
     margins: bool = True,
+    margin_of: Mapping[str, DepartureMargin] | None = None,
+    promised: Collection[str] = (),
+    closed: Mapping[Leg, float] | None = None,
 ) -> Laid:
-    """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others.
+    """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others, `promised` orders that were promised once.
 
-    Without margins flights need what the model says of them, not what keeps the reserve of all but few.
+    Without margins flights need what the model says of them, not what keeps the reserve of all but few; `margin_of` gives those of
+    types of drones in place of the usual one (`planner.dispatch.departure_margin`). `closed` has legs that are not flown before a time, POSIX seconds.
 
     An `InputError` refuses what is too far ahead for the forecast, or too large.
     """
@@ -96,12 +107,19 @@ def lay_out_problem(
         for drone in types
     }
     for problem, (drone, _) in zip(problems, modes, strict=True):
-        margin = 0.0
-        if margins:
-            margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
         time_s = _times(problem, places, slots, parameters.robust.speed_hours)
+        margin: float | NDArray[np.float64] = 0.0
+        if margins and margin_of is not None and drone.id in margin_of:
+            margin = margin_of[drone.id].of(_speeds(problem, places, time_s))
+        elif margins:
+            margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
         need = np.where(np.isfinite(time_s), (problem.soc_fixed + problem.soc_per_s * time_s) * (1.0 + margin), np.inf)
         need = np.where(need <= 1.0 - reserve, need, np.inf)
+        for (of_type, origin, destination), until_s in (closed or {}).items():
+            ends = place_of.get(network.index.get(origin, -1)), place_of.get(network.index.get(destination, -1))
+            if of_type == drone.id and None not in ends:
+                until = int(np.ceil((until_s - air.start_s) / air.slot_s - 1e-9))
+                need[: min(max(until, 0), slots - 1), ends[0], ends[1]] = np.inf
         times.append(np.where(np.isfinite(need), time_s, np.inf))
         needs.append(need)
         ways.append(to_go(times[-1], need, where, pace[drone.id], 1.0 - reserve))
@@ -138,13 +156,18 @@ def lay_out_problem(
         to_s=np.array([one.available_to.timestamp() if one.available_to else np.inf for one in work.vehicles]),
         scale=np.array([1.0 / one.battery_health for one in work.vehicles]),
     )  # fmt: skip
-    orders = _orders(work, begin_s, place_of, types, modes, parameters)
+    orders = _orders(work, begin_s, place_of, types, modes, parameters, promised)
     weigh = parameters.dispatch
-    weights = Weights(weigh.lateness, weigh.max_late_s, weigh.energy_s)
+    weights = Weights(weigh.lateness, weigh.energy_s)
     taken = _taken(holds, work, place_of, flights, problems[0].closures)
     return Laid(
         DispatchProblem(flights, fleet, orders, weights, taken), places, tuple((one.id, mass) for one, mass in modes)
     )
+
+
+def latest_s(order: Order, weigh: DispatchParameters, *, promised: bool) -> float:
+    """Return when an order is delivered at the latest, POSIX seconds: who was promised it gets it late rather than never."""
+    return order.due.timestamp() + (weigh.promised_late_s if promised else weigh.max_late_s)
 
 
 def _modes(types: Sequence[Drone], masses: Sequence[float], classes: int) -> list[tuple[Drone, float]]:
@@ -193,6 +216,19 @@ def _times(problem: Problem, places: Sequence[int], slots: int, hours: float) ->
     return found
 
 
+def _speeds(problem: Problem, places: Sequence[int], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean ground speed of flights between places, m/s, the shape of their times: over the shortest way, climb and descent left out."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    network, air, size = problem.network, problem.air, len(problem.network)
+    graph = csr_array((air.distance_m, (network.tail, network.head)), shape=(size, size))
+    nodes = np.array(places)
+    far_m = dijkstra(graph, indices=nodes)[:, nodes]
+    along_s = np.maximum(time_s - air.climb_s - air.descent_s, 1.0)
+    return np.where(np.isfinite(far_m) & np.isfinite(time_s), far_m / along_s, np.inf)
+
+
 def _pace_s(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> float:
     """Seconds that a whole battery takes at the fastest rate of the usual pad."""
     slopes = [time[1] / soc[1] for time, soc in (problem.curve(places[number]) for number in where)]
@@ -226,7 +262,7 @@ def _strangers(problem: Problem, places: Sequence[int], where: NDArray[np.int64]
     return np.ascontiguousarray(np.concatenate((np.repeat(found[:, :1], lead, axis=1), found), axis=1))
 
 
-def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequence[Drone], modes: Sequence[tuple[Drone, float]], parameters: PlannerParameters) -> Orders:  # fmt: skip
+def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequence[Drone], modes: Sequence[tuple[Drone, float]], parameters: PlannerParameters, promised: Collection[str]) -> Orders:  # fmt: skip
     weigh, index = parameters.dispatch, work.scenario.network.index
     values = [one.value for one in work.orders if one.value]
     usual = sum(values) / len(values) if values else 1.0
@@ -244,10 +280,14 @@ def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequenc
         ready_s=np.array([max(one.ready.timestamp(), begin_s) for one in work.orders], dtype=np.float64),
         due_s=np.array([one.due.timestamp() for one in work.orders], dtype=np.float64),
         refusal_s=np.array(
-            [weigh.refusal_s * weigh.priority_factor**one.priority * share for one, share in zip(work.orders, worth, strict=True)],
+            [
+                weigh.refusal_s * weigh.priority_factor ** (one.priority + (one.id in promised)) * share
+                for one, share in zip(work.orders, worth, strict=True)
+            ],
             dtype=np.float64,
         ),
         mode=mode,
+        latest_s=np.array([latest_s(one, weigh, promised=one.id in promised) for one in work.orders], dtype=np.float64),
     )  # fmt: skip
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.planner.dispatch.keeping import hold, keep, take
 from skyway.planner.dispatch.search import Search
 
 if TYPE_CHECKING:
@@ -204,6 +205,8 @@ class Before:
     """Where its drone charged last for an order and phase, and with which charge it left."""
     promised_s: Mapping[int, float]
     """When orders were promised, POSIX seconds."""
+    rows: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    """What each drone was to do, as a trace: nobody takes its pads before it is flown, and it is done again where it still can be."""
 
     def changed(self, search: Search) -> int:
         """How many promises the routes break: the order is not served, or more than `TOLERATED_S` later."""
@@ -233,9 +236,12 @@ def solve(
     search.warm_up()
     end_at = time.perf_counter() + time_limit_s
     if before is not None:
+        for drone, rows in before.rows.items():
+            hold(search, drone, rows)
         for drone, route in before.routes.items():
-            search.take(drone, route, before.halts)
-    search.build(end_at)
+            if not keep(search, drone, route, before.rows.get(drone), before.halts):
+                take(search, drone, route, before.halts)
+    search.build(end_at, set() if before is None else before.promised_s.keys())
     if before is None:
         Improver(search).improve(end_at=end_at, iterations=iterations)
         search.polish()

@@ -36,6 +36,8 @@ class Routes(NamedTuple):
     most: NDArray[np.float64]
     """Shape (drones,): up to which charge a drone charges while it waits for a package."""
     halts: Halts
+    gap_s: float
+    """Time between the windows of two drones on one pad, s: windows stand in the calendar longer by so much on both sides."""
 
 
 @compiled
@@ -109,7 +111,11 @@ def unbook(calendar: Calendar, routes: Routes, drone: int) -> None:
         count = calendar.filled[pad]
         kept, found = 0, False
         for place in range(count):
-            if not found and calendar.owner[pad, place] == drone and calendar.start_s[pad, place] == start_s:
+            if (
+                not found
+                and calendar.owner[pad, place] == drone
+                and calendar.start_s[pad, place] == start_s - routes.gap_s
+            ):
                 found = True
                 continue
             if kept != place:
@@ -129,7 +135,8 @@ def rebook(calendar: Calendar, routes: Routes, drone: int) -> bool:
     """
     for number in range(routes.windows[drone]):
         pad = int(routes.window[drone, number, 0])
-        if not book(calendar, pad, routes.window[drone, number, 1], routes.window[drone, number, 2], drone):
+        begin_s, end_s = routes.window[drone, number, 1] - routes.gap_s, routes.window[drone, number, 2] + routes.gap_s
+        if not book(calendar, pad, begin_s, end_s, drone):
             return False
     return True
 

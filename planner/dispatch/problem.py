@@ -70,13 +70,14 @@ class Orders(NamedTuple):
     """What it costs not to serve it."""
     mode: NDArray[np.int64]
     """Shape (types, orders): mode of a type of drone that carries it; -1 where it is too heavy."""
+    latest_s: NDArray[np.float64]
+    """When it is delivered at the latest, POSIX seconds; a plan that would be later refuses it."""
 
 
 class Weights(NamedTuple):
     """What is weighed, see `planner.parameters.dispatch`."""
 
     lateness: float
-    max_late_s: float
     energy_s: float
 
 

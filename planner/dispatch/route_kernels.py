@@ -132,7 +132,7 @@ def serve(
     begin_s, left, between, place = halt(flights, halts, calendar, trace, drone, kind, scale, mode, order, LOADED, origin, begin_s, left)  # fmt: skip
     done_s, left, taken = fly(flights, calendar, trace, drone, kind, scale, mode, empty, order, LOADED, place, orders.destination[order], begin_s, left)  # fmt: skip
     late_s = max(done_s - orders.due_s[order], 0.0)
-    if not late_s <= weights.max_late_s + SLACK:
+    if not done_s <= orders.latest_s[order] + SLACK:
         return np.inf, 0.0, np.inf
     cost = done_s - ready_s + weights.lateness * late_s + weights.energy_s * (before + used + between + taken)
     return done_s, left, cost

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.dispatch.flight_kernels import EMPTY, LOADED, Calendar, Trace
+from skyway.planner.dispatch.flight_kernels import (
+    Calendar,
+    Trace,
+)
 from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
 from skyway.planner.dispatch.route_kernels import Halts
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 
 MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
 """Orders, windows of pads, and flights and charges of one drone."""
+TAKEN_WAITING = (1.0, 0.6, 0.0)
+"""Up to which charge drones charge while they wait, where a route is taken as it was: the first with which it is flown."""
 PARTS = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
 
 
@@ -66,6 +71,7 @@ class Search:
             windows=np.zeros(self.drones, dtype=np.int64),
             most=np.ones(self.drones),
             halts=Halts(np.full((self.orders, 2), -1, dtype=np.int64), np.zeros((self.orders, 2))),
+            gap_s=parameters.pad_gap_s,
         )
         pads = int(flights.pads.sum())
         taken = np.bincount([pad for pad, _, _ in problem.taken], minlength=pads)
@@ -138,7 +144,7 @@ class Search:
         self.steps[drone] = self.trace.rows[: self.trace.filled[0]].copy()
         return True
 
-    def _changed(self, drone: int, route: Sequence[int]) -> bool:
+    def change(self, drone: int, route: Sequence[int]) -> bool:
         """Give a drone another route; false, and all as before, where it cannot fly it."""
         before = self.saved(drone)
         if self.undo is not None:
@@ -165,31 +171,6 @@ class Search:
             getattr(self.routes, name)[drone] = value
         self.steps[drone] = saved.steps
         rebook(self.calendar, self.routes, drone)
-
-    def take(self, drone: int, route: Sequence[int], halts: Mapping[tuple[int, int], tuple[int, float]]) -> None:
-        """Give a drone without orders a route, as far from its beginning on as it can fly it, with the stops that it had or without, as costs less.
-
-        `halts` has a place and a charge by order and phase.
-        """
-        wanted = [one for one in route if self.drone_of[one] < 0][: self.routes.order.shape[1]]
-        while wanted:
-            costs = {}
-            for had in (True, False):
-                self._stop(wanted, halts if had else {})
-                if self._changed(drone, wanted):
-                    costs[float(self.routes.total[drone])] = had
-            if costs:
-                self._stop(wanted, halts if costs[min(costs)] else {})
-                self._changed(drone, wanted)
-                self.drone_of[wanted] = drone
-                return
-            wanted.pop()
-
-    def _stop(self, orders: Sequence[int], halts: Mapping[tuple[int, int], tuple[int, float]]) -> None:
-        for one in orders:
-            for phase in (EMPTY, LOADED):
-                place, soc = halts.get((one, phase), (-1, 0.0))
-                self.routes.halts.place[one, phase], self.routes.halts.soc[one, phase] = place, soc
 
     def delivered_s(self, order: int) -> float:
         """Return when an order is delivered, POSIX seconds; infinite where it is not served."""
@@ -240,7 +221,7 @@ class Search:
     def insert(self, order: int, drone: int, position: int) -> bool:
         """Put an order into a route."""
         route = self.route(drone)
-        if not self._changed(drone, [*route[:position], order, *route[position:]]):
+        if not self.change(drone, [*route[:position], order, *route[position:]]):
             return False
         self.drone_of[order] = drone
         return True
@@ -283,22 +264,21 @@ class Search:
             self.tried(0)
             self.lay_out(0)
 
-    def build(self, until_s: float = math.inf) -> None:
-        """Make first routes: by priority and due time, with regret where there are not too many orders."""
+    def build(self, until_s: float = math.inf, promised: Collection[int] = ()) -> None:
+        """Make first routes: by priority and due time, with regret where there are not too many orders; after a time only of promised ones."""
         waiting = [order for order in self._wanted if self.drone_of[order] < 0]
         if self.orders * min(self.drones, self.parameters.vehicles_tried) <= 2000:
             for refusal in sorted({float(self.problem.orders.refusal_s[one]) for one in waiting}, reverse=True):
                 self.insert_with_regret([one for one in waiting if self.problem.orders.refusal_s[one] == refusal])
             return
         for order in waiting:
-            if time.perf_counter() >= until_s:
-                return
-            self.insert_best(order)
+            if time.perf_counter() < until_s or order in promised:
+                self.insert_best(order)
 
     def remove(self, orders: Sequence[int]) -> bool:
         """Take orders out of their routes; false where a route does not fly without one."""
         for drone in {int(self.drone_of[one]) for one in orders if self.drone_of[one] >= 0}:
-            if not self._changed(drone, [one for one in self.route(drone) if one not in orders]):
+            if not self.change(drone, [one for one in self.route(drone) if one not in orders]):
                 return False
         for one in orders:
             self.drone_of[one] = -1

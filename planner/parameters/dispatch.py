@@ -14,7 +14,19 @@ class DispatchParameters(Parameters):
     refusal_s: float = parameter(86_400.0, "what an order of priority 0 that is not served costs", 3600, 1e7, unit="s")
     priority_factor: float = parameter(8.0, "how many times as much an order of the next priority costs", 1, 100)
     lateness: float = parameter(10.0, "what a second of lateness costs, in seconds of delivery", 0, 1000)
-    max_late_s: float = parameter(1800.0, "an order that would be later is refused", 0, 86_400, unit="s")
+    max_late_s: float = parameter(
+        1800.0, "an order that is not promised yet and would be later is refused", 0, 86_400, unit="s"
+    )
+    promised_late_s: float = parameter(
+        14_400.0, "an order that was promised is delivered however late up to this", 0, 86_400, unit="s"
+    )
+    pad_gap_s: float = parameter(
+        0.0,
+        "time that is left between the windows of two of its drones on one pad",
+        0,
+        7200,
+        unit="s",
+    )
     change_s: float = parameter(
         1800.0,
         "what a promise costs that is changed when the fleet is replanned around what flies",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from skyway.models.queues.pad_service import DroneOnPad
@@ -25,6 +26,8 @@ class BookedPads:
     def __init__(self, pads: PadService, steps: tuple[PlanStep, ...], posix_s: Callable[[], float]) -> None:
         self._pads, self._posix_s = pads, posix_s
         self._windows = [one for one in steps if one.kind == "charge" and one.pad is not None]
+        self.charged_s = -math.inf
+        """When the charge under way is done, as far as the pad says, POSIX seconds."""
 
     def status(self, station: str) -> StationStatus:
         """Return the pads of a station now."""
@@ -35,9 +38,12 @@ class BookedPads:
         window = next((one for one in self._windows if one.origin == station), None)
         if window is not None and self._posix_s() < window.begin_s - EARLY_S:
             return DroneOnPad(drone=drone, state="waiting", to_soc=to_soc, pad_free_s=window.begin_s)
-        return self._pads.charge(station, drone, to_soc)
+        told = self._pads.charge(station, drone, to_soc)
+        known_s = told.pad_free_s if told.state == "waiting" else told.done_s
+        self.charged_s = -math.inf if known_s is None else known_s
+        return told
 
     def release(self, station: str, drone: str) -> DroneOnPad:
         """Give the pad back; its window is over."""
-        self._windows = [one for one in self._windows if one.origin != station]
+        self._windows, self.charged_s = [one for one in self._windows if one.origin != station], -math.inf
         return self._pads.release(station, drone)

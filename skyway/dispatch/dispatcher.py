@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.bookings import Bookings
+from skyway.dispatch.fleet_winds import FleetForecast
 from skyway.dispatch.records import (
     ACTIVE,
     FLYING,
@@ -26,6 +27,7 @@ from skyway.dispatch.replanning import (
     PATIENT_S,
     TO_PACKAGE,
     WITH_PACKAGE,
+    ClosedLegs,
     Reasons,
     as_holds,
     available,
@@ -33,6 +35,7 @@ from skyway.dispatch.replanning import (
     ferry,
     plan_around,
     promise_of,
+    step_of,
     windows_of,
 )
 from skyway.dispatch.worker import MOST, worker_name
@@ -44,13 +47,14 @@ from skyway.models.ledger.ledger import Hold, TakenError
 from skyway.models.ledger.window import Window
 from skyway.models.orders.fitting import fit
 from skyway.planner.dispatch.flight_plans import PlannedFlight, composed
+from skyway.planner.dispatch.flights import latest_s
 from skyway.planner.dispatch.improve import TOLERATED_S
-from skyway.planner.dispatch.result import Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.dispatch.leases import KeptLeases
+    from skyway.dispatch.records import PlanStep
     from skyway.dispatch.region import Region
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Lease
@@ -96,6 +100,8 @@ class Dispatcher:
         self._booked = Bookings(
             desk.ledger, desk.dispatcher, {one.id: one.pads for one in region.base.network.stations}
         )
+        self._air = FleetForecast(region)
+        self._legs = ClosedLegs()
         self._counted_late: dict[str, float] = {}
         self._pads_known: dict[str, str] | None = None
         self._retried_s: float | None = None
@@ -125,7 +131,8 @@ class Dispatcher:
         self.flights = board.read("flight", FlightRecord, (*ACTIVE, "ended"))
         self.pads = board.read("pad", PadRecord, ("out",))
         why = Reasons()
-        self._take_ends(why)
+        self._air.hear(one for _, one in self.flights.values())
+        self._take_ends(now_s, why)
         self._take_progress(now_s, why)
         self._take_orders(now_s, why)
         self._take_pads(now_s, why)
@@ -148,7 +155,7 @@ class Dispatcher:
         self.drones[name] = (state, record)
         self.board.change("drone", name, state, record)
 
-    def _take_ends(self, why: Reasons) -> None:
+    def _take_ends(self, now_s: float, why: Reasons) -> None:
         for name, (state, flight) in list(self.flights.items()):
             if state != "ended" or flight.end is None:
                 continue
@@ -165,6 +172,7 @@ class Dispatcher:
                 drone.route = ()
             elif not end.arrived:
                 why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
+                self._close_leg(flight.type, flight.steps, drone.place, now_s)
             if flight.order is not None and flight.order in self.orders:
                 self._order_after(flight, safe=safe)
             elif flight.order is not None:  # it was given up before
@@ -173,6 +181,13 @@ class Dispatcher:
             self.board.change("flight", name, "closed", flight)
             del self.flights[name]
             self._counted_late.pop(name, None)
+
+    def _close_leg(self, kind: str, steps: tuple[PlanStep, ...], station: str, now_s: float) -> None:
+        """Plan without a leg that was not begun until the wind is another one; the same would not be begun again."""
+        found = self._legs.close(kind, steps, station, self.region.forecast(now_s), now_s)
+        if found is not None:
+            (_, _, destination), until_s = found
+            self.say(f"{kind}: {station} to {destination} is not planned for {duration(until_s - now_s)}")
 
     def _order_after(self, flight: FlightRecord, *, safe: bool) -> None:
         end, name = flight.end, flight.order or ""
@@ -348,8 +363,11 @@ class Dispatcher:
                 one.promise = None
                 self._order(name, "new", one)
             return
+        air = self._air.at(now_s)
         made = plan_around(
             self.region, now_s, orders, list(vehicles.values()), holds, kept=kept, promised=promised,
+            once_promised=[name for name, one in pool.items() if one.first is not None], air=air,
+            closed=self._legs.at(now_s),
             time_limit_s=self.plan_s, iterations=self.iterations, seed=self.plans,
         )  # fmt: skip
         for name in vehicles:
@@ -418,7 +436,7 @@ class Dispatcher:
             ]
             made = plan_around(
                 self.region, now_s, [wanted], [vehicle], holds, kept={}, promised={}, time_limit_s=self.plan_s, iterations=20,
-                seed=0, max_late_s=PATIENT_S,
+                air=self._air.at(now_s), closed=self._legs.at(now_s), seed=0, max_late_s=PATIENT_S,
             )  # fmt: skip
             route = made.routes.get(name, ())
             if order is None:
@@ -452,10 +470,10 @@ class Dispatcher:
             keeper = min(load, key=lambda one: (load[one], one))
             if load[keeper] >= MOST:
                 return
-            if self._begin(name, drone, part, keeper):
+            if self._begin(now_s, name, drone, part, keeper):
                 load[keeper] += 1
 
-    def _begin(self, name: str, drone: DroneRecord, part: PlannedPart, keeper: str) -> bool:
+    def _begin(self, now_s: float, name: str, drone: DroneRecord, part: PlannedPart, keeper: str) -> bool:
         order = self.orders.get(part.order or "")
         mass_kg = order[1].order.mass_kg if order is not None and part.phase == WITH_PACKAGE else 0.0
         ready_s = (
@@ -463,12 +481,12 @@ class Dispatcher:
             if order is not None and part.phase == WITH_PACKAGE and drone.aboard is None
             else 0.0
         )
-        flight = PlannedFlight(part.order, part.phase, tuple(_step(one, part) for one in part.steps))  # type: ignore[arg-type]
+        flight = PlannedFlight(part.order, part.phase, tuple(step_of(one, part) for one in part.steps))  # type: ignore[arg-type]
         scenario = self.region.with_places((part.steps[0].origin, part.steps[-1].destination, drone.place))
         try:
             plan = composed(
                 scenario,
-                self.region.forecast(part.begin_s),
+                self._air.at(now_s)[0],
                 drone.vehicle.type,
                 mass_kg,
                 flight,
@@ -476,7 +494,7 @@ class Dispatcher:
                 reserve=self.region.service.reserve,
             )
         except InfeasibleError as error:
-            self._not_composed(name, drone, part, str(error))
+            self._not_composed(now_s, name, drone, part, str(error))
             return False
         number = self.board.count("flight") + 1
         id_ = f"{number:06d} {name}"
@@ -493,10 +511,11 @@ class Dispatcher:
             self._order(part.order or "", "under way", order[1])
         return True
 
-    def _not_composed(self, name: str, drone: DroneRecord, part: PlannedPart, problem: str) -> None:
+    def _not_composed(self, now_s: float, name: str, drone: DroneRecord, part: PlannedPart, problem: str) -> None:
         """Replan what cannot be flown as it was planned; after some times it is refused, or left to a person."""
         drone.route = ()
         self._drone(name, STANDING, drone)
+        self._close_leg(drone.vehicle.type, part.steps, drone.place, now_s)
         if part.order is None or part.order not in self.orders:
             return
         record = self.orders[part.order][1]
@@ -512,9 +531,9 @@ class Dispatcher:
 
     def _close(self, now_s: float) -> None:
         """Refuse what cannot be served any more."""
-        latest_s = self.region.planning.dispatch.max_late_s
+        weigh = self.region.planning.dispatch
         for name, (state, record) in list(self.orders.items()):
-            if state == "new" and now_s > record.order.due.timestamp() + latest_s:
+            if state == "new" and now_s > latest_s(record.order, weigh, promised=record.first is not None):
                 self._order(name, "refused", record)
                 self.say(f"{name} refused: {record.reason}")
 
@@ -532,14 +551,3 @@ def _itinerary(order: str | None, drone: str) -> str:
 
 def _goes_home_only(drone: DroneRecord) -> bool:
     return bool(drone.route) and all(part.order is None for part in drone.route)
-
-
-def _step(one: object, part: PlannedPart) -> Step:
-    from skyway.dispatch.records import PlanStep
-
-    if not isinstance(one, PlanStep):
-        raise TypeError
-    return Step(
-        kind=one.kind, order=part.order, phase=part.phase, origin=one.origin, destination=one.destination,  # type: ignore[arg-type]
-        begin=from_posix(one.begin_s), end=from_posix(one.end_s), soc_begin=one.soc_begin, soc_end=one.soc_end, pad=one.pad,
-    )  # fmt: skip

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.booked_pads import BookedPads
+from skyway.dispatch.fleet_winds import told_of
 from skyway.dispatch.records import End, Progress
 from skyway.flying import request_of
 from skyway.link.protocol.connection import Connection
@@ -39,6 +40,7 @@ class Flight:
     def __init__(self, worker: Worker, entry: Entry, record: FlightRecord) -> None:
         self._worker, self._entry, self._record = worker, entry, record
         self._told = Progress(at_s=-math.inf, state="")
+        self._pads: BookedPads | None = None
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
 
     def start(self) -> None:
@@ -83,7 +85,7 @@ class Flight:
             scenario=scenario,
             request=replace(request_of(composition, scenario), return_to="none"),
             forecast=region.forecast(now_s),
-            observed=lambda at_s: self._worker.winds.of_others(record.system, at_s),
+            observed=lambda at_s: self._worker.winds.of_others(record.system, at_s, record.begin_s),
             drag=self._worker.service.drags.get(composition.drone),
             dispatched=True,
             hands_over=loaded,
@@ -94,7 +96,7 @@ class Flight:
         connection = Connection(world, world)
         connection.fence = lambda: self._worker.leases.confirm(self._entry.keeper)
         vehicle = Vehicle(connection, record.system)
-        pads = BookedPads(LockstepPads(world), record.steps, world.posix_s)
+        pads = self._pads = BookedPads(LockstepPads(world), record.steps, world.posix_s)
         journal = Journal(path, world.posix_s, resume=resumes)
         try:
             supervisor = Supervisor(
@@ -120,6 +122,7 @@ class Flight:
             at_s=ctx.now_s, state=state, flights=ctx.delivery.flight, station=ctx.delivery.station,
             soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != told.state else told.since_s,
             lat=None if place is None else place[0], lon=None if place is None else place[1],
+            wind=told_of(ctx.wind.measured),
         )  # fmt: skip
         self._told = self._record.progress = progress
         self._worker.winds.tell(self._record.system, ctx.wind.measured)
@@ -135,7 +138,8 @@ class Flight:
             lands_s = leg.start_s + leg.planned_s if left_s is None else ctx.now_s + float(left_s)
             return max(lands_s - flights[number - 1].end_s, 0.0)
         if number < len(flights):
-            return max(ctx.now_s - flights[number].begin_s, 0.0)
+            charged_s = -math.inf if self._pads is None else self._pads.charged_s
+            return max(max(ctx.now_s, charged_s) - flights[number].begin_s, 0.0)
         return max(ctx.now_s - flights[-1].end_s, 0.0)
 
     def _end(self, world: LockstepClient, ctx: Context, outcome: Outcome) -> None:

@@ -138,6 +138,8 @@ class Progress(msgspec.Struct, kw_only=True):
     """When the state began."""
     lat: float | None = None
     lon: float | None = None
+    wind: tuple[float, float, float, float, float, float] | None = None
+    """Measured last, at cruise height: POSIX seconds, latitude and longitude, north and east (TOWARDS, m/s), variance."""
 
 
 class End(msgspec.Struct, kw_only=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -13,15 +14,19 @@ from skyway.models.ledger.window import Window
 from skyway.models.orders.fitting import Work
 from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.dispatch.flight_plans import flights_of
+from skyway.planner.dispatch.result import Step
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from datetime import datetime
 
     from skyway.dispatch.records import DroneRecord, FlightRecord, OrderRecord
     from skyway.dispatch.region import Region
     from skyway.models.orders.order import Order, Vehicle
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
     from skyway.planner.dispatch.flight_plans import PlannedFlight
+    from skyway.planner.dispatch.flights import Leg
     from skyway.planner.dispatch.result import Answer, DispatchPlan
 
 WITH_PACKAGE, TO_PACKAGE, HOME = "with the package", "to the package", "home"
@@ -30,6 +35,8 @@ TURN_S = 60.0
 PATIENT_S = 86_400.0
 """A package that is aboard is delivered however late."""
 WHOLE_DAY_S = 86_400.0
+LEG_CLOSED_S = 600.0
+"""A leg that was not begun is closed for so long at least."""
 
 
 @dataclass
@@ -89,12 +96,18 @@ def plan_around(
     *,
     kept: Mapping[str, Sequence[PlannedPart]],
     promised: Mapping[str, datetime],
+    once_promised: Collection[str] = (),
     time_limit_s: float,
     iterations: int,
     seed: int,
+    air: tuple[WindEnsemble, Mapping[str, DepartureMargin]],
+    closed: Mapping[Leg, float] | None = None,
     max_late_s: float | None = None,
 ) -> Planned:
-    """Plan some orders with some drones, around the windows that are held; the search begins with what was planned before."""
+    """Plan some orders with some drones, around the windows that are held; the search begins with what was planned before.
+
+    `air` has the forecast that is known, and the margins that flights need in it; `closed` legs that are not flown before a time.
+    """
     places = tuple(place for one in orders for place in (one.origin, one.destination)) + tuple(
         one.place for one in vehicles
     )
@@ -103,22 +116,11 @@ def plan_around(
     if max_late_s is not None:
         parameters = replace(parameters, dispatch=replace(parameters.dispatch, max_late_s=max_late_s))
     work = Work(scenario, tuple(orders), tuple(vehicles))
-    known = {one.id for one in orders}
-    before = {
-        name: [one.order for one in parts if one.phase == WITH_PACKAGE and one.order in known]
-        for name, parts in kept.items()
-    }
-    stops = {
-        (one.order, one.phase): (step.origin, step.soc_end)
-        for parts in kept.values()
-        for one in parts
-        for step in one.steps
-        if step.kind == "charge" and one.order is not None
-    }
+    before = {name: [step_of(one, part) for part in parts for one in part.steps] for name, parts in kept.items()}
     plan = dispatch(
-        work, from_posix(now_s), forecast=region.forecast(now_s), holds=holds, reserve=region.service.reserve,
-        time_limit_s=time_limit_s, iterations=iterations, seed=seed, parameters=parameters, kept=before, stops=stops,
-        promised=promised,
+        work, from_posix(now_s), forecast=air[0], margin_of=air[1], hope=region.forecast(now_s), holds=holds, reserve=region.service.reserve,
+        time_limit_s=time_limit_s, iterations=iterations, seed=seed, parameters=parameters, kept=before,
+        promised=promised, once_promised=once_promised, closed=closed, bounded=False,
     )  # fmt: skip
     routes = {route.drone: tuple(part_of(one) for one in flights_of(route)) for route in plan.routes}
     return Planned(routes, {one.order: one for one in plan.answers}, plan)
@@ -134,6 +136,14 @@ def part_of(flight: PlannedFlight) -> PlannedPart:
         for one in flight.steps
     )  # fmt: skip
     return PlannedPart(order=flight.order, phase=flight.phase, steps=steps)
+
+
+def step_of(one: PlanStep, part: PlannedPart) -> Step:
+    """Return a step as the planner has it."""
+    return Step(
+        kind=one.kind, order=part.order, phase=part.phase, origin=one.origin, destination=one.destination,  # type: ignore[arg-type]
+        begin=from_posix(one.begin_s), end=from_posix(one.end_s), soc_begin=one.soc_begin, soc_end=one.soc_end, pad=one.pad,
+    )  # fmt: skip
 
 
 def promise_of(answer: Answer) -> Promise | None:
@@ -224,3 +234,25 @@ def ferry(drone: str, place: str, home: str, now_s: float, order: OrderRecord | 
         ready=now,
         due=from_posix(now_s + WHOLE_DAY_S),
     )
+
+
+class ClosedLegs:
+    """Legs that the check before a take-off refused, not planned before the next hour of the forecast, by type of drone; forgotten with the process, then refused once more."""
+
+    def __init__(self) -> None:
+        self._until_s: dict[Leg, float] = {}
+
+    def close(self, kind: str, steps: Sequence[PlanStep], station: str, forecast: WindEnsemble, now_s: float) -> tuple[Leg, float] | None:  # fmt: skip
+        """Close the leg of a flight on which a drone was to leave a station; returns it with its time, POSIX seconds, where there is one."""
+        flown = next((one for one in steps if one.kind == "fly" and one.origin == station), None)
+        if flown is None:
+            return None
+        slot = math.floor((now_s + LEG_CLOSED_S - forecast.start_s) / forecast.slot_s) + 1
+        leg, until_s = (kind, station, flown.destination), forecast.start_s + slot * forecast.slot_s
+        self._until_s[leg] = until_s
+        return leg, until_s
+
+    def at(self, now_s: float) -> dict[Leg, float]:
+        """Return what is closed at a time, and until when."""
+        self._until_s = {leg: until_s for leg, until_s in self._until_s.items() if until_s > now_s}
+        return dict(self._until_s)

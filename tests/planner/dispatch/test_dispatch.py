@@ -18,6 +18,7 @@ from skyway.models.orders.order import Order, Vehicle
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.dispatch.bound import lower_bound
+from skyway.planner.dispatch.departure_margin import DepartureMargin
 from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.dispatch.flight_kernels import (  # fmt: skip
     BEGIN,
@@ -74,7 +75,7 @@ def test_every_step_can_be_flown_and_no_pad_is_held_twice(seed):
             assert (flown[0][FROM], flown[-1][TO]) == (orders.origin[order], orders.destination[order])
             assert flown[0][BEGIN] >= orders.ready_s[order]
             late_s = max(flown[-1][END] - orders.due_s[order], 0.0)
-            assert late_s <= problem.weights.max_late_s + 1e-6
+            assert flown[-1][END] <= orders.latest_s[order] + 1e-6
             cost += flown[-1][END] - orders.ready_s[order] + 10.0 * late_s
             served.append(order)
     assert len(served) == len(set(served))
@@ -212,3 +213,78 @@ def test_a_worn_battery_charges_more_and_what_is_too_far_ahead_is_refused(new_yo
     assert on_pads[0] < on_pads[1]
     with pytest.raises(InputError, match="reaches beyond the forecast"):
         planned(new_york, [order("one", "bellevue", "jacobi", ready_min=60 * 46)], [Vehicle(**vehicle)])
+
+
+def alike(share):
+    return DepartureMargin(share, 0.0, share, share)
+
+
+def test_who_was_promised_gets_it_late_and_who_was_not_is_refused(new_york):
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue")]
+    soon = [order("one", "bellevue", "jacobi", hours=-0.5)]
+    assert planned(new_york, soon, drones).answers[0].status == "refused"
+    (late,) = planned(new_york, soon, drones, once_promised=["one"]).answers
+    assert late.status == "served"
+    assert late.late_s > 1800.0
+    (never,) = planned(
+        new_york, [order("one", "bellevue", "jacobi", hours=-4.0)], drones, promised={"one": START}
+    ).answers
+    assert never.status == "refused"
+    assert never.hopeless
+
+
+def test_a_leg_that_is_closed_is_flown_later_or_around(new_york):
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue")]
+    orders = [order("one", "bellevue", "jacobi", hours=6.0)]
+    free = planned(new_york, orders, drones)
+    first = next(one for one in free.routes[0].steps if one.kind == "fly")
+    until = START + timedelta(hours=2)
+    closed = {
+        ("m200", first.origin, first.destination): until.timestamp(),
+        ("m200", "nowhere", "jacobi"): until.timestamp(),
+    }
+    around = planned(new_york, orders, drones, closed=closed)
+    assert around.answers[0].status == "served"
+    flown = [one for one in around.routes[0].steps if (one.kind, one.origin, one.destination) == ("fly", first.origin, first.destination)]  # fmt: skip
+    assert all(one.begin >= until for one in flown)
+    assert around.answers[0].delivered > free.answers[0].delivered
+
+
+def test_what_was_promised_is_planned_again_where_pads_are_scarce():
+    """Each drone finds the pads free that it had, though others are flown before it; without that 5 of 31 promises are broken here."""
+    promises = broken = 0
+    for seed in range(20, 24):
+        problem = small_world(seed, drones=4, orders=8, pads=1, horizon=24)
+        search = solved(problem, 100)
+        halts = search.routes.halts
+        before = Before(
+            routes={drone: search.route(drone) for drone in range(4)},
+            halts={
+                (one, phase): (int(halts.place[one, phase]), float(halts.soc[one, phase]))
+                for one in range(8)
+                for phase in (0, 1)
+                if halts.place[one, phase] >= 0
+            },
+            promised_s={one: search.delivered_s(one) for one in np.flatnonzero(search.drone_of >= 0)},
+            rows=dict(enumerate(search.steps)),
+        )
+        again = solve(problem, USUAL, time_limit_s=60.0, iterations=0, before=before)
+        promises += len(before.promised_s)
+        broken += before.changed(again)
+        assert again.cost <= search.cost + 1e-6
+    assert (promises, broken) == (31, 0)
+
+
+def test_with_a_greater_margin_drones_leave_with_more_and_what_may_be_hoped_for_is_not_hopeless(new_york):
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue", soc=0.5)]
+    orders = [order("one", "bellevue", "jacobi", hours=2.0)]
+    usual = planned(new_york, orders, drones)
+    careful = planned(new_york, orders, drones, margin_of={"m200": alike(1.6)})
+    assert usual.answers[0].status == careful.answers[0].status == "served"
+    flown = [sum(one.soc_begin - one.soc_end for one in plan.routes[0].steps if one.kind == "fly" and one.order) for plan in (usual, careful)]  # fmt: skip
+    assert flown[1] > 1.15 * flown[0]
+    calm = constant_wind(0.0, 270.0, START, 48, 40.7, -73.9, new_york.rules.cruise_height_m)
+    assert planned(new_york, orders, drones, margin_of={"m200": alike(21.0)}).answers[0].hopeless
+    never = planned(new_york, orders, drones, margin_of={"m200": alike(21.0)}, hope=calm).answers[0]
+    assert never.status == "refused"
+    assert not never.hopeless
