@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.flights import Leg
     from skyway.planner.parameters.planner import PlannerParameters
 
-MAX_EXPLAINED = 200
+MAX_EXPLAINED = 60
 """Refused orders that are looked at one by one for the reason."""
 
 

@@ -250,7 +250,8 @@ def solve(
     kept, weight = search.all(), parameters.change_s
     cost = search.cost + weight * before.changed(search)
     Improver(search).improve(end_at=end_at, iterations=iterations)
-    search.polish()
+    if search.iterations:
+        search.polish()
     if search.cost + weight * before.changed(search) > cost - 1e-6:
         search.all_back(kept)
     return search

@@ -71,7 +71,7 @@ def keep(search: Search, drone: int, route: Sequence[int], rows: NDArray[np.floa
     routes.total[drone] = routes.cost[drone, len(route)] + weights.energy_s * used[flown[:, PHASE] == HOME].sum()
     search.steps[drone] = rows.copy()
     search.drone_of[list(route)] = drone
-    _stop(search, route, _as_needed(stops))
+    _stop(search, route, _as_needed(route, stops))
     return True
 
 
@@ -143,7 +143,7 @@ def take(search: Search, drone: int, route: Sequence[int], stops: Stops) -> None
     while wanted:
         costs: dict[float, tuple[Stops, float]] = {}
         for most in CHARGED_WAITING:
-            for had in (stops, _as_needed(stops), {}):
+            for had in (stops, _as_needed(wanted, stops), {}):
                 if _changed(search, drone, wanted, had, most):
                     costs[float(search.routes.total[drone])] = had, most
             if costs:
@@ -168,6 +168,7 @@ def _stop(search: Search, orders: Sequence[int], stops: Stops) -> None:
             halts.place[one, phase], halts.soc[one, phase] = stops.get((one, phase), (-1, 0.0))
 
 
-def _as_needed(stops: Stops) -> Stops:
-    """The same stops, left with no more charge than the next flight needs."""
-    return {key: (place, 0.0) for key, (place, _) in stops.items()}
+def _as_needed(orders: Sequence[int], stops: Stops) -> Stops:
+    """The stops of some orders, left with no more charge than the next flight needs."""
+    keys = ((one, phase) for one in orders for phase in (EMPTY, LOADED))
+    return {key: (stops[key][0], 0.0) for key in keys if key in stops}

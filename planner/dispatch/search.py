@@ -89,7 +89,7 @@ class Search:
         self.drone_of = np.full(self.orders, -1, dtype=np.int64)
         """Which drone serves each order; -1: none."""
         self._wanted = [int(one) for one in np.lexsort((orders.due_s, -orders.refusal_s))]
-        self._least = self._least_arrivals()
+        self._least: dict[int, NDArray[np.float64]] = {}
         self.iterations = 0
         self.undo: Known | None = None
         """Remembers what drones were before they change, where that may be taken back."""
@@ -99,13 +99,15 @@ class Search:
         """What is weighed, of all routes and of the orders that are not served."""
         return float(self.routes.total.sum() + self.problem.orders.refusal_s[self.drone_of < 0].sum())
 
-    def _least_arrivals(self) -> NDArray[np.float64]:
-        """When each drone could be at each origin from where it stands, shape (drones, orders): the guide to drones that are tried."""
-        flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
-        slot = np.clip(((fleet.from_s - flights.start_s) / flights.slot_s).astype(int), 0, flights.time_s.shape[1] - 1)
-        way = flights.to_go_s[fleet.empty_mode, slot, fleet.place]
-        found = fleet.from_s[:, None] + way[:, orders.origin]
-        return np.where(orders.mode[fleet.type] >= 0, found, np.inf)
+    def _least_arrivals(self, order: int) -> NDArray[np.float64]:
+        """When each drone could be at the origin of an order from where it stands: the guide to drones that are tried."""
+        if order not in self._least:
+            flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
+            slot = ((fleet.from_s - flights.start_s) / flights.slot_s).astype(int)
+            at = fleet.empty_mode, np.clip(slot, 0, flights.time_s.shape[1] - 1), fleet.place, orders.origin[order]
+            found = fleet.from_s + flights.to_go_s[at]
+            self._least[order] = np.where(orders.mode[fleet.type, order] >= 0, found, np.inf)
+        return self._least[order]
 
     def candidates(self, order: int) -> NDArray[np.int64]:
         """Return the drones that an order is tried with: those that could fetch it first, as their routes are now."""
@@ -120,10 +122,11 @@ class Search:
         slot = np.clip(((at - flights.start_s) / flights.slot_s).astype(int), 0, flights.time_s.shape[1] - 1)
         behind = at + flights.to_go_s[self.problem.fleet.empty_mode, slot, place, orders.origin[order]]
         way_s = flights.to_go_s[self.problem.fleet.empty_mode, slot, place, orders.origin[order]]
-        first = np.minimum(np.where(np.isfinite(self._least[:, order]), behind, np.inf), np.inf)
+        least = self._least_arrivals(order)
+        first = np.where(np.isfinite(least), behind, np.inf)
         score = np.maximum(first, orders.ready_s[order]) + 0.5 * way_s
-        busy = np.isfinite(self._least[:, order]) & (at > orders.due_s[order])  # it may still fit in before
-        score = np.where(busy, np.maximum(self._least[:, order], orders.ready_s[order]) + 600.0, score)
+        busy = np.isfinite(least) & (at > orders.due_s[order])  # it may still fit in before
+        score = np.where(busy, np.maximum(least, orders.ready_s[order]) + 600.0, score)
         chosen = np.argpartition(score, count)[:count]
         found: NDArray[np.int64] = chosen[np.isfinite(score[chosen])]
         return found

@@ -26,6 +26,7 @@ class DispatchParameters(Parameters):
         0,
         7200,
         unit="s",
+        measured="16 days, 200 drones, 150 and 300 orders an hour: with 0, 300, 1200 and 3360 s 82, 81, 75, 66 and 59, 57, 52, 45 % came as promised (decision 127)",
     )
     change_s: float = parameter(
         1800.0,
