@@ -77,6 +77,7 @@ class Stretches:
     _open: list[Second] = field(default_factory=list)
     _was: tuple[float, float, float] | None = None
     """Time and ground velocity a second before."""
+    _newest_s: float = -math.inf
 
     def begin(self, aboard: Aboard, *, taken_off: bool) -> None:
         """Begin another flight, or another part of one."""
@@ -87,6 +88,7 @@ class Stretches:
     def hear(self, second: Second, velocity: tuple[float, float]) -> None:
         """Take a second, and the velocity over the ground at its end, (north, east)."""
         was, self._was = self._was, (second.time_s, *velocity)
+        self._newest_s = second.time_s
         if was is not None and second.time_s - was[0] < _PAUSE_S:
             gained = math.hypot(velocity[0] - was[1], velocity[1] - was[2])
             if gained > _MOST_ACCELERATION_MPS2 * max(second.time_s - was[0], 0.5):
@@ -109,10 +111,10 @@ class Stretches:
             self.closed.append(Stretch(self.flight, self.aboard, begin_s, end_s, len(part), mean, spread))
 
     def recent(self, seconds: float) -> list[int]:
-        """Which of the last ones were slow, of those that are not older than so many seconds before the end."""
+        """Which were slow in the last seconds of its slow flight; none where it flew on otherwise for so long."""
         self.close()
         last = next((one for one in reversed(self.closed) if one.slow), None)
-        if last is None or last.flight != self.flight:
+        if last is None or last.flight != self.flight or last.end_s < self._newest_s - seconds:
             return []
         return [
             k

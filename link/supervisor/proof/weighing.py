@@ -97,7 +97,7 @@ class Scale:
         """Take a sample in flight, and the wind that is believed there, (north, east), m/s."""
         self._end_second(s)
         was, self._was = self._was, s
-        if was is None or not s.power_w > 0.0 or not s.time_s > was.time_s:
+        if was is None or not 0.0 < s.power_w < math.inf or not s.time_s > was.time_s:
             return
         rise = -(s.vel_down_mps - was.vel_down_mps) / (s.time_s - was.time_s)
         if not abs(rise) < _STEADY_MPS2 or s.power_w == self._last_power:

@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
+from functools import cache
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.link.deliveries import Stage, Story
-from benchmarks.link.proof import FAILURES, deliver
+from benchmarks.link.proof import FAILURES, Judged, deliver
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.journal.entries import Proved
 from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge
@@ -22,6 +24,7 @@ from skyway.report.document import flight_report
 from skyway.sim_stub.faults import parse_fault
 
 STORY = Story(start="jersey-city", to="hoboken", soc=0.9, traffic=False, still=True)
+flown = cache(deliver)
 D, N, U = Verdict.DELIVERED, Verdict.NOT_DELIVERED, Verdict.UNSURE
 LIGHT, HEAVY, HALF, VAGUE = Weight(0.02, 0.1, 12), Weight(0.97, 0.1, 12), Weight(0.5, 0.1, 12), Weight(0.1, 0.6, 12)
 
@@ -251,9 +254,26 @@ def test_a_hover_before_and_after_a_winch_weighs_what_is_left_before_it_flies_on
     ("autopilot", "failure"), [("px4", ""), ("ardupilot", "stuck"), ("px4", "half"), ("ardupilot", "early")]
 )
 def test_a_gripper_that_lies_is_found_out_within_twenty_seconds_of_the_take_off(failure, autopilot):
-    run, _ = deliver(70, autopilot, failure)
+    run, _ = flown(70, autopilot, failure)
     assert run.verdict == (N if failure else D), run.reason
     assert run.after_s < 20.0
+
+
+@pytest.mark.parametrize(("autopilot", "failure"), [("px4", ""), ("ardupilot", "stuck")])
+def test_a_program_that_is_begun_again_after_the_release_weighs_all_the_same(autopilot, failure):
+    """The journal tells the gain of the take-off under the package, and that the release was acknowledged."""
+    _, heard = flown(70, autopilot, failure)
+    notes, first = [], Judged(heard)
+    first.context.note = lambda entry, _: notes.append(entry)
+    released = [what for what, *_ in heard.events].index("released")
+    again = dataclasses.replace(heard, events=heard.events[released + 1 :])
+    first.heard = dataclasses.replace(heard, events=heard.events[: released + 1])
+    first.again()
+    second = Judged(again)
+    second.proof.restore([SimpleNamespace(entry=lambda _, one=note: one) for note in notes], heard.package_kg)
+    run = second.again()
+    assert run.verdict == (N if failure else D), run.reason
+    assert "by the power after take-off" in run.reason
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """What is aboard is weighed before the release by a flight that was flown otherwise: far, fast, and in more wind than blows where it lands."""
 
+import dataclasses
 import math
 
 import pytest
@@ -100,6 +101,35 @@ def test_a_package_that_is_lost_on_a_far_way_is_missed_before_the_release(packag
     evidence = Evidence(True, before=found, package_kg=package_kg)
     assert evidence.lost, found
     assert judge(evidence)[0] is Verdict.NOT_DELIVERED
+
+
+def test_a_hover_early_in_the_flight_is_no_landing():
+    """Where it lands fast there is nothing to weigh by."""
+    flight = Flight(0.8, 5.0, 0.2)
+    for climb, over_ground, seconds in (
+        (CLIMB_MPS, 0.0, 9.0),
+        (0.0, 0.0, 12.0),
+        (0.0, 10.0, 30.0),
+        (DESCENT_MPS, 0.0, 15.0),
+    ):
+        for _ in range(round(seconds / STEP_S)):
+            flight.step(climb, over_ground)
+    assert flight.scale.before_release() is None
+
+
+def test_power_that_is_no_figure_weighs_nothing():
+    """A current or a voltage that lies makes no error and no weight."""
+    flight = Flight(0.8, 5.0, 0.2)
+    for power_w in (math.nan, math.inf, -3.0, 0.0, 1e-300, 1e300):
+        sample = TelemetrySample(
+            time_s=flight.time_s, vel_north_mps=0.0, vel_east_mps=0.0, vel_down_mps=-1.0, roll_rad=0.0, pitch_rad=0.0,
+            yaw_rad=0.0, height_m=9.0, armed=1.0, landed=0.0, power_w=power_w,
+        )  # fmt: skip
+        for k in range(20):
+            flight.time_s += STEP_S
+            flight.scale.hear(dataclasses.replace(sample, time_s=flight.time_s, vel_north_mps=0.01 * k), (0.0, 0.0))
+    found = flight.scale.before_release()
+    assert found is None or (math.isfinite(found.share) and found.sigma > 0.25)
 
 
 @pytest.mark.slow
