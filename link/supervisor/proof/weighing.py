@@ -97,6 +97,8 @@ class Scale:
         """Take a sample in flight, and the wind that is believed there, (north, east), m/s."""
         self._end_second(s)
         was, self._was = self._was, s
+        if s.fixed_wing > 0.0 or s.fixed_wing < 0.0:
+            return  # on wings, or in transition, the model holds for nothing
         if was is None or not 0.0 < s.power_w < math.inf or not s.time_s > was.time_s:
             return
         rise = -(s.vel_down_mps - was.vel_down_mps) / (s.time_s - was.time_s)

@@ -29,6 +29,7 @@ class Flight:
         self.package_kg, self.wind_mps, self.exponent = package_kg, wind_mps, exponent
         self.dip, self.climbing, self.load = dip, climbing, AirspeedLoad(DRAG)
         self.scale = Scale(DRONE_KG, package_kg, load=self.load, tilt=TiltAirspeed(DRAG))
+        self.winged = False
         self.time_s, self.height_m, self.over_ground_mps, self.aboard_kg = 100.0, 0.5, 0.0, package_kg
         self.scale.take_off(self.time_s)
 
@@ -45,11 +46,12 @@ class Flight:
         load = mass_kg / DRONE_KG / math.cos(lean)
         level = load**1.6 * (1.0 + self.dip * (float(self.load.factor(airspeed)) - 1.0))
         power_w = 520.0 * (level + 0.107 * (self.climbing if climb_mps > 0.0 else 0.35) * climb_mps * load)
+        power_w /= 3.0 if self.winged and abs(airspeed) > 12.0 else 1.0
         odd = round(self.time_s / STEP_S) % 2
         sample = TelemetrySample(
             time_s=self.time_s, vel_north_mps=self.over_ground_mps + 0.01 * odd, vel_east_mps=0.0, vel_down_mps=-climb_mps,
             roll_rad=0.0, pitch_rad=-lean - 1e-4 * odd, yaw_rad=0.0, height_m=self.height_m, armed=1.0, landed=0.0,
-            power_w=power_w + 0.5 * odd,
+            power_w=power_w + 0.5 * odd, fixed_wing=1.0 if self.winged and abs(airspeed) > 12.0 else 0.0,
         )  # fmt: skip
         self.scale.hear(sample, (-self.wind_mps, 0.0))
 
@@ -115,6 +117,16 @@ def test_a_hover_early_in_the_flight_is_no_landing():
         for _ in range(round(seconds / STEP_S)):
             flight.step(climb, over_ground)
     assert flight.scale.before_release() is None
+
+
+def test_a_drone_that_cruises_on_wings_is_weighed_by_its_hover():
+    """Two thirds of the power are gone as soon as it is on its wings; it has lost nothing."""
+    flight = Flight(0.8, 3.0, 0.2)
+    flight.winged = True
+    found = flight.fly((20.0, 18.0))
+    assert flight.scale.lost() is None
+    assert found.share == pytest.approx(1.0, abs=0.3)
+    assert abs(found.share - 1.0) < 2.0 * found.sigma
 
 
 def test_power_that_is_no_figure_weighs_nothing():
