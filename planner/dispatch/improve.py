@@ -208,6 +208,15 @@ class Before:
     rows: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
     """What each drone was to do, as a trace: nobody takes its pads before it is flown, and it is done again where it still can be."""
 
+    def hold_to(self, search: Search) -> None:
+        """Let no order that comes, and no betterment, make a promised order later than it is anyway, or than an order may be that is promised now."""
+        orders = search.problem.orders
+        for order in self.promised_s:
+            usual_s = orders.due_s[order] + search.parameters.max_late_s
+            done_s = search.delivered_s(order)
+            if done_s < math.inf:
+                orders.latest_s[order] = min(max(usual_s, done_s + TOLERATED_S), orders.latest_s[order])
+
     def changed(self, search: Search) -> int:
         """How many promises the routes break: the order is not served, or more than `TOLERATED_S` later."""
         broken = 0
@@ -241,6 +250,7 @@ def solve(
         for drone, route in before.routes.items():
             if not keep(search, drone, route, before.rows.get(drone), before.halts):
                 take(search, drone, route, before.halts)
+        before.hold_to(search)
     search.build(end_at, set() if before is None else before.promised_s.keys())
     if before is None:
         Improver(search).improve(end_at=end_at, iterations=iterations)

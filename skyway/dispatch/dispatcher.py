@@ -172,6 +172,7 @@ class Dispatcher:
                 drone.route = ()
             elif not end.arrived:
                 why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
+                drone.route = ()  # what was to come after it; its pads are free for others, and for itself
                 self._close_leg(flight.type, flight.steps, drone.place, now_s)
             if flight.order is not None and flight.order in self.orders:
                 self._order_after(flight, safe=safe)
@@ -445,6 +446,9 @@ class Dispatcher:
                     for part in route
                     if part.phase == WITH_PACKAGE
                 )
+            elif not route and not made.answers[wanted.id].hopeless:
+                order[1].reason = f"aboard {name} at {drone.place}: {made.answers[wanted.id].reason}"
+                self._order(order[1].order.id, "aboard", order[1])  # tried again, see `_may_bring_on`
             elif not route:
                 record = order[1]
                 record.reason = f"aboard {name} at {drone.place}: {made.answers[wanted.id].reason}"

@@ -35,6 +35,8 @@ TURN_S = 60.0
 PATIENT_S = 86_400.0
 """A package that is aboard is delivered however late."""
 WHOLE_DAY_S = 86_400.0
+NEVER_REFUSED_S = 1e7
+"""What refusing it would cost: more than any lateness of a day."""
 LEG_CLOSED_S = 600.0
 """A leg that was not begun is closed for so long at least."""
 
@@ -114,7 +116,8 @@ def plan_around(
     scenario = region.with_places(places)
     parameters = region.planning
     if max_late_s is not None:
-        parameters = replace(parameters, dispatch=replace(parameters.dispatch, max_late_s=max_late_s))
+        patient = replace(parameters.dispatch, max_late_s=max_late_s, refusal_s=NEVER_REFUSED_S)
+        parameters = replace(parameters, dispatch=patient)
     work = Work(scenario, tuple(orders), tuple(vehicles))
     before = {name: [step_of(one, part) for part in parts for one in part.steps] for name, parts in kept.items()}
     plan = dispatch(

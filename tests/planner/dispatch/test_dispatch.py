@@ -233,6 +233,21 @@ def test_who_was_promised_gets_it_late_and_who_was_not_is_refused(new_york):
     assert never.hopeless
 
 
+def test_who_comes_later_makes_no_promised_order_later_than_an_order_may_be(new_york):
+    """One drone, which could serve both only with the first one more than half an hour late; that is for orders that are late anyway."""
+    drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue")]
+    first = order("one", "bellevue", "jacobi", hours=1.0)
+    plan = planned(new_york, [first], drones)
+    known = {"kept": {"d": plan.routes[0].steps}, "promised": {"one": plan.answers[0].delivered}}
+    other = order("two", "bellevue", "jacobi", hours=0.75)
+    both = planned(new_york, [first, other], drones, **known)
+    assert [one.status for one in both.answers] == ["served", "refused"]
+    assert both.answers[0].late_s == 0.0
+    (either, or_other) = planned(new_york, [first, other], drones, once_promised=["one"]).answers
+    assert (either.status, or_other.status) == ("served", "served")
+    assert either.late_s > 1800.0
+
+
 def test_a_leg_that_is_closed_is_flown_later_or_around(new_york):
     drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue")]
     orders = [order("one", "bellevue", "jacobi", hours=6.0)]
