@@ -25,7 +25,7 @@ _AIRSPEED_SIGMA, _CLIMB_SIGMA, _SINK_SIGMA = 0.3, 0.2, 0.2
 """Of what airspeed changes, relative to the model; and of the shares of T v that climbing takes (0.43 to 1, see `power_units`) and sinking gives back (0 to 0.6)."""
 _MODEL_SIGMA, _LIKE_AIRSPEED_MPS, _LIKE_CLIMB_MPS = 0.02, 4.0, 1.5
 """How the model is off besides, relative; and so far apart in airspeed and climb it is off in another way."""
-_FLIGHT_SIGMA, _STRETCH_SIGMA, _SECOND_SIGMA = 0.01, 0.008, 0.03
+_FLIGHT_SIGMA, _STRETCH_SIGMA, _SECOND_SIGMA = 0.006, 0.008, 0.03
 """Between flights; between stretches; and of a second, at least."""
 
 
