@@ -182,7 +182,11 @@ class Service:
 
     @property
     def _lease(self) -> Lease:
+        """Its lease; taken again where it ran out while the service was begun, which takes long on a busy machine: what another has written since is not overwritten."""
         lease = self._leases.kept(self.options.dispatcher)
+        if lease is None:
+            self._take_lease()
+            lease = self._leases.kept(self.options.dispatcher)
         if lease is None:
             raise FencedError("the lease of the dispatcher is lost")
         return lease
