@@ -58,6 +58,8 @@ class Proof:
             self._scale.take_off(s.time_s)
             self._down, self._open = False, True
         elif down:
+            if self._open:  # it was in the air for a few seconds, or has hovered there
+                self._weighed(ctx, self._scale)
             self._down, self._open = True, False
         if self._down:
             return

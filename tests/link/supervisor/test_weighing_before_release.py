@@ -129,6 +129,21 @@ def test_a_drone_that_cruises_on_wings_is_weighed_by_its_hover():
     assert abs(found.share - 1.0) < 2.0 * found.sigma
 
 
+def test_a_winch_that_hovered_has_weighed_it_though_the_drone_lands_at_once():
+    flight = Flight(0.8, 5.0, 0.2)
+    flight.fly((15.0,))
+    for _ in range(40):
+        flight.step(0.0, 0.0)
+    flight.scale.may_be_empty()
+    flight.aboard_kg = 0.0
+    for _ in range(40):
+        flight.step(0.0, 0.0)
+    flight.scale.leave(flight.time_s, hovered=True)
+    found = flight.scale.weigh()
+    assert found.share == pytest.approx(0.0, abs=0.15)
+    assert judge(Evidence(how="the winch", weight=found, package_kg=0.8))[0] is Verdict.DELIVERED
+
+
 def test_power_that_is_no_figure_weighs_nothing():
     """A current or a voltage that lies makes no error and no weight."""
     flight = Flight(0.8, 5.0, 0.2)
