@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import utc_clock
+
 if TYPE_CHECKING:
     from skyway.link.supervisor.proof.weighing import Weight
 
@@ -67,10 +69,15 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     was lost on the way was not delivered, whatever the gripper says.
     """
     if e.lost and e.lost_s is not None:
-        return Verdict.NOT_DELIVERED, "the package left the drone on the way: the power fell at once in steady flight"
+        at = f"at {utc_clock(e.lost_s)} UTC"
+        return (
+            Verdict.NOT_DELIVERED,
+            f"the package left the drone on the way: the power fell at once in steady flight, {at}",
+        )
     if e.lost and e.before is not None:
         figure = _weighed_text(e.before, e.package_kg)
-        why = f"the package left the drone on the way: {figure} aboard by the power before the release"
+        since = "" if e.before.since_s is None else f", since about {utc_clock(e.before.since_s)} UTC"
+        why = f"the package left the drone on the way: {figure} aboard by the power before the release{since}"
         return Verdict.NOT_DELIVERED, why
     said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
     if e.acknowledged is False:

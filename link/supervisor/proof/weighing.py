@@ -8,7 +8,7 @@ is believed is that of the cruise height, and near the ground there is less of i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import fmean
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,8 @@ class Weight:
     """`share`, `sigma`: 1 is all of it; and its standard deviation."""
     seconds: int
     """So many seconds were weighed."""
+    since_s: float | None = None
+    """It was lost about then, POSIX seconds; None where it is not known to be lost, or when."""
 
 
 @dataclass(slots=True)
@@ -165,7 +167,8 @@ class Scale:
         first = int(np.argmax(drops / sigmas))
         if not (drops[first] > _CHANGE_SIGMAS * sigmas[first] and drops[first] > _CHANGE):
             return None
-        return self._weight(drops[first], sigmas[first], sum(one.seconds for one in known[first + 1 :]))
+        found = self._weight(drops[first], sigmas[first], sum(one.seconds for one in known[first + 1 :]))
+        return replace(found, since_s=known[first + 1].begin_s)
 
     def gain(self) -> float | None:
         """Mean of power over the model since the take-off, W; None for too few seconds."""
