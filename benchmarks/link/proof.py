@@ -249,6 +249,8 @@ class Stage:
         self.vehicle = Vehicle(self.connection)
         self.vehicle.request_telemetry()
         self.judged = Judged(heard)
+        self.releasing = False
+        """It hovers where it lowers the package."""
         self.wind: LiveWind | None = None
         """Believes the wind as a supervised flight does; None tells the true one, a little off."""
         if heard.drag is not None:
@@ -289,7 +291,7 @@ class Stage:
             said = vehicle.peer.latest.get("MISSION_CURRENT")
             item = -1 if said is None else said["seq"] - vehicle.family.home_items
             if math.isnan(begun_s) and item >= first:
-                begun_s = clock.now_s()
+                begun_s, self.releasing = clock.now_s(), True
                 judged.tell("begins_release")
             if not weighed and clock.now_s() > begun_s + HANGS_S:
                 judged.tell("before_release")

@@ -74,6 +74,8 @@ def far(seed: int, autopilot: str, failure: str = "", *, winch: bool | None = No
         now.add(Fault("winch-jammed", value=luck.uniform(0.5, 12.0)), 0.0)
 
     def lose() -> None:
+        if stage.releasing:
+            return
         heard.lost_after_s = stage.judged.now_s - stage.judged.took_off_s
         now.add(Fault("package-lost", value=1.0), stage.world.sim_s)
 
@@ -87,7 +89,7 @@ def far(seed: int, autopilot: str, failure: str = "", *, winch: bool | None = No
         acts.append((luck.uniform(24.0, 40.0 + way_m / 12.0), lose))
     (stage.lower if lowers else stage.let_go)(way_m, sorted(acts, key=lambda one: one[0]), back=back)
     if failure == "early" and heard.lost_after_s is None:
-        heard.failure = ""  # it had landed before
+        heard.failure = ""  # it had landed, or hung on the line, before
     return stage.judged.run(), heard
 
 
