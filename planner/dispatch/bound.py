@@ -17,15 +17,31 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.problem import DispatchProblem
 
 MAX_CELLS = 40_000_000
-"""Pairs that are assigned; above, each order takes its cheapest predecessor."""
+"""Pairs that are assigned, and worked out at once; above, each order takes its cheapest predecessor."""
 
 
 def lower_bound(problem: DispatchProblem) -> float:
     """Return a cost that no plan is below."""
-    fleet, orders, weights = problem.fleet, problem.orders, problem.weights
-    count = len(orders.origin)
+    orders, count = problem.orders, len(problem.orders.origin)
     if not count:
         return 0.0
+    before = len(problem.fleet.place) + count
+    if before * count > MAX_CELLS:
+        width = max(MAX_CELLS // before, 1)
+        parts = (np.arange(begin, min(begin + width, count)) for begin in range(0, count, width))
+        return float(sum(_costs(problem, part).min(axis=0).sum() for part in parts))
+    from scipy.optimize import linear_sum_assignment
+
+    refused = np.full((count, count), np.inf)
+    np.fill_diagonal(refused, orders.refusal_s)
+    whole = np.concatenate((_costs(problem, np.arange(count)), refused))
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(whole), whole, 1e15))
+    return float(whole[rows, columns].sum())
+
+
+def _costs(problem: DispatchProblem, which: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Least cost of some orders after each drone's first place and each other order, shape (drones + orders, which); no more than refusing them."""
+    fleet, orders, weights = problem.fleet, problem.orders, problem.weights
     empty, loaded = (
         _ways(problem, np.unique(fleet.empty_mode)),
         _ways(problem, np.unique(orders.mode[orders.mode >= 0])),
@@ -34,25 +50,16 @@ def lower_bound(problem: DispatchProblem) -> float:
     # From a drone's first place, and from where another order was delivered, at the earliest.
     from_place = np.concatenate((fleet.place, orders.destination))
     earliest = np.concatenate((fleet.from_s, orders.ready_s + legs_s))
-    way_s = empty[0][from_place[:, None], orders.origin[None, :]]
-    way_need = empty[1][from_place[:, None], orders.origin[None, :]]
-    begin = np.maximum(earliest[:, None] + way_s, orders.ready_s[None, :])
-    done = begin + legs_s[None, :]
-    late = np.maximum(done - orders.due_s[None, :], 0.0)
-    cost = done - orders.ready_s[None, :] + weights.lateness * late + weights.energy_s * (way_need + legs_need[None, :])
-    cost = np.where(done <= orders.latest_s[None, :] + 1e-6, cost, np.inf)
-    drones = len(fleet.place)
-    cost[drones + np.arange(count), np.arange(count)] = np.inf  # no order comes before itself
-    cost = np.minimum(cost, orders.refusal_s[None, :])
-    if cost.size > MAX_CELLS:
-        return float(cost.min(axis=0).sum())
-    from scipy.optimize import linear_sum_assignment
-
-    refused = np.full((count, count), np.inf)
-    np.fill_diagonal(refused, orders.refusal_s)
-    whole = np.concatenate((cost, refused))
-    rows, columns = linear_sum_assignment(np.where(np.isfinite(whole), whole, 1e15))
-    return float(whole[rows, columns].sum())
+    way_s = empty[0][from_place[:, None], orders.origin[None, which]]
+    way_need = empty[1][from_place[:, None], orders.origin[None, which]]
+    begin = np.maximum(earliest[:, None] + way_s, orders.ready_s[None, which])
+    done = begin + legs_s[None, which]
+    late = np.maximum(done - orders.due_s[None, which], 0.0)
+    energy = weights.energy_s * (way_need + legs_need[None, which])
+    cost = done - orders.ready_s[None, which] + weights.lateness * late + energy
+    cost = np.where(done <= orders.latest_s[None, which] + 1e-6, cost, np.inf)
+    cost[len(fleet.place) + which, np.arange(len(which))] = np.inf  # no order comes before itself
+    return np.minimum(cost, orders.refusal_s[None, which])
 
 
 def _ways(problem: DispatchProblem, modes: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -91,7 +91,8 @@ def test_the_page_shows_it_and_ctrl_c_ends_everything(tmp_path):
         address = re.search(r"http://\S+/fleet\?ledger=fleet\.db", next(iter(process.stderr)))[0]
         asked = address.split("/fleet")[0] + "/api/dispatch?ledger=fleet.db&holder=dispatch"
         told, end = "", time.monotonic() + 600.0
-        while '"vehicles":[{' not in told and time.monotonic() < end:
+        written = tmp_path / "out" / "flights" / "world.address"
+        while not ('"vehicles":[{' in told and written.exists()) and time.monotonic() < end:
             with contextlib.suppress(urllib.error.HTTPError), urllib.request.urlopen(asked, timeout=120) as answer:
                 told = answer.read().decode()  # refused until the service has begun
             time.sleep(0.5)
@@ -100,7 +101,7 @@ def test_the_page_shows_it_and_ctrl_c_ends_everything(tmp_path):
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 0
         process.stderr.close()
-    world = (tmp_path / "out" / "flights" / "world.address").read_text().strip()
+    world = written.read_text().strip()
     from skyway.models.base.errors import LinkLostError
 
     with pytest.raises(LinkLostError):
