@@ -102,7 +102,7 @@ def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
             state(tab, "charging", *ENDS)
             if tab.inner_text(".flight .state") != "charging":
                 break
-            station = next(r.data["destination"] for r in reversed(the_journal(tmp_path)) if r.event == "leg")
+            station = next(r.data["station"] for r in reversed(the_journal(tmp_path)) if r.event == "landed")
             tab.wait_for_function("window.skywayFlights.flight.live.charge_to !== null")
             to = tab.evaluate("window.skywayFlights.flight.live.charge_to")
             while pads.charge(station, "1", to).state != "done":

@@ -110,6 +110,11 @@ class Stretches:
             begin_s, end_s = part[0].time_s, part[-1].time_s
             self.closed.append(Stretch(self.flight, self.aboard, begin_s, end_s, len(part), mean, spread))
 
+    def borrow(self, mean: Second, seconds: int) -> None:
+        """Take a flight under the package that somebody else has heard, as one stretch."""
+        self.flight += 1
+        self.closed.append(Stretch(self.flight, Aboard.PACKAGE, mean.time_s, mean.time_s, seconds, mean))
+
     def recent(self, seconds: float) -> list[int]:
         """Which were slow in the last seconds of its slow flight; none where it flew on otherwise for so long."""
         self.close()

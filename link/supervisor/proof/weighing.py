@@ -183,10 +183,8 @@ class Scale:
         """Take what earlier take-offs under the package have shown."""
         model = self._model.of(1.0, 0.0, _BORROWED_CLIMB_MPS)
         for gain in gains:
-            self._flown.flight += 1
             mean = Second(-math.inf, math.log(gain), *model[1:], 0.0, _BORROWED_CLIMB_MPS, 0.0)
-            one = Stretch(self._flown.flight, Aboard.PACKAGE, -math.inf, -math.inf, _BORROWED_S, mean)
-            self._flown.closed.append(one)
+            self._flown.borrow(mean, _BORROWED_S)
 
     def weigh(self) -> Weight | None:
         """Weigh what is aboard since the release; None where nothing was flown under the package, or too little now."""
