@@ -17,7 +17,7 @@ from skyway.link.pads import TcpPads
 from skyway.link.supervisor import read_journal
 from tests.web.browsing import AXE, FLIGHT_MS, chromium, hold, person, state
 from tests.web.conftest import served
-from tests.web.departures import ENDS, calibrated, departs, no_flight_twice, planned, taken, the_journal
+from tests.web.departures import ENDS, answered, calibrated, departs, no_flight_twice, planned, taken, the_journal
 from tests.web.simulated import simulated
 
 pytestmark = pytest.mark.slow
@@ -111,7 +111,7 @@ def test_where_people_charge_they_say_so_by_a_click(browser, site, tmp_path):
             tab.get_by_label("Charged to, %").fill(f"{100 * to:.0f}")
             hold(tab, "Charged")
             charges += 1
-            tab.wait_for_function("document.querySelector('.flight .state')?.textContent !== 'charging'")
+            answered(tab, tmp_path, "charged", charges)
         pads.close()
         assert tab.inner_text(".flight .state") == "delivered"
     records = the_journal(tmp_path)
