@@ -292,7 +292,7 @@ class Stage:
             item = -1 if said is None else said["seq"] - vehicle.family.home_items
             if math.isnan(begun_s) and item >= first:
                 begun_s, self.releasing = clock.now_s(), True
-                judged.tell("begins_release")
+                judged.tell("begins_release", watched=True)
             if not weighed and clock.now_s() > begun_s + HANGS_S:
                 judged.tell("before_release")
                 weighed = True

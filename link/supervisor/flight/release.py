@@ -68,7 +68,7 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
     if number <= items[1]:
         if watch.begun_s is None:
             watch.begun_s = now_s
-            ctx.proof.begins_release()
+            ctx.proof.begins_release(watched=watch.seen_before)
             ctx.say(ReleaseNote(), f"over {leg.destination}: the package is released by {ctx.job.options.release}")
         if watch.seen_before and not watch.weighed and now_s >= watch.begun_s + HANGS_S:
             watch.weighed = True

@@ -30,6 +30,8 @@ class Proof:
     _down: bool = True
     _releasing: bool = False
     """It hovers to release the package: power falls when that stands on the ground."""
+    _unwatched: bool = False
+    """It was released, or is, while this program was not there: how long the package hung is not known."""
     _open: bool = False
     """A take-off is being weighed."""
 
@@ -56,6 +58,8 @@ class Proof:
         down = s.landed == _DOWN or s.armed == 0.0
         if self._down and not down and s.height_m > _OFF_GROUND_M:
             self._scale.take_off(s.time_s)
+            if self._unwatched:
+                self._scale.may_hang()
             self._down, self._open = False, True
         elif down:
             if self._open:  # it was in the air for a few seconds, or has hovered there
@@ -104,9 +108,11 @@ class Proof:
         if found is not None:
             self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
 
-    def begins_release(self) -> None:
-        """It hovers to release the package."""
-        self._releasing = True
+    def begins_release(self, *, watched: bool) -> None:
+        """It hovers to release the package; `watched`: from the beginning on."""
+        self._releasing, self._unwatched = True, not watched
+        if self._unwatched and self._scale is not None:
+            self._scale.may_hang()
 
     def leaves(self, ctx: Context, *, hovered: bool) -> None:
         """It leaves the place over which it released the package: weigh it from now on; and by the hover, where it only hovered there."""

@@ -146,6 +146,10 @@ class Scale:
         self._may_be_empty = True
         self._flown.begin(Aboard.UNKNOWN, taken_off=False)
 
+    def may_hang(self) -> None:
+        """From now on nobody knows whether the package still hangs on the drone: nothing is weighed, until it leaves."""
+        self._flown.begin(Aboard.UNKNOWN, taken_off=False)
+
     def before_release(self, lost_s: float | None = None) -> Weight | None:
         """Weigh what is aboard by the last seconds of slow descent or hover; None where there were too few, or too little was flown under the package.
 
