@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from skyway.dispatch.booked_pads import BookedPads
 from skyway.dispatch.fleet_winds import told_of
-from skyway.dispatch.records import End, Progress
+from skyway.dispatch.records import WITH_PACKAGE, End, Progress
 from skyway.flying import request_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor, read_journal
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.models.ledger.desk import Entry
 
-WITH_PACKAGE = "with the package"
 TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
 """How often a flight tells how far it is; at once where its state changes, or it is later by so much."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})

@@ -23,6 +23,8 @@ ACTIVE = ("ordered", "flying")
 """States of flights that are not over; ``ended`` ones are looked at by the dispatcher, and then ``closed``."""
 STANDING, FLYING, LOST = "standing", "flying", "lost"
 """States of drones; a lost one waits for a person."""
+WITH_PACKAGE, TO_PACKAGE, HOME = "with the package", "to the package", "home"
+"""Phases of flights."""
 T = TypeVar("T", bound=msgspec.Struct)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.calibration_flight import drag_of
-from skyway.dispatch.dispatcher import Dispatcher
+from skyway.dispatch.dispatcher.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.records import DroneRecord, OrderRecord, ServiceRecord, read, written
 from skyway.dispatch.region import Region

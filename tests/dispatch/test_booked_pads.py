@@ -3,8 +3,8 @@
 import math
 
 from skyway.dispatch.booked_pads import BookedPads
+from skyway.dispatch.dispatcher.closed_legs import ClosedLegs
 from skyway.dispatch.records import PlanStep
-from skyway.dispatch.replanning import ClosedLegs
 from skyway.models.base.units import from_posix
 from skyway.models.queues.pad_service import DroneOnPad
 from skyway.models.wind.forecast import constant_wind
@@ -47,14 +47,16 @@ def test_a_drone_waits_for_its_window_and_knows_when_its_charge_is_done():
 def test_a_leg_that_was_refused_is_closed_until_the_next_hour_of_the_forecast():
     begin_s = 1_373_479_200.0
     wind = constant_wind(4.0, 270.0, from_posix(begin_s), 12, 40.7, -73.9, 100.0)
-    legs = ClosedLegs()
+    said = []
+    legs = ClosedLegs(lambda _: wind, said.append)
     steps = (leg("a", "b"), charge(100.0, 200.0), leg("b", "c"))
-    assert legs.close("m200", steps, "z", wind, begin_s) is None
-    found, until_s = legs.close("m200", steps, "b", wind, begin_s + 60.0)
-    assert found == ("m200", "b", "c")
-    assert until_s == begin_s + wind.slot_s
-    assert (
-        legs.close("m200", steps, "a", wind, begin_s + wind.slot_s - 60.0)[1] == begin_s + 2.0 * wind.slot_s
-    )  # not at once
-    assert legs.at(begin_s + 10.0) == {("m200", "b", "c"): until_s, ("m200", "a", "b"): begin_s + 2.0 * wind.slot_s}
-    assert list(legs.at(until_s)) == [("m200", "a", "b")]
+    legs.close("m200", steps, "z", begin_s)
+    assert legs.at(begin_s) == {}
+    assert said == []
+    legs.close("m200", steps, "b", begin_s + 60.0)
+    next_s = begin_s + wind.slot_s
+    assert legs.at(begin_s + 60.0) == {("m200", "b", "c"): next_s}
+    assert said == ["m200: b to c is not planned for 59 min"]
+    legs.close("m200", steps, "a", next_s - 60.0)  # not for a minute alone
+    assert legs.at(next_s - 10.0) == {("m200", "b", "c"): next_s, ("m200", "a", "b"): next_s + wind.slot_s}
+    assert list(legs.at(next_s)) == [("m200", "a", "b")]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.replanning import apart
+from skyway.dispatch.dispatcher.windows import apart
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.ledger import TakenError, itinerary_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from skyway.models.ledger.ledger import Hold, Lease, Ledger
     from skyway.models.ledger.window import Window
@@ -19,20 +19,33 @@ SAME_S = 1.0
 
 
 class Bookings:
-    """What a dispatcher holds in a ledger."""
+    """What a dispatcher holds in a ledger.
 
-    def __init__(self, ledger: Ledger, holder: str, pads: Mapping[str, int]) -> None:
-        self._ledger, self._holder, self._pads = ledger, holder, pads
+    Parameters
+    ----------
+    ledger : Ledger
+        Where it books.
+    holder : str
+        The dispatcher.
+    lease : callable
+        Returns its lease, which is still its own.
+    pads : mapping
+        How many pads each station has.
+    """
+
+    def __init__(self, ledger: Ledger, holder: str, lease: Callable[[], Lease], pads: Mapping[str, int]) -> None:
+        self._ledger, self._holder, self._lease, self._pads = ledger, holder, lease, pads
 
     def of_others(self, now_s: float) -> list[Hold]:
         """Return what others hold from an instant on."""
         return [one for one in self._ledger.holds(begin=from_posix(now_s)) if one.holder != self._holder]
 
-    def bring_up_to_date(self, lease: Lease, wanted: Mapping[str, Sequence[Window]], now_s: float) -> None:
+    def bring_up_to_date(self, wanted: Mapping[str, Sequence[Window]], now_s: float) -> None:
         """Book what is wanted in place of what is held; what is over is released.
 
         A `TakenError` says that another holder has booked a pad meanwhile: what was to be booked there is not.
         """
+        lease = self._lease()
         held: dict[str, list[Hold]] = {}
         for one in self._ledger.holds():
             if one.holder == self._holder:

@@ -1,0 +1,50 @@
+"""Legs that the check before a take-off refused, planned without for a while."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from skyway.models.base.formatting import duration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from skyway.dispatch.records import PlanStep
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.flights import Leg
+
+LEG_CLOSED_S = 600.0
+"""A leg that was not begun is closed for so long at least."""
+
+
+class ClosedLegs:
+    """Legs that are not planned before the next hour of the forecast, by type of drone: the same would not be begun again; forgotten with the process, then refused once more.
+
+    Parameters
+    ----------
+    forecast : callable
+        Takes POSIX seconds, returns the forecast that is known then.
+    say : callable
+        Takes lines for people.
+    """
+
+    def __init__(self, forecast: Callable[[float], WindEnsemble], say: Callable[[str], None]) -> None:
+        self._forecast, self._say = forecast, say
+        self._until_s: dict[Leg, float] = {}
+
+    def close(self, kind: str, steps: Sequence[PlanStep], station: str, now_s: float) -> None:
+        """Close the leg of a flight on which a drone of a type was to leave a station, where there is one."""
+        flown = next((one for one in steps if one.kind == "fly" and one.origin == station), None)
+        if flown is None:
+            return
+        forecast = self._forecast(now_s)
+        slot = math.floor((now_s + LEG_CLOSED_S - forecast.start_s) / forecast.slot_s) + 1
+        until_s = forecast.start_s + slot * forecast.slot_s
+        self._until_s[kind, station, flown.destination] = until_s
+        self._say(f"{kind}: {station} to {flown.destination} is not planned for {duration(until_s - now_s)}")
+
+    def at(self, now_s: float) -> dict[Leg, float]:
+        """Return what is closed at a time, and until when."""
+        self._until_s = {leg: until_s for leg, until_s in self._until_s.items() if until_s > now_s}
+        return dict(self._until_s)

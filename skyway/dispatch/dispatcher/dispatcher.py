@@ -1,0 +1,99 @@
+"""The dispatcher: takes orders, plans, books, gives flights to workers, and replans around what flies; all it must not forget lies on the desk."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.dispatcher.alone import Alone
+from skyway.dispatch.dispatcher.bookings import Bookings
+from skyway.dispatch.dispatcher.closed_legs import ClosedLegs
+from skyway.dispatch.dispatcher.departures import Departures
+from skyway.dispatch.dispatcher.events import Events
+from skyway.dispatch.dispatcher.fleet_planner import FleetPlanner
+from skyway.dispatch.dispatcher.promises import Promises
+from skyway.dispatch.dispatcher.reasons import Reasons
+from skyway.dispatch.dispatcher.replanning import Replanning
+from skyway.dispatch.dispatcher.situation import Situation
+from skyway.dispatch.dispatcher.windows import wanted
+from skyway.dispatch.fleet_winds import FleetForecast
+from skyway.dispatch.worker import worker_name
+from skyway.models.base.errors import SkywayError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.dispatch.leases import KeptLeases
+    from skyway.dispatch.region import Region
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.ledger import Lease
+
+
+class Dispatcher:
+    """One dispatcher; `step` does what is due at an instant.
+
+    Parameters
+    ----------
+    region : Region
+        Where it is, and in which wind.
+    desk : Desk
+        Its desk; its ledger is that of the bookings.
+    leases : KeptLeases
+        Which keep its lease.
+    workers : int
+        To how many workers flights are given.
+    plan_s, iterations : float, int
+        How long a plan is bettered, of the wall's time, or by how many changes tried.
+    say : callable
+        Takes lines for people.
+    """
+
+    def __init__(
+        self, region: Region, desk: Desk, leases: KeptLeases, *, workers: int, plan_s: float = 2.0, iterations: int = 10**9,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:  # fmt: skip
+        self._region, self._desk, self._leases = region, desk, leases
+        holder = desk.dispatcher
+        self._situation = situation = Situation(desk)
+        self._air = air = FleetForecast(region)
+        legs = ClosedLegs(region.forecast, say)
+        planner = FleetPlanner(region, air, legs, plan_s)
+        pads = {one.id: one.pads for one in region.base.network.stations}
+        self._bookings = bookings = Bookings(desk.ledger, holder, self._lease, pads)
+        self._promises = promises = Promises(situation, say)
+        self._events = Events(situation, promises, legs, region.base, say)
+        self._replanning = Replanning(situation, planner, promises, bookings, holder, iterations)
+        self._alone = Alone(situation, planner, promises, bookings, holder, say)
+        names = [worker_name(holder, number) for number in range(1, workers + 1)]
+        self._departures = Departures(situation, promises, region, air, legs, names)
+
+    def step(self, now_s: float) -> None:
+        """Look at what has happened, and do what is due."""
+        why = Reasons()
+        self._situation.read()
+        self._air.hear(one for _, one in self._situation.flights.values())
+        self._events.take_ends(now_s, why)
+        self._events.take_delays(now_s, why)
+        self._events.take_orders(why)
+        self._replanning.note_waiting(now_s, why)
+        self._alone.note_packages(now_s, why)
+        self._events.take_pads(now_s, why)
+        self._alone.bring_on(now_s)
+        if why:
+            self._replanning.replan(now_s, why)
+        self._departures.begin_due(now_s)
+        self._promises.refuse_too_late(now_s, self._region.planning.dispatch)
+        self._situation.write(self._lease())
+        self._bookings.bring_up_to_date(wanted(self._situation, now_s), now_s)
+
+    @property
+    def busy(self) -> bool:
+        """Whether any order is open, or any drone has something to do."""
+        return self._situation.busy
+
+    def _lease(self) -> Lease:
+        """Return its lease; a `FencedError` says that another dispatcher has taken over."""
+        self._leases.confirm(self._desk.dispatcher)
+        kept = self._leases.kept(self._desk.dispatcher)
+        if kept is None:
+            raise SkywayError("the lease of the dispatcher is lost")
+        return kept

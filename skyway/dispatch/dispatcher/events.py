@@ -1,0 +1,168 @@
+"""What has happened since a dispatcher looked last: flights that ended or are late, orders that came, pads out of order."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.records import LOST, STANDING, TO_PACKAGE, WITH_PACKAGE
+from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import duration
+from skyway.models.orders.fitting import fit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.dispatch.dispatcher.closed_legs import ClosedLegs
+    from skyway.dispatch.dispatcher.promises import Promises
+    from skyway.dispatch.dispatcher.reasons import Reasons
+    from skyway.dispatch.dispatcher.situation import Situation
+    from skyway.dispatch.records import DroneRecord, End, FlightRecord
+    from skyway.models.scenario.scenario import Scenario
+
+LATE_S = 120.0
+"""A flight that is later by so much than was planned with is replanned around."""
+HELD_UP_S = {"holding": 900.0, "lost-link": 900.0, "preparing": 7200.0}
+"""A drone that was held up, out of contact, or did not take off for so long is left to a person."""
+
+
+class Events:
+    """Takes what has happened into the situation, and what of it is a reason to replan.
+
+    Parameters
+    ----------
+    situation : Situation
+        What is known, and changed here.
+    promises : Promises
+        Who tells orders what becomes of them.
+    legs : ClosedLegs
+        Legs that are not planned.
+    scenario : Scenario
+        Where orders must fit in.
+    say : callable
+        Takes lines for people.
+    """
+
+    def __init__(
+        self, situation: Situation, promises: Promises, legs: ClosedLegs, scenario: Scenario, say: Callable[[str], None]
+    ) -> None:
+        self._situation, self._promises, self._legs, self._say = situation, promises, legs, say
+        self._scenario = scenario
+        self._pads_known: dict[str, str] | None = None
+
+    def take_ends(self, now_s: float, why: Reasons) -> None:
+        """Take flights that have ended."""
+        for name, (state, flight) in list(self._situation.flights.items()):
+            if state == "ended" and flight.end is not None:
+                self._take_end(now_s, name, flight, flight.end, why)
+
+    def _take_end(self, now_s: float, name: str, flight: FlightRecord, end: End, why: Reasons) -> None:
+        situation = self._situation
+        _, drone = situation.drones[flight.drone]
+        safe = end.station is not None and end.state in ("delivered", "stopped-safe")
+        drone.flight, drone.aboard = None, None
+        drone.place = end.station or drone.place
+        drone.soc = drone.soc if end.soc is None else end.soc
+        if not safe:
+            self._lose(flight.drone, drone, end.state, f"{end.state}: {end.reason}", why)
+            drone.route = ()
+        elif not end.arrived:
+            why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
+            drone.route = ()  # what was to come after it; its pads are free for others, and for itself
+            self._legs.close(flight.type, flight.steps, drone.place, now_s)
+        if flight.order is not None and flight.order in situation.orders:  # else it was given up before
+            self._take_end_of_order(flight.order, flight, end, safe=safe)
+        situation.change_drone(flight.drone, STANDING if safe else LOST, drone)
+        situation.close_flight(name)
+
+    def _lose(self, name: str, drone: DroneRecord, what: str, reason: str, why: Reasons) -> None:
+        drone.reason = reason
+        why.of_drone[name] = f"{name} was lost ({what})"
+        self._say(f"{name} is lost, a person must look at it: {reason}")
+
+    def _take_end_of_order(self, name: str, flight: FlightRecord, end: End, *, safe: bool) -> None:
+        situation = self._situation
+        _, order = situation.orders[name]
+        order.drone = None
+        if flight.phase == TO_PACKAGE:
+            situation.change_order(name, "promised" if end.arrived else "new", order)
+        elif end.arrived and end.sure:
+            order.delivered_s = end.at_s
+            late_s = end.at_s - order.order.due.timestamp()
+            self._say(f"{name} delivered at {end.station}" + (f", {duration(late_s)} late" if late_s > 0.0 else ""))
+            situation.change_order(name, "delivered", order)
+        elif end.arrived or not safe or end.station is None:
+            order.reason = f"{flight.drone}, {end.state}: {end.reason}"
+            self._promises.hand_over(name, order)
+        else:
+            order.place, order.drone, order.reason = end.station, flight.drone, f"at {end.station}: {end.reason}"
+            situation.drones[flight.drone][1].aboard = name
+            situation.change_order(name, "aboard", order)
+
+    def take_delays(self, now_s: float, why: Reasons) -> None:
+        """Take flights that are later than they were, and drones that were held up for too long."""
+        situation = self._situation
+        for name, (_, flight) in situation.flights.items():
+            late_s = max(flight.late_s, now_s - flight.end_s if flight.progress is None else 0.0)
+            if flight.progress is None and now_s > flight.begin_s + LATE_S:
+                late_s = max(late_s, now_s - flight.begin_s)
+            if late_s - situation.late_s.get(name, 0.0) >= LATE_S:
+                situation.late_s[name] = late_s
+                why.of_drone[flight.drone] = f"{flight.drone} is {duration(late_s)} late"
+            told = flight.progress
+            state, drone = situation.drones[flight.drone]
+            longest_s = math.inf if told is None else HELD_UP_S.get(told.state, math.inf)
+            if told is not None and now_s > told.since_s + longest_s and state != LOST:
+                reason = f"{told.state} for {duration(now_s - told.since_s)}"
+                self._lose(flight.drone, drone, reason, reason, why)
+                situation.change_drone(flight.drone, LOST, drone)
+                if flight.order is not None and flight.order in situation.orders:
+                    self._take_from(flight.order, flight, reason)
+
+    def _take_from(self, name: str, flight: FlightRecord, reason: str) -> None:
+        """Take an order from a drone that was held up; a package that is aboard is a person's."""
+        order = self._situation.orders[name][1]
+        order.reason = f"{flight.drone}: {reason}"
+        if flight.phase == WITH_PACKAGE:
+            self._promises.hand_over(name, order)
+        else:
+            order.drone = None
+            self._situation.change_order(name, "new", order)
+
+    def take_orders(self, why: Reasons) -> None:
+        """Take orders that have come; those that fit no drone, or name no place, are refused."""
+        situation = self._situation
+        fresh = [
+            name
+            for name, (state, one) in situation.orders.items()
+            if state == "new" and one.promise is None and not one.reason
+        ]
+        vehicles = [one.vehicle for _, one in situation.drones.values()]
+        for name in fresh:
+            record = situation.orders[name][1]
+            try:
+                found = fit(self._scenario, [record.order], vehicles)
+            except InputError as error:
+                record.reason = "; ".join(
+                    f"{one.field or ''} {one.value or ''}: {one.problem}".strip() for one in error.faults[:3]
+                )
+                self._promises.refuse(name, record)
+                continue
+            record.order, record.place = found.orders[0], found.orders[0].origin
+            record.reason = "not planned yet"
+            situation.change_order(name, "new", record)
+            why.general.append(f"order {name} came")
+
+    def take_pads(self, now_s: float, why: Reasons) -> None:
+        """Take pads that are out of order now, and those that are back."""
+        out = {
+            name: f"{one.station} {one.pad}"
+            for name, (_, one) in self._situation.pads.items()
+            if one.from_s <= now_s < one.until_s
+        }
+        known, self._pads_known = self._pads_known, out
+        if known is not None:
+            why.general += [f"pad {one} is out of order" for name, one in out.items() if name not in known]
+            why.general += [f"pad {one} is back" for name, one in known.items() if name not in out]
+        elif out:
+            why.general.append("pads are out of order")

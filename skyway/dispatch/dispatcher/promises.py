@@ -1,0 +1,96 @@
+"""What orders are told: that they are promised, that a promise has changed and why, that they are refused, or are for a person."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.records import ChangeRecord, Promise
+from skyway.models.base.formatting import duration
+from skyway.planner.dispatch.flights import latest_s
+from skyway.planner.dispatch.improve import TOLERATED_S
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.dispatch.dispatcher.reasons import Reasons
+    from skyway.dispatch.dispatcher.situation import Situation
+    from skyway.dispatch.records import OrderRecord
+    from skyway.planner.dispatch.result import Answer
+    from skyway.planner.parameters.dispatch import DispatchParameters
+
+
+class Promises:
+    """Tells orders what becomes of them.
+
+    Parameters
+    ----------
+    situation : Situation
+        What is known, and changed here.
+    say : callable
+        Takes lines for people.
+    """
+
+    def __init__(self, situation: Situation, say: Callable[[str], None]) -> None:
+        self._situation, self._say = situation, say
+
+    def answer(self, now_s: float, name: str, answer: Answer, why: Reasons) -> None:
+        """Tell an order what a plan makes of it."""
+        situation = self._situation
+        state, order = situation.orders[name]
+        before, after = order.promise, _promise_of(answer)
+        how = _changed(before, after)
+        if how:
+            order.changes += 1
+            drones = [one.drone for one in (before, after) if one is not None]
+            reason = f"{how}: {why.why(drones)}"
+            number = f"{name} {order.changes}"
+            situation.board.change(
+                "change", number, "told", ChangeRecord(at_s=now_s, order=name, before=before, after=after, why=reason)
+            )
+            self._say(f"{name}: {reason}")
+        if after is not None and (
+            before is None or how or after.drone != before.drone or after.delivered_s < before.delivered_s - TOLERATED_S
+        ):
+            order.promise = after
+            order.first = order.first or after
+        elif after is None:
+            order.promise = None
+        flying = any(flight.order == name for _, flight in situation.flights.values())
+        order.reason = "" if after is not None else answer.reason or "not planned"
+        if answer.hopeless and not flying:
+            self.refuse(name, order)
+            return
+        situation.change_order(name, state if flying else "promised" if after is not None else "new", order)
+
+    def refuse(self, name: str, order: OrderRecord) -> None:
+        """Refuse an order, for the reason that it has."""
+        self._say(f"{name} refused: {order.reason}")
+        self._situation.change_order(name, "refused", order)
+
+    def hand_over(self, name: str, order: OrderRecord) -> None:
+        """Leave an order to a person, for the reason that it has."""
+        self._say(f"{name} is for a person: {order.reason}")
+        self._situation.change_order(name, "handed to a person", order)
+
+    def refuse_too_late(self, now_s: float, weigh: DispatchParameters) -> None:
+        """Refuse what can no longer be served in its time."""
+        for name, (state, order) in list(self._situation.orders.items()):
+            if state == "new" and now_s > latest_s(order.order, weigh, promised=order.first is not None):
+                self.refuse(name, order)
+
+
+def _promise_of(answer: Answer) -> Promise | None:
+    """Return what an order is told; None where it is not served."""
+    if answer.drone is None or answer.fetched is None or answer.delivered is None:
+        return None
+    return Promise(drone=answer.drone, fetched_s=answer.fetched.timestamp(), delivered_s=answer.delivered.timestamp())
+
+
+def _changed(before: Promise | None, after: Promise | None) -> str:
+    """Say how a promise changes for who was given it; nothing where it does not."""
+    if before is None:
+        return ""
+    if after is None:
+        return "it is not promised any more"
+    later_s = after.delivered_s - before.delivered_s
+    return f"{duration(later_s)} later" if later_s > TOLERATED_S else ""

@@ -1,0 +1,94 @@
+"""What a dispatcher knows: orders, drones, flights and pads out of order, as the desk has them and as a step changes them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.records import (
+    ACTIVE,
+    FLYING,
+    LOST,
+    OPEN,
+    Board,
+    DroneRecord,
+    FlightRecord,
+    OrderRecord,
+    PadRecord,
+)
+
+if TYPE_CHECKING:
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.ledger import Lease
+
+
+class Situation:
+    """What is known, each thing with its state, by its id; changes are written together.
+
+    Attributes
+    ----------
+    orders : dict
+        Those that are open, and those that were closed in this step.
+    drones, pads : dict
+        All drones; pads that are out of order, or will be.
+    flights : dict
+        Those that are not closed.
+    late_s : dict
+        How late a flight is, as far as it was replanned around.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self.board = Board(desk)
+        self.orders: dict[str, tuple[str, OrderRecord]] = {}
+        self.drones: dict[str, tuple[str, DroneRecord]] = {}
+        self.flights: dict[str, tuple[str, FlightRecord]] = {}
+        self.pads: dict[str, tuple[str, PadRecord]] = {}
+        self.late_s: dict[str, float] = {}
+
+    def read(self) -> None:
+        """Read the desk; what was changed and not written is forgotten."""
+        board = self.board
+        board.forget_changes()
+        self.orders = board.read("order", OrderRecord, OPEN)
+        self.drones = board.read("drone", DroneRecord)
+        self.flights = board.read("flight", FlightRecord, (*ACTIVE, "ended"))
+        self.pads = board.read("pad", PadRecord, ("out",))
+
+    def write(self, lease: Lease) -> None:
+        """Write all changes to the desk, or none."""
+        self.board.write(lease)
+
+    def change_order(self, name: str, state: str, record: OrderRecord) -> None:
+        """Change an order."""
+        self.orders[name] = (state, record)
+        self.board.change("order", name, state, record)
+
+    def change_drone(self, name: str, state: str, record: DroneRecord) -> None:
+        """Change a drone."""
+        self.drones[name] = (state, record)
+        self.board.change("drone", name, state, record)
+
+    def begin_flight(self, number: int, drone: str, record: FlightRecord, keeper: str) -> None:
+        """Give the first part of a drone's route to a worker."""
+        id_ = f"{number:06d} {drone}"
+        self.flights[id_] = ("ordered", record)
+        self.board.change("flight", id_, "ordered", record, keeper=keeper)
+        of = self.drones[drone][1]
+        of.flight, of.route = id_, of.route[1:]
+        self.change_drone(drone, FLYING, of)
+
+    def close_flight(self, name: str) -> None:
+        """Put a flight away whose end was looked at."""
+        self.board.change("flight", name, "closed", self.flights.pop(name)[1])
+        self.late_s.pop(name, None)
+
+    @property
+    def next_flight(self) -> int:
+        """Number of the next flight."""
+        return self.board.count("flight") + 1
+
+    @property
+    def busy(self) -> bool:
+        """Whether any order is open, or any drone has something to do."""
+        open_orders = any(state in OPEN for state, _ in self.orders.values())
+        moving = any(state != LOST and (one.flight is not None or one.route) for state, one in self.drones.values())
+        return open_orders or moving or bool(self.flights)

@@ -1,0 +1,104 @@
+"""Windows of pads: those of flights under way, of routes, and of pads out of order; as holds, and apart from each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.models.base.units import from_posix
+from skyway.models.ledger.ledger import Hold
+from skyway.models.ledger.window import Window
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from skyway.dispatch.dispatcher.situation import Situation
+    from skyway.dispatch.records import PlanStep
+
+
+def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
+    """Return the windows of flights that have begun, by the itinerary they are booked as."""
+    found: dict[str, list[Window]] = {}
+    for name, (_, flight) in situation.flights.items():
+        windows = windows_of(flight.steps, situation.late_s.get(name, 0.0), not_before_s=now_s)
+        found.setdefault(_itinerary(flight.order, flight.drone), []).extend(windows)
+    return found
+
+
+def wanted(situation: Situation, now_s: float) -> dict[str, list[Window]]:
+    """Return the windows that are to be booked, by itinerary: those of flights that have begun, and those of all routes."""
+    found = committed(situation, now_s)
+    for name, (_, drone) in situation.drones.items():
+        last = None
+        for part in drone.route:
+            last = part.order or last
+            found.setdefault(_itinerary(last, name), []).extend(windows_of(part.steps, not_before_s=now_s))
+    return found
+
+
+def out_of_order(situation: Situation) -> list[Hold]:
+    """Return the windows in which pads are out of order."""
+    return [
+        hold
+        for name, (_, one) in situation.pads.items()
+        for hold in as_holds(f"out of order {name}", [Window(station=one.station, pad=one.pad, start=from_posix(one.from_s), end=from_posix(one.until_s))], "out of order")
+    ]  # fmt: skip
+
+
+def _itinerary(order: str | None, drone: str) -> str:
+    return order or f"home of {drone}"
+
+
+def windows_of(steps: Sequence[PlanStep], late_s: float = 0.0, *, not_before_s: float = 0.0) -> list[Window]:
+    """Return the windows of pads of some steps that are not over, as late as they are."""
+    found = []
+    for one in steps:
+        if one.kind != "charge" or one.pad is None or one.end_s + late_s <= not_before_s or one.end_s <= one.begin_s:
+            continue
+        begin_s = one.begin_s if one.begin_s <= not_before_s else one.begin_s + late_s
+        found.append(
+            Window(station=one.origin, pad=one.pad, start=from_posix(begin_s), end=from_posix(one.end_s + late_s))
+        )
+    return found
+
+
+def as_holds(itinerary: str, windows: Sequence[Window], holder: str) -> list[Hold]:
+    """Return windows as a planner takes what is held."""
+    return [Hold(itinerary, 0, number, one, "firm", holder, 0) for number, one in enumerate(windows, 1)]
+
+
+def apart(
+    wanted: Mapping[str, Sequence[Window]], pads: Mapping[str, int], taken: Sequence[Window] = ()
+) -> dict[str, list[Window]]:
+    """Put windows that overlap on one pad onto another one of the station, or behind each other.
+
+    Flights that are late may want a pad that another was to have by then: who is first has it, as on the ground.
+    """
+    placed: list[Window] = list(taken)
+    found: dict[str, list[Window]] = {name: [] for name in wanted}
+    flat = sorted(
+        ((one.start, name, one) for name, windows in wanted.items() for one in windows),
+        key=lambda one: (one[0], one[1]),
+    )
+    for _, name, window in flat:
+        numbers = [
+            window.pad,
+            *(number for number in range(1, pads.get(window.station, window.pad) + 1) if number != window.pad),
+        ]
+        options = [replace(window, pad=number) for number in numbers]
+        best = next((one for one in options if not any(one.touches(other) for other in placed)), None)
+        if best is None:
+            best = min((_behind(one, placed) for one in options), key=lambda one: one.start)
+        placed.append(best)
+        found[name].append(best)
+    return found
+
+
+def _behind(window: Window, placed: Sequence[Window]) -> Window:
+    """Return a window as late as those before it make it."""
+    while True:
+        met = [one.end for one in placed if window.touches(one)]
+        if not met:
+            return window
+        begin = max(met)
+        window = replace(window, start=begin, end=max(window.end, begin + (window.end - window.start)))
