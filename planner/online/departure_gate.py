@@ -56,6 +56,17 @@ class Gated:
     """What that is told by."""
     hopeless: bool = False
     """With the charge of the step the end of the leg most probably breaks the reserve: it would land before."""
+    p_below: float = 0.0
+    """Where no charge does: probability of landing below what is kept, fully charged; 1 where it lacks divert stations."""
+
+
+class Later(NamedTuple):
+    """When a leg that cannot be begun now can be."""
+
+    wait_s: float | None
+    """So much later by the forecast, s; None: at none of the times that are looked at."""
+    may_open: bool = True
+    """At one of them it more probably keeps the reserve than not: then the wind of that hour will tell."""
 
 
 class _Taken(NamedTuple):
@@ -163,13 +174,13 @@ class DepartureGate:
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
             on = " (the reserve, and the way on from there)" if self._reserve > self._policy.request.reserve_soc else ""
             why = f"even fully charged it lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
-            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
+            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=chance)
         covered = self._covered(
             reach, way, at_s, max(least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
             why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
-            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
+            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=1.0)
         soc, diverts = covered
         held, figures = (
             self._not_landed_at(step, at_s)
@@ -194,13 +205,15 @@ class DepartureGate:
         flown = reach.to_the_end(way, at_s, climbs=True)
         return float(reach.p_below(soc, flown.soc[:, None], self._reserve, flown.doubt[:, None])[0])
 
-    def later(self, step: Step) -> float | None:
-        """How much later a leg can be begun by the forecast, s; None where never."""
-        for wait_s in self._policy.parameters.later_s:
+    def later(self, step: Step) -> Later:
+        """How much later a leg can be begun by the forecast."""
+        parameters, may_open = self._policy.parameters, False
+        for wait_s in parameters.later_s:
             gated = self.check(step, self._info.time_s + wait_s)
             if gated.soc is not None:
-                return wait_s
-        return None
+                return Later(wait_s)
+            may_open = may_open or gated.p_below <= parameters.p_hopeless
+        return Later(None, may_open)
 
     def _keeps_reserve(self, reach: Reach, taken: _Taken) -> float | None:
         """Least charge that is enough; None: no charge is.

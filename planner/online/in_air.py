@@ -91,12 +91,15 @@ class FlightDecision:
         return Decision("station", f"on to {end}", station=end, segments=step.segments)
 
     def _may_turn_later(self, here: Place, reach: Reach, now: Option) -> bool:
-        """Whether it can fly on for now: the landing may well do yet, and from a point ahead another station keeps the reserve.
+        """Whether it can fly on for now: a landing at the end or on the way may well do yet, and from a point ahead another station keeps the reserve.
 
         Wind and energy are known the better the further it has flown.
         """
         info, parameters = self._info, self._parameters
-        if self._memory.turned or info.sudden or now.p_below > parameters.p_hopeless:
+        if self._memory.turned or info.sudden:
+            return False
+        on_the_way = self._on_the_way(here, reach) if now.p_below > parameters.p_hopeless else []
+        if now.p_below > parameters.p_hopeless and all(one.p_below > parameters.p_begin for one in on_the_way):
             return False
         way = reach.way(here, info.via, info.destination)
         mean_s = float(reach.expected(reach.along(way, info.time_s).time_s[:, -1]))
@@ -202,6 +205,11 @@ class FlightDecision:
         ]
         options = other_stations(reach, here, names, time_s, soc, self._floors)
         return [self._with_room(one, reach) for one in options]
+
+    def _on_the_way(self, here: Place, reach: Reach) -> list[Option]:
+        """Divert stations that the leg still leads over: there it can land and charge, where its end is too far."""
+        info = self._info
+        return [one for one in self._others(here, reach, info.time_s, info.soc) if one.station in info.via]
 
     def _with_room(self, option: Option, reach: Reach) -> Option:
         """Return the same with the risk of finding no place until the charge is gone, by who is at its station now."""

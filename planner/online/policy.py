@@ -15,7 +15,7 @@ from skyway.models.base.formatting import duration, percent
 from skyway.models.base.units import S_PER_H, from_posix
 from skyway.models.composition.composition import State
 from skyway.models.drones.airspeed_load import AirspeedLoad
-from skyway.planner.online.departure_gate import DepartureGate, Gated
+from skyway.planner.online.departure_gate import DepartureGate, Gated, Later
 from skyway.planner.online.following import Step
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.online.in_air import FlightDecision
@@ -180,7 +180,7 @@ class OnlinePolicy:
         seen = self.hindsight(info)
         p = seen.problem
         gate = DepartureGate(self, info, p)
-        closed: list[tuple[Gated, float | None]] = []
+        closed: list[tuple[Gated, Later]] = []
         turning = gate if info.watched else None
         step = seen.choose(turning)
         while step.segments and len(closed) < self.parameters.max_closed:
@@ -199,12 +199,12 @@ class OnlinePolicy:
                 first = Step(step.segments, info.soc if decision.charge_to is None else decision.charge_to)
                 plan = told_plan(seen, first, decision.charge_to, self.parameters.epsilon_later)
                 return replace(decision, composition=plan)
-            later_s = gate.later(step) if gated.soc is None else None
+            later = gate.later(step) if gated.soc is None else Later(None, may_open=False)
             if gated.soc is not None:
                 why = f"the leg needs {percent(gated.soc)}, and there is no pad here"
                 gated = replace(gated, soc=None, why=why)
-            closed.append((gated, later_s))
-            until_s = math.inf if later_s is None else info.time_s + later_s
+            closed.append((gated, later))
+            until_s = math.inf if later.wait_s is None else info.time_s + later.wait_s
             seen.close(step.segments[(step.sure or len(step.segments)) - 1], until_s)
             seen.arrives = False
             step = seen.choose(turning)
@@ -314,14 +314,18 @@ class OnlinePolicy:
         waits = p.has_pads(p.origin) and info.busy_pads.get(info.station or "", 0) >= p.network.pads[p.origin]
         return info.time_s + self.parameters.look_s if waits or not seen.roomy_way else math.inf
 
-    def _staying(self, info: Information, seen: Hindsight, closed: list[tuple[Gated, float | None]]) -> Decision:
+    def _staying(self, info: Information, seen: Hindsight, closed: list[tuple[Gated, Later]]) -> Decision:
         """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast, and no other way, lets it leave."""
         why = closed[0][0].why if closed else ""
         if closed:
-            later = [wait_s for _, wait_s in closed if wait_s is not None]
-            if not later and not seen.arrives:
+            later = [one.wait_s for _, one in closed if one.wait_s is not None]
+            may_open = any(one.may_open for _, one in closed)
+            if not later and not may_open and not seen.arrives:
                 return self._stopped(info, why)
-            why += f"; in {duration(min(later))} the forecast lets it fly on" if later else "; another way may open"
+            if later:
+                why += f"; in {duration(min(later))} the forecast lets it fly on"
+            else:
+                why += "; another way may open" if seen.arrives else "; the wind may fall"
         elif not seen.arrives:
             return self._stopped(info, "no way leads to the destination in the winds of the next hours")
         p = seen.problem

@@ -20,6 +20,7 @@ from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.online.departure_gate import DepartureGate
 from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.online.following import Step
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.options import Floors, Option
 from skyway.planner.online.policy import OnlinePolicy
@@ -142,6 +143,29 @@ def test_a_drone_held_by_the_wind_charges_meanwhile(policy, composition):
 def test_a_drone_waits_for_wind_that_falls_in_nine_hours(policy, composition):
     decision = policy.on_ground(standing(calming(9), soc=1.0, plan=composition))
     assert decision.action == "wait"
+
+
+@pytest.mark.parametrize("share", [0.4, 0.55, 0.8, 0.95])
+def test_a_leg_that_no_hour_of_the_forecast_opens_for_sure_may_open_where_that_is_more_probable_than_not(policy, share):
+    """The wind of that hour tells then: a drone that stopped for good would be left to a person for nothing."""
+    strong, weak = wind(10.5, 20.0), wind(2.0, 20.0)
+    both = replace(
+        strong,
+        north=np.concatenate([strong.north, weak.north]),
+        east=np.concatenate([strong.east, weak.east]),
+        probability=np.array([share, 1.0 - share]),
+        labels=("strong", "weak"),
+    )
+    known = standing(both, soc=0.75, busy_pads={})
+    gate = DepartureGate(policy, known, policy.problem(known))
+    network = NETWORK()
+    over = itinerary_of(policy.problem(known), policy.on_ground(standing(wind()), tell=True).composition)[0].segments
+    assert int(network.head[over[-1]]) == network.index["jacobi"]
+    step = Step(over, 0.75)
+    p_below, later = gate.check(step).p_below, gate.later(step)
+    assert later.wait_s is None
+    assert policy.parameters.p_begin < p_below < share
+    assert later.may_open == (p_below <= policy.parameters.p_hopeless) == (share < 0.6)
 
 
 def test_a_leg_that_is_closed_is_counted_on_from_when_it_can_be_begun(policy):
@@ -561,6 +585,26 @@ def test_a_flight_in_doubt_flies_on_while_another_station_stays_in_reach_and_tur
     assert [policy.in_air(alone).action for _ in range(3)]  # nothing else to do: it flies on
     hopeless = known_at(0.1, 0.2 + 0.9 * needed, head, unsure, flight=FlightMemory(), commanded_mps=11.8)
     assert "divert" in [policy.in_air(hopeless).action for _ in range(4)]
+
+
+def test_a_flight_whose_end_is_too_far_flies_on_to_a_station_on_its_way_while_it_can_still_turn_back(policy):
+    """The leg was begun for the sake of that station; what is known soon decides where it lands."""
+    memory, head = FlightMemory(), wind(9.0, 20.0)
+    unsure = EnergyBelief(1.0, 0.1, 0.02)
+    before = known_at(0.1, 1.0, head, unsure, via=("belvedere",))
+    reach = policy.reach(head, unsure)
+    there = float(
+        reach.expected(reach.to_stations(before.here, before.time_s, np.array([NETWORK().index["belvedere"]])).soc)[0]
+    )
+    known = replace(before, soc=0.2 + 1.2 * there, commanded_mps=11.0, flight=memory)
+    looks = [policy.in_air(known) for _ in range(4)]
+    assert looks[-1].figures["p_below_reserve"] > policy.parameters.p_hopeless
+    assert "divert" not in [one.action for one in looks]
+    for other in (
+        replace(known, via=(), flight=FlightMemory()),  # it does not lead over a station: its end is all there is
+        replace(known, soc=0.2 + 0.95 * there, flight=FlightMemory()),  # that station most probably is too far, too
+    ):
+        assert "divert" in [policy.in_air(other).action for _ in range(4)]
 
 
 def test_what_is_benchmarked_is_what_the_supervisor_consults(newyork, request_):
