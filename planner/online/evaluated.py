@@ -72,6 +72,7 @@ class RollingRobust:
             watched=False,
             station=standing.station,
             visited=frozenset(standing.visited),
+            left=frozenset(standing.visited) - {standing.station},
             busy_pads=standing.busy,
             behind=standing.behind,
         )
