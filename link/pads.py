@@ -109,7 +109,7 @@ def snapshot(
     if not unknown:
         return found, []
     why = f": {failure}" if failure is not None else f" within {within_s:g} s"
-    return found, [f"the pad service at {pads.address} told of {len(found)} of {len(stations)} stations{why}"]
+    return found, [f"the pad service at {pads.address} reported {len(found)} of {len(stations)} stations{why}"]
 
 
 @dataclass(slots=True)

@@ -225,7 +225,7 @@ def _check_hours(scenario: Scenario, request: Request, planner: str) -> None:
         raise InputError(Fault(f"{who} cannot wait for it", field="not_before", value=value, remedy=remedy))
     closing = [station.id for station in scenario.network.stations if station.open_hours and station.pads]
     if closing and planner in CLAIRVOYANT_PLANNERS:
-        remedy = f"the planner {ROBUST} does; or leave the column open_hours out"
+        remedy = f"use the planner {ROBUST}, or remove the column open_hours"
         raise InputError(Fault("does not plan with opening hours", field="planner", value=planner, remedy=remedy))
 
 
@@ -284,12 +284,12 @@ def _doubts(
     broken = 1.0 - summary.p_success
     if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
         doubts.append(
-            f"{percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were asked for: "
-            "no route that the planner knows is safer"
+            f"{percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were allowed: "
+            "the planner found no safer route"
         )
     elif not simulated and broken > problem.epsilon + 1e-9:
         doubts.append(
-            f"flown as it stands, {percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
+            f"flown without replanning, {percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
             "were asked for: decide the charge again at each stop"
         )
     if problem.in_flight and summary.p_arrive < 1.0 - problem.epsilon:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 WIND, GUSTS, ENERGY, PADS = "wind", "gusts", "energy", "pads"
 NOT_COUNTED = (
-    "a wind that grows with height otherwise than the scenario says",
+    "a wind profile that differs from the scenario's",
     "a cold or an old battery",
     "pads out of order",
 )
@@ -75,7 +75,7 @@ def not_counted(result: PlanResult) -> list[str]:
     if result.robust is None:
         return []
     between = (
-        [] if record_days(result.problem.ensemble) else ["the error of the wind between the places it is given for"]
+        [] if record_days(result.problem.ensemble) else ["the error of the wind between the points of the forecast"]
     )
     return [*between, *NOT_COUNTED]
 
@@ -122,7 +122,7 @@ def _halved_wind(answer: RobustAnswer) -> tuple[str, Figure | None]:
     again = Problem(
         problem.scenario, problem.request, problem.drone, halved, parameters=problem.parameters, waits=problem.waits
     )
-    return "the weather of now or a forecast narrows it (--observed, --forecast)", _planned_again(answer, again)
+    return "reduce it with current observations or a forecast (--observed, --forecast)", _planned_again(answer, again)
 
 
 def _halved_gusts(answer: RobustAnswer) -> tuple[str, Figure | None]:
@@ -135,7 +135,7 @@ def _halved_energy(answer: RobustAnswer, belief: EnergyBelief) -> tuple[str, Fig
     halved = replace(belief, sd_between=0.5 * belief.sd_between, sd_within=0.5 * belief.sd_within)
     problem = answer.policy.problem
     gain = _planned_again(answer, problem, replace(problem.usual_errors, energy=halved))
-    return "its own flights narrow it (skyway calibrate energy)", gain
+    return "reduce it with logs of its own flights (skyway calibrate energy)", gain
 
 
 def _halved_pads(answer: RobustAnswer) -> tuple[str, Figure | None]:
@@ -149,8 +149,8 @@ def _halved_pads(answer: RobustAnswer) -> tuple[str, Figure | None]:
 def _wind_source(wind: WindEnsemble) -> str:
     days = record_days(wind)
     if not days:
-        return f"{len(wind)} members of the forecast" if len(wind) > 1 else "one wind, taken for certain"
-    return f"{days} days of the record" if days > 1 else "one day, taken for certain"
+        return f"{len(wind)} members of the forecast" if len(wind) > 1 else "one wind, without error"
+    return f"{days} days of the record" if days > 1 else "one day, without error"
 
 
 def record_days(wind: WindEnsemble) -> int:
@@ -168,7 +168,7 @@ def _gust_source(errors: Errors) -> str:
 
 
 def _energy_source(belief: EnergyBelief) -> str:
-    return "published endurance; nobody has measured this drone" if belief == EnergyBelief() else "the fleet file"
+    return "published endurance; this drone was not measured" if belief == EnergyBelief() else "the fleet file"
 
 
 def _pads_source(problem: Problem) -> str:

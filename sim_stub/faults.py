@@ -28,7 +28,7 @@ KINDS = {
     "wind-shift": Kind("extra wind of VALUE m/s (5), for good", (5.0, 0.0, 60.0)),
     "battery-sag": Kind("internal resistance times VALUE (4)", (4.0, 0.0, 100.0)),
     "battery-drop": Kind("state of charge lower by VALUE (0.2) at once", (0.2, 0.0, 1.0)),
-    "battery-weak": Kind("the battery holds VALUE (0.9) of its nameplate energy", (0.9, 0.01, 2.0)),
+    "battery-weak": Kind("the battery has VALUE (0.9) of its nameplate energy", (0.9, 0.01, 2.0)),
     "battery-swap": Kind(
         "another battery with VALUE (1) of charge, and a restart; on the ground, disarmed", (1.0, 0.0, 1.0)
     ),
@@ -44,7 +44,9 @@ KINDS = {
     "prearm": Kind("a pre-arm check fails"),
     "reboot": Kind("the autopilot restarts by itself"),
     "pilot": Kind("a pilot switches the mode to VALUE (position)", word="position"),
-    "gripper-stuck": Kind("the gripper says that it opens, and VALUE (1) of the package stays aboard", (1.0, 0.0, 1.0)),
+    "gripper-stuck": Kind(
+        "the gripper says that it opens, but VALUE (1) of the package stays on board", (1.0, 0.0, 1.0)
+    ),
     "gripper-silent": Kind("the gripper does not move, and its command fails"),
     "winch-jammed": Kind("the winch stops with VALUE m (3) of line out", (3.0, 0.0, 100.0)),
     "place-blind": Kind(
@@ -57,18 +59,19 @@ KINDS = {
         60.0,
     ),
     "sensor-ill": Kind(
-        "a sensor is told not healthy: VALUE is gyro, accelerometer, compass (usual), barometer, motors", word="compass"
+        "a sensor is reported not healthy: VALUE is gyro, accelerometer, compass (usual), barometer, motors",
+        word="compass",
     ),
     "motor-ill": Kind("the controller of motor VALUE (1) reports a failure, where it reports at all", (1.0, 1.0, 4.0)),
     "cell-low": Kind(
-        "one cell of the battery is VALUE V (0.3) below the others, which are told singly", (0.3, 0.0, 3.0)
+        "one cell of the battery is VALUE V (0.3) below the others, which are reported individually", (0.3, 0.0, 3.0)
     ),
     "vibration": Kind("accelerations of VALUE m/s² (80) while the motors turn", (80.0, 0.0, 300.0)),
     "remote-id-off": Kind("the Remote ID module says and broadcasts nothing"),
     "no-ftp": Kind("the vehicle does not know file transfers"),
     "log-stall": Kind("transfers of files and logs stop, and are not answered"),
     "log-gone": Kind("the files on the card are gone"),
-    "log-size": Kind("files and logs are told VALUE (2) times as long as they are", (2.0, 0.0, 1000.0)),
+    "log-size": Kind("files and logs are reported VALUE (2) times as long as they are", (2.0, 0.0, 1000.0)),
     "log-rot": Kind("some bytes of a file come wrong"),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",

@@ -58,7 +58,7 @@ def scenario_of(
     planned, found = composition.scenario_sha256, scenario.sha256
     if planned is not None and found is not None and planned != found:
         remedy = "plan again, or give its scenario with --scenario"
-        raise InputError("the scenario differs from that of the plan", scenario.path, remedy=remedy)
+        raise InputError("the scenario differs from the plan's", scenario.path, remedy=remedy)
     if terrain or obstacles:
         scenario = with_terrain(scenario, terrain, obstacles)
     elif composition.terrain is not None:
@@ -88,7 +88,9 @@ def refuse_closed(scenario: Scenario, destination: str) -> None:
         problem = (
             f"the place of delivery, {destination}, lies in the zone {zone.label}, or nearer to it than the margin"
         )
-        raise InputError(problem, zone.source, remedy="plan to another place, or with --authorized where that opens it")
+        raise InputError(
+            problem, zone.source, remedy="plan to another place, or give --authorized if that opens the zone"
+        )
 
 
 def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
@@ -172,7 +174,9 @@ def release_of(composition: Composition, given: Release | None) -> Release:
     if given is None or given == planned:
         return planned
     if hovers(given) or hovers(planned):
-        remedy = f"leave it out, or plan with --release {given}: the charge for a hover and the flight on is kept by the plan"
+        remedy = (
+            f"remove it, or plan with --release {given}: only a plan keeps the charge for a hover and the flight on"
+        )
         raise InputError(f"the plan was made for --release {planned}", field="--release", value=given, remedy=remedy)
     return given
 

@@ -121,7 +121,7 @@ class Conditions:
 
         true, day = typed_values.true_wind(scenario, depart, truth)
         if self.wind is not None and self.observed:
-            remedy = "leave one of them out: a constant wind knows of no other"
+            remedy = "remove one of them: a constant wind needs no observations"
             raise InputError("--wind and --observed exclude each other", remedy=remedy)
         if self.forecast_error is not None and not self.forecast:
             remedy = "give the forecast, too; for a scenario's own: [forecast] error"
@@ -302,16 +302,16 @@ def _asked_for(request: Request, conditions: Conditions) -> list[str]:
     """
     both = {request.state.station, request.destination, *request.stop_at} & set(conditions.avoid or ())
     if both:
-        remedy = "leave it out of one of them"
+        remedy = "remove it from one of them"
         raise InputError(
-            "is the start, the destination or a stop that is asked for",
+            "is the start, the destination or a requested stop",
             field="--avoid",
             value=", ".join(sorted(map(str, both))),
             remedy=remedy,
         )
     ways = [("stops", request.stop_at), ("avoided", conditions.avoid or ())]
-    said = [f"{words} as asked: {', '.join(names)}" for words, names in ways if names]
-    return [f"{'; '.join(said)}; a flight that plans again does not know of it"] if said else []
+    said = [f"{words} as requested: {', '.join(names)}" for words, names in ways if names]
+    return [f"{'; '.join(said)}; replanning in flight does not know it"] if said else []
 
 
 def _own_day(scenario: Scenario, request: Request) -> str | None:

@@ -40,6 +40,6 @@ def with_terrain(scenario: Scenario, terrain: Sequence[str] | None, obstacles: S
     if known is None:
         return over_terrain(scenario, read_terrain(terrain or (), obstacles or ()))
     if terrain:
-        remedy = "leave out --terrain; --obstacles adds obstacles"
+        remedy = "remove --terrain; --obstacles adds obstacles"
         raise InputError("the scenario names its terrain already", scenario.path, field="--terrain", remedy=remedy)
     return over_terrain(scenario, with_obstacles(known.terrain, obstacles or ()))

@@ -48,7 +48,7 @@ class Fetched:
     @property
     def verified_by(self) -> str:
         """How it was found to be the same."""
-        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle tells no checksum)"
+        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle reports no checksum)"
 
     @property
     def rate_byteps(self) -> float:
@@ -76,7 +76,9 @@ def fetch(
     from there.
     """
     if store.vehicle.armed:
-        raise CommandRefusedError("give its logs", "it is armed: logs are fetched on the ground, disarmed")
+        raise CommandRefusedError(
+            "give its logs", "the vehicle is armed: logs are downloaded only on the ground, disarmed"
+        )
     path = folder / local_name(log, store.vehicle.system)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -255,7 +257,7 @@ class _Fetching:
 
     def _give_up(self, end: int, problem: str) -> None:
         """Say what is kept; nothing is kept of nothing."""
-        kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: the same command goes on from there"
+        kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: run the same command to continue"
         if not end:
             self._part.unlink()
             kept = "nothing came"
@@ -267,7 +269,7 @@ class _Fetching:
         self._size, self._lied = pieces.end, True
         if theirs is None:
             raise LinkError(f"{self._log.name}: {problem}; without a checksum nothing says that it is whole")
-        self._notes.append(f"the vehicle told a wrong size: {problem}")
+        self._notes.append(f"the vehicle reported a wrong size: {problem}")
 
     def _tell(self, end: int) -> None:
         if self._progress is not None:

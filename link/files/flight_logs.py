@@ -78,7 +78,7 @@ def fetch_added(
     except LinkError as error:
         tell(f"log not fetched: {one_line(str(error))}; skyway logs fetch tries again")
     except KeyboardInterrupt:
-        tell("log not fetched: interrupted; skyway logs fetch goes on from there")
+        tell("log not fetched: interrupted; continue with skyway logs fetch")
     return found
 
 

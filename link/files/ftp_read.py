@@ -261,7 +261,7 @@ class ReadFtp(Reading):
     def _refused(self, error: int, offset: int) -> None:
         if error == Nak.EOF:
             self.ended_early = True
-            self._end(f"the file ends before byte {offset}, and was told to have {self.size_bytes}")
+            self._end(f"the file ends before byte {offset}, but should have {self.size_bytes}")
         else:
             self.session_lost = error in (Nak.BAD_SESSION, Nak.NOT_FOUND, Nak.FAIL)
             self._end(f"the vehicle stopped the transfer: {ERRORS.get(error, f'error {error}')}")

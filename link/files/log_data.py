@@ -153,7 +153,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._pace_s  # all that is missing is on its way
         elif self._short is not None and self._short <= self.pieces.end:
             self.ended_early = True
-            self._end(f"the log ends at byte {self._short}, and was told to have {self.size_bytes}")
+            self._end(f"the log ends at byte {self._short}, but should have {self.size_bytes}")
         else:
             self._asked_s.clear()
             first = self.pieces.top

@@ -70,7 +70,7 @@ class Notes:
         if last is not None and now_s <= last + fold_s:
             return
         if what in ("refused", "joined") and _is_one_of_many(client.noted_s, now_s):
-            said = f"client {client.name} has much refused, or many ids: that is not told one by one while it goes on"
+            said = f"client {client.name}: many messages refused, or many ids; further ones are not listed"
             self.take(client, None, "flood", None, said, now_s, fold_s=60.0)
             return
         system, component = sender or (None, None)

@@ -85,7 +85,7 @@ def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], 
     for one in sorted(values, key=lambda value: value.name):
         shown = value_text(one.value, one.kind)
         if not math.isfinite(one.value):
-            lines.append(f"# {one.name} is {shown}, which is no number")
+            lines.append(f"# {one.name} is {shown}, which is not a number")
         elif tabbed:
             lines.append(f"{system}\t{_AUTOPILOT}\t{one.name}\t{shown}\t{one.kind}")
         else:
@@ -113,7 +113,7 @@ def read_set(path: Path) -> SavedSet:
             faults.append(Fault(problem, str(path), line.number, line.name, f"{line.value:.9g}", "leave one of them"))
     refuse(faults)
     if not first:
-        raise InputError("holds no parameters of an autopilot", str(path), remedy="lines NAME,VALUE")
+        raise InputError("has no parameters of an autopilot", str(path), remedy="lines NAME,VALUE")
     named = _STACK.search(read_text(path, max_bytes=_MAX_BYTES)[:_HEAD_CHARACTERS])
     values = {name: value for name, (_, value) in first.items()}
     return SavedSet(path, values, "" if named is None else named[1].lower(), of_others)

@@ -201,7 +201,7 @@ class Context:
         if rule.overdue is None or self.clock.now_s() - self.status.entered_s <= rule.longest_s:
             return
         flies = self.in_air and rule.overdue is State.STOPPED
-        reason = f"the state {self.state} has lasted longer than its limit of {duration(rule.longest_s)}"
+        reason = f"the state {self.state} exceeded its limit of {duration(rule.longest_s)}"
         raise Turn(State.HOLDING if flies else rule.overdue, reason)
 
     def wait(self, duration_s: float) -> None:

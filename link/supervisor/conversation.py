@@ -140,7 +140,7 @@ class Conversation:
             now = ", ".join(offered(ctx)) or "nothing"
             return f"in the state {ctx.state} there is: {now}"
         if self.question is not None and said.about != self.asked_n:
-            return "it answers another question than the one that is open"
+            return "it does not answer the open question"
         return ""
 
     def _do(self, ctx: Context, said: Said) -> None:
@@ -190,7 +190,7 @@ class Conversation:
                         return word
                     self.operator.ask(f"not understood. Please answer: {', '.join(words)}")
                 if not self.attended:
-                    raise Turn(State.STOPPED, f"nobody is there any more to answer the question: {question}")
+                    raise Turn(State.STOPPED, f"nobody can answer the question any more: {question}")
                 ctx.tick()
         finally:
             self.question, self.answers = None, ()

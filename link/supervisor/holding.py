@@ -30,9 +30,9 @@ def holding(ctx: Context) -> After:
         request_telemetry(ctx)
     _tell_what_differs(ctx)
     if ctx.operator.present:
-        ctx.operator.ask(f"nothing is commanded until you answer: {WORDS}")
+        ctx.operator.ask(f"sending no commands until you answer: {WORDS}")
     else:
-        ctx.tell("nothing is commanded; nobody is there to answer, so it is watched until it stands disarmed")
+        ctx.tell("sending no commands; nobody can answer, so the drone is watched until it stands disarmed")
     ground_s = math.nan
     while True:
         ctx.tick()
@@ -50,11 +50,11 @@ def holding(ctx: Context) -> After:
             station = ctx.here_station()
             ctx.delivery.stand_at(station)
             if station is None:
-                where = "where it stands is not known" if ctx.place is None else "away from any station"
+                where = "at an unknown position" if ctx.place is None else "away from any station"
                 return State.ENDED_ELSEWHERE, f"somebody else landed the drone, {where}: fetch it there"
             return (
                 State.STOPPED,
-                f"somebody else landed the drone at {station}, and nobody is there to continue: start again with --resume",
+                f"somebody else landed the drone at {station}, and nobody can answer: start again with --resume",
             )
 
 
@@ -87,9 +87,9 @@ def _tell_what_differs(ctx: Context) -> None:
         for word, difference in found[:SHOWN]:
             ctx.say(OperatorNote(), f"changed by somebody else: {word}, {difference}")
         if not found:
-            ctx.tell("what the drone holds still means what this delivery sent")
+            ctx.tell("the drone still has what this delivery sent")
     except LinkError as error:
-        ctx.tell(f"what was changed could not be read: {error}")
+        ctx.tell(f"the change could not be read: {error}")
 
 
 def _restored_turn(ctx: Context) -> bool:

@@ -149,7 +149,7 @@ def arrived(ctx: Context, onward: Onward) -> After:
     if onward.loaded:
         return (
             State.STOPPED,
-            f"the package could not be handed over at {target}: it is at {onward.destination}; {stands}",
+            f"the package could not be handed over at {target} and is at {onward.destination}; {stands}",
         )
     return State.STOPPED, f"not delivered: {why}; {stands}"
 

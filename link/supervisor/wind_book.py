@@ -169,8 +169,8 @@ class WindBook:
     def origin(self) -> str:
         """Where a wind that is told before a take-off comes from, for a person: it is never measured there and then."""
         if self.observations:
-            return "forecast corrected by measurements of earlier legs"
-        return "forecast corrected by the winds observed" if self._at_stations else "forecast"
+            return "forecast updated with measurements of earlier legs"
+        return "forecast updated with the observed winds" if self._at_stations else "forecast"
 
     @property
     def source(self) -> str:

@@ -108,7 +108,7 @@ def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str,
 def sensors(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the sensors, by SYS_STATUS: each that is switched on is healthy, and those that are needed are there."""
     if told is None:
-        return HealthItem("sensors", "unknown", "the vehicle does not tell (SYS_STATUS)")
+        return HealthItem("sensors", "unknown", "the vehicle does not report it (SYS_STATUS)")
     present, enabled, healthy = (
         int(told[f"onboard_control_sensors_{word}"]) for word in ("present", "enabled", "health")
     )
@@ -125,14 +125,14 @@ def sensors(told: Mapping[str, Any] | None) -> HealthItem:
 def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
     """Judge the autopilot's filter: it has attitude, velocity and place, and agrees with its sensors."""
     if told is None:
-        return HealthItem("filter", "unknown", f"the vehicle does not tell ({family.filter_message[0]})")
+        return HealthItem("filter", "unknown", f"the vehicle does not report it ({family.filter_message[0]})")
     flags = int(told["flags"])
     tests = {name: float(told[name]) for name in family.filter_tests}
     known = {name: value for name, value in tests.items() if math.isfinite(value)}
     if flags & _SOUND != _SOUND or flags & _GLITCHES:
         return HealthItem("filter", "no", f"no sound estimate of attitude, velocity and place (flags {flags:#x})")
     if not known:
-        return HealthItem("filter", "unknown", "the vehicle does not tell how its sensors agree")
+        return HealthItem("filter", "unknown", "the vehicle does not report how its sensors agree")
     worst = max(known, key=known.__getitem__)
     name = " ".join(_WORDS.get(word, word) for word in worst.split("_"))
     said = f"{name} {known[worst]:.2f}, less than {family.filter_limit:g} allowed"
@@ -165,7 +165,7 @@ def _fault(place: Calibration, values: Mapping[str, float]) -> str:
     if len(offsets) < len(place.offsets):
         return f"{', '.join(name for name in place.offsets if name not in values)} not reported"
     if not all(map(math.isfinite, offsets)):
-        return f"{place.offsets[0]} and the others of {place.identified} are no numbers"
+        return f"{place.offsets[0]} and the others of {place.identified} are not numbers"
     if offsets and place.zero_is_none and not any(offsets):
         return f"{', '.join(place.offsets)} are 0: never calibrated"
     length = math.hypot(*offsets)
@@ -179,7 +179,7 @@ def _fault(place: Calibration, values: Mapping[str, float]) -> str:
 def receiver(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the satellite receiver, by GPS_RAW_INT."""
     if told is None:
-        return HealthItem("GPS", "unknown", "the vehicle does not tell (GPS_RAW_INT)")
+        return HealthItem("GPS", "unknown", "the vehicle does not report it (GPS_RAW_INT)")
     fix, satellites, eph = int(told["fix_type"]), int(told["satellites_visible"]), int(told["eph"])
     hdop = math.nan if eph == _UNTOLD_EPH else eph / 100.0
     said = f"fix {fix}, {satellites} satellites, HDOP {'not reported' if math.isnan(hdop) else f'{hdop:.1f}'}"
@@ -191,13 +191,13 @@ def receiver(told: Mapping[str, Any] | None) -> HealthItem:
 def cells(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge how far the cells of the battery are apart, by BATTERY_STATUS: told singly, or shared out evenly, or not at all."""
     if told is None:
-        return HealthItem("battery cells", "unknown", "the vehicle does not tell (BATTERY_STATUS)", needed=False)
+        return HealthItem("battery cells", "unknown", "the vehicle does not report it (BATTERY_STATUS)", needed=False)
     if fault := int(told.get("fault_bitmask", 0)):
         return HealthItem("battery cells", "no", f"the battery reports a fault (bits {fault:#x})")
     volts = [value / 1e3 for value in told["voltages"] if value != _UNTOLD_CELL]
     volts += [value / 1e3 for value in told.get("voltages_ext", ()) if value not in (0, _UNTOLD_CELL)]
     if len(volts) < 2 or len(set(volts)) == 1:
-        shared = "its cells are not measured singly" if volts else "no voltage is reported"
+        shared = "its cells are not reported individually" if volts else "no voltage is reported"
         return HealthItem("battery cells", "unknown", shared, needed=False)
     spread = max(volts) - min(volts)
     said = f"{len(volts)} cells, {min(volts):.2f} to {max(volts):.2f} V, {with_unit(spread * 1e3, 'mV', 0)} apart"
@@ -211,9 +211,11 @@ def cycles(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the age of the battery, by SMART_BATTERY_INFO, which smart batteries have."""
     count = -1 if told is None else int(told["cycle_count"])
     if told is None or not 0 <= count < _UNTOLD_CELL:
-        return HealthItem("battery cycles", "unknown", "the battery does not tell (SMART_BATTERY_INFO)", needed=False)
+        return HealthItem(
+            "battery cycles", "unknown", "the battery does not report them (SMART_BATTERY_INFO)", needed=False
+        )
     full, design = float(told["capacity_full"]), float(told["capacity_full_specification"])
-    holds = f"; it holds {percent(full / design)} of what it is made for" if full > 0.0 and design > 0.0 else ""
+    holds = f"; it holds {percent(full / design)} of its design capacity" if full > 0.0 and design > 0.0 else ""
     said = f"{count} cycles{holds}"
     return HealthItem(
         "battery cycles",
@@ -225,7 +227,7 @@ def cycles(told: Mapping[str, Any] | None) -> HealthItem:
 def motors(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the motors' controllers, by ESC_INFO: all are heard, none reports a failure."""
     if told is None or not int(told["count"]):
-        return HealthItem("motors", "unknown", "their controllers do not tell (ESC_INFO)", needed=False)
+        return HealthItem("motors", "unknown", "the motor controllers do not report (ESC_INFO)", needed=False)
     count, heard = int(told["count"]), int(told["info"])
     silent = [n + 1 for n in range(min(count, 8)) if not heard >> n & 1]
     failing = [n + 1 for n, flags in enumerate(told["failure_flags"][: min(count, 4)]) if flags]
@@ -239,11 +241,11 @@ def motors(told: Mapping[str, Any] | None) -> HealthItem:
 def vibration(flown: Vibration | None, family: Family) -> HealthItem:
     """Judge how the vehicle shook on its last flight."""
     if flown is None or not math.isfinite(flown.worst_mps2):
-        return HealthItem("vibration", "unknown", "no flight of it was watched from here yet", needed=False)
+        return HealthItem("vibration", "unknown", "skyway has not watched a flight of it yet", needed=False)
     raised, most = family.vibration_mps2
     said = f"{with_unit(flown.worst_mps2, 'm/s²', 1)} on the last flight, {flown.clips} times at the limit of an accelerometer"
     if flown.worst_mps2 >= most or flown.clips > _CLIPS:
         return HealthItem("vibration", "no", f"{said}; {most:g} m/s² and {_CLIPS} times at most")
     return HealthItem(
-        "vibration", "ok", f"{said}; above {raised:g} m/s² look at its mounts" if flown.worst_mps2 >= raised else said
+        "vibration", "ok", f"{said}; above {raised:g} m/s² check its mounts" if flown.worst_mps2 >= raised else said
     )

@@ -364,7 +364,7 @@ class LegBuilder:
         ]
         if hovers(self.options.release):
             found.append(
-                "the drone does not land at the target: a package that stays aboard flies on with it; what a winch or a payload place does is not told by the mission"
+                "the drone does not land at the target, and a package that stays on board flies on with it; the mission does not contain the commands of a winch or a payload place"
             )
         if self.options.release == "hand":
             found.append("the package is released by a person after the landing at the target: confirm it in skyway")

@@ -43,7 +43,7 @@ def released_on_way(
     """
     if onward is None or onward.origin != station:
         remedy = "plan with --release winch or place: such a plan keeps the charge for it"
-        problem = f"the drone does not land at {station}, and the plan has no way on from there"
+        problem = f"the drone does not land at {station}, and the plan has no flight on from there"
         raise InputError(Fault(problem, field="release", value=build.options.release, remedy=remedy))
     if build.options.release == "place" and not build.dialect.places_payloads:
         remedy = "--release winch, gripper or hand"

@@ -44,8 +44,8 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
         message = f"jumps back to item {target} forever: only a person or a failsafe ends the flight"
         yield Finding("warning", number, "endless-jump", message, "give the jump a number of repeats")
     if route.is_cut:
-        message = "the jumps repeat so often that only the beginning of the flight was checked"
-        yield Finding("warning", None, "too-many-repeats", message, "lower the numbers of repeats")
+        message = "too many repeats of jumps: only the beginning of the flight was checked"
+        yield Finding("warning", None, "too-many-repeats", message, "reduce the numbers of repeats")
     for pattern in mission.complex_items:
         if pattern.is_built:
             message = (

@@ -44,7 +44,7 @@ def _of_waypoints(document: MissionDocument) -> Iterator[str]:
         yield f"comments of {comments} items: QGroundControl opens no file that has them"
     terrain = sum(item.was_planned_above_terrain for item in mission.items)
     if terrain:
-        yield f"that the heights of {terrain} items were worked out above terrain: they stay, above sea level"
+        yield f"that the heights of {terrain} items were computed above terrain: they stay, above sea level"
     patterns = {n for p in mission.complex_items for n in range(p.first, p.first + p.count)}
     simple = [item for number, item in enumerate(mission.items) if number not in patterns]
     yield from _keys("fields of items", (key for item in simple for key in item.extra if key != COMMENT))

@@ -138,7 +138,7 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
 
 
 def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
-    """Take index, frame, command and autocontinue where some are written as 3.0, are no numbers, or out of range."""
+    """Take index, frame, command and autocontinue where some are written as 3.0, are not numbers, or out of range."""
     values = []
     for field, (column, most) in _WHOLE.items():
         number = finite(cells[column])

@@ -90,7 +90,7 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
             circles.append(FenceCircle(center, item.param1, _CIRCLES[Command(item.command)]))
             position += 1
         elif item.command == HOME_CIRCLE:
-            remedy = "use a circle with a centre of its own (5003)"
+            remedy = "use a circle with its own centre (5003)"
             problem = "not supported: a fence circle around wherever home is"
             raise InputError(problem, file, None, f"item {position}", HOME_CIRCLE, remedy)
         else:

@@ -194,7 +194,7 @@ class _Divider:
         if self.order.count(self._item(number)) > 1:
             return "is flown to more than once (a jump)"
         if item.point is None:
-            return "has no place of its own"
+            return "has no position"
         for order in self.after[number]:
             role = role_of(order)
             if role == "bound" or (role == "event" and order.command not in _HARMLESS):

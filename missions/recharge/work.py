@@ -159,7 +159,7 @@ def work_of(
 def too_many_repeats() -> InputError:
     """Return the error of a mission whose jumps are not followed to their end."""
     told = f"the jumps of the mission repeat too often: more than {MAX_REPEATED_STEPS} steps"
-    return InputError(told, field="mission", remedy="lower the numbers of repeats")
+    return InputError(told, field="mission", remedy="reduce the numbers of repeats")
 
 
 class _Reading:

@@ -87,7 +87,7 @@ def polygon(rings: Sequence[Sequence[Place]], notes: Notes) -> shapely.Geometry 
         outline = _widened(outline, THIN_M, lat)
     reason = shapely.is_valid_reason(area) if len(set(rings[0])) >= 3 else "fewer than three corners"
     notes.closed(
-        "geometry", "is no valid polygon", reason, "counted as the convex hull of its corners; put them in order"
+        "geometry", "is not a valid polygon", reason, "counted as the convex hull of its corners; put them in order"
     )
     return outline
 

@@ -88,7 +88,7 @@ def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *,
             return limit_of_text(value, notes, ceiling=ceiling)
         value = float(value.replace(",", "."))
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        notes.closed(what, "is no height", value, f"counted as {none}")
+        notes.closed(what, "is not a height", value, f"counted as {none}")
         return none
     if ceiling and value >= UNLIMITED:
         return NO_CEILING
@@ -141,7 +141,7 @@ def limit_of_text(text: str, notes: Notes, *, ceiling: bool) -> Limit:
 
 
 def _refused(text: str, notes: Notes, none: Limit, *, ceiling: bool) -> Limit:
-    notes.closed("ceiling" if ceiling else "floor", "is no height", text, f"counted as {none}")
+    notes.closed("ceiling" if ceiling else "floor", "is not a height", text, f"counted as {none}")
     return none
 
 

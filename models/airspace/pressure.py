@@ -116,10 +116,10 @@ def _typed(told: str, file: str) -> Pressure:
     first, _, second = told.partition(",")
     qnh, degrees = _TYPED.fullmatch(first.strip()), _DEGREES.fullmatch(second.strip())
     if qnh is None or (second and degrees is None):
-        raise InputError("what follows its name is no pressure", file, value=told, remedy=remedy)
+        raise InputError("what follows its name is not a pressure", file, value=told, remedy=remedy)
     hpa = float(qnh[1]) if qnh[1] else HPA_PER_INHG * (0.01 * float(qnh[2]) if qnh[2] else float(qnh[3]))
     if not READABLE_HPA[0] <= hpa <= READABLE_HPA[1]:
-        raise InputError("there is no such pressure at sea level", file, value=told, remedy=remedy)
+        raise InputError("is impossible at sea level", file, value=told, remedy=remedy)
     warmth = None if degrees is None else (float(degrees[1]),) * 2
     return Pressure((hpa, hpa), warmth, sure=True)
 
@@ -130,5 +130,5 @@ def _of_metars(path: Path) -> Pressure:
     qnh = [hpa for hpa, _ in found if READABLE_HPA[0] <= hpa <= READABLE_HPA[1]]
     warmth = [degrees for _, degrees in found if degrees is not None]
     if not qnh:
-        raise InputError("tells no QNH", str(path), remedy="METARs with a group such as Q1013 or A2992")
+        raise InputError("has no QNH", str(path), remedy="METARs with a group such as Q1013 or A2992")
     return Pressure((min(qnh), max(qnh)), (min(warmth), max(warmth)) if warmth else None, sure=True)

@@ -79,7 +79,7 @@ def inspect_airspace(path: Path) -> AirspaceFile:
     else:
         shown = one_line(text.lstrip().splitlines()[0])[:40]
         raise InputError(
-            "is no airspace file", file, None, "first line", shown, "ED-269, ED-318, GeoJSON, OpenAir or KML"
+            "is not an airspace file", file, None, "first line", shown, "ED-269, ED-318, GeoJSON, OpenAir or KML"
         )
     if not zones and not notes.faults:
         notes.at("")
@@ -180,7 +180,7 @@ def _features(document: object, file: str) -> list[Any]:
     if isinstance(document, list):
         return document
     if not isinstance(document, dict):
-        raise InputError("is no airspace file", file, None, None, document, "expected an object or a list")
+        raise InputError("is not an airspace file", file, None, None, document, "expected an object or a list")
     for name in ("features", *WRAPPERS):
         found = document.get(name)
         if isinstance(found, dict):  # a wrapper in a wrapper

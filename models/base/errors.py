@@ -119,7 +119,7 @@ class AuditError(SkywayError):
         super().__init__(
             one_line(
                 f"the plan of {planner} failed its audit and is withheld: {where}: {what}: claimed {said}, flown {found}; "
-                "another planner may have one (--planner); please report this request"
+                "another planner may have a plan (--planner); please report this request"
             )
         )
         self.planner, self.leg, self.what, self.claimed, self.flown = planner, leg, what, claimed, flown
@@ -168,8 +168,8 @@ class StationConflictError(LinkError):
 
     def __init__(self, system: int, component: int) -> None:
         super().__init__(
-            f"another ground station speaks with our system id {system} (component {component}): the vehicle cannot "
-            "tell us apart, and its failsafe would count either; choose another id with --gcs-system"
+            f"another ground station uses our system id {system} (component {component}): the vehicle cannot distinguish "
+            "the two, and its failsafe counts both; choose another id with --gcs-system"
         )
         self.system, self.component = system, component
 
@@ -178,5 +178,5 @@ class ParameterAbsentError(LinkError):
     """The vehicle answers, and has no such parameter."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for others")
+        super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for other parameters")
         self.names = tuple(names)

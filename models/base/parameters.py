@@ -159,7 +159,7 @@ def with_settings(part: P, settings: Iterable[str]) -> P:
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
-            raise InputError("is no name=value", field="--set", value=setting, remedy="planner.robust.members=50")
+            raise InputError("is not name=value", field="--set", value=setting, remedy="planner.robust.members=50")
         values[name.strip()] = _find(known, name.strip()).parsed(text)
     return with_values(part, values)
 

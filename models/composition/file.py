@@ -181,7 +181,7 @@ def _way_back(raw: schema.Composition, services: tuple[DroneService, ...], file:
         if found is None:
             continue
         if found.way_back is not None:
-            raise InputError("has a way back of its own", file, field=f"{place}return")
+            raise InputError("must not have another way back", file, field=f"{place}return")
         if found.origin != services[-1].destination:
             raise InputError("does not start where the delivery ends", file, field=f"{place}from", value=found.origin)
         if found.services[0].depart < services[-1].arrive:

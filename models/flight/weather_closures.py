@@ -98,7 +98,7 @@ def closures_told(
         notes.append(f"closed {len(near) - MOST_TOLD} times more")
     unknown = unchecked_limits(ensemble, drone, rules)
     if unknown:
-        notes.append(f"limits that could not be checked, since the forecast does not tell it: {', '.join(unknown)}")
+        notes.append(f"limits that could not be checked, since the forecast lacks the data: {', '.join(unknown)}")
     return notes
 
 

@@ -56,7 +56,7 @@ class TakenError(SkywayError):
             for one in self.holds[:3]
         )
         more = f"; and {len(self.holds) - 3} more" if len(self.holds) > 3 else ""
-        super().__init__(one_line(f"nothing was booked: {told or 'another booking came first'}{more}"))
+        super().__init__(one_line(f"nothing was booked: {told or 'somebody else booked first'}{more}"))
 
 
 class FencedError(SkywayError):
@@ -224,7 +224,7 @@ class Ledger(ABC):
         sql = f"SELECT token, owner, expires, expires > {self.NOW} FROM lease WHERE holder = ? {self.SHARE}"
         found = self.rows(sql, (holder,))
         if not found:
-            raise FencedError(one_line(f"nobody has taken the lease of {holder}"))
+            raise FencedError(one_line(f"nobody holds the lease of {holder}"))
         return found[0]
 
     def check(self, lease: Lease) -> None:
@@ -383,7 +383,7 @@ class Ledger(ABC):
         `VersionError` refuses a step that makes no sense, such as back from ``in use`` to ``firm``.
         """
         if state not in FOLLOWING:
-            raise InputError("is no state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
+            raise InputError("is not a state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
         with self.transaction():
             self.check(lease)
             version = self._own_version(lease, itinerary)

@@ -25,7 +25,7 @@ def open_ledger(name: str) -> Ledger:
         return PostgresqlLedger(name)
     if "://" in name:
         remedy = "a file, or postgresql://USER@HOST/DATABASE"
-        raise InputError("is no ledger", field="--ledger", value=name, remedy=remedy)
+        raise InputError("is not a ledger", field="--ledger", value=name, remedy=remedy)
     from skyway.models.ledger.sqlite import SqliteLedger
 
     return SqliteLedger(Path(name))

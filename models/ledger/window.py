@@ -135,7 +135,7 @@ def check_windows(windows: Sequence[Window]) -> None:
     refuse(faults)
     refuse(
         [
-            Fault("holds the same pad twice at one time", field=f"windows[{number}]", value=f"{one.station} {one.pad}")
+            Fault("books the same pad twice at one time", field=f"windows[{number}]", value=f"{one.station} {one.pad}")
             for number, one in enumerate(windows)
             if any(one.touches(other) for other in windows[:number])
         ]

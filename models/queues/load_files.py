@@ -265,7 +265,7 @@ def _occupancy_warnings(
     if strangers:
         warnings.append(f"{file}: {len(strangers)} columns are not stations of the network: {_listed(strangers)}")
     if gaps:
-        warnings.append(f"{file}: {gaps} values are missing and were left out of the averages")
+        warnings.append(f"{file}: {gaps} values are missing and were ignored in the averages")
     if full.any():
         names = _listed([station_ids[i] for i in np.flatnonzero(full.any(axis=1)).tolist()])
         warnings.append(

@@ -227,7 +227,7 @@ class _Reader:
                 if zones is None or math.isinf(zones.max_height_m)
                 else "cross a no-fly zone, or are too high,"
             )
-            self.warnings.append(f"{removed} given segments {why} and are left out")
+            self.warnings.append(f"{removed} given segments {why} and are ignored")
         return network
 
     def _drones(self, table: Table) -> tuple[Drone, ...]:
@@ -341,7 +341,7 @@ class _Reader:
         elif occupancy is not None:
             found = self._try(lambda f: read_occupancy(f, ids, timezone, pads, mean_charging_min), occupancy)
         else:
-            self.warnings.append("no [load]: the pads are taken to be free of other drones")
+            self.warnings.append("no [load]: assuming that no other drones use the pads")
             return None
         if found is None:
             return None

@@ -126,4 +126,4 @@ def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) ->
     heights = segment_heights(flown.lat, flown.lon, flown.ground_m, left_out, flown.over)
     lost = int(np.isnan(heights.up_m).sum())
     if lost:
-        yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are left out"
+        yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are removed"

@@ -84,7 +84,7 @@ def _words(text: str, field: str) -> str:
 
 def _fitting(text: str, most: int, field: str) -> str:
     if not text or not text.isascii() or not text.isprintable() or len(text) > most:
-        remedy = f"1 to {most} letters, digits and signs of ASCII: the message holds no more"
+        remedy = f"1 to {most} letters, digits and signs of ASCII: the message has no more space"
         raise InputError(Fault("cannot be broadcast", field=field, value=text[:40], remedy=remedy))
     return text
 

@@ -33,7 +33,7 @@ class Tariff:
     Raises
     ------
     InputError
-        Shapes that do not fit, or prices that are no numbers from 0 to `MAX_PRICE`.
+        Shapes that do not fit, or prices that are not numbers from 0 to `MAX_PRICE`.
     """
 
     currency: str

@@ -55,12 +55,12 @@ def read_raster(text: str) -> Raster:
             raster = _over_geoid(raster, Path(word.removeprefix(GEOID)))
         elif word in DATUMS:
             if raster.datum not in ("unknown", DATUMS[word]):
-                problem = f"counts from {raster.datum} by what the file says"
-                raise InputError(problem, str(path), value=f"@{word}", remedy=f"leave out @{word}")
+                problem = f"counts from {raster.datum} according to the file"
+                raise InputError(problem, str(path), value=f"@{word}", remedy=f"remove @{word}")
             raster = replace(raster, datum=DATUMS[word])
         else:
             if raster.unit_m not in (1.0, UNITS_M[word]):
-                raise InputError("is in another unit by what the file says", str(path), value=f"@{word}", remedy=f"leave out @{word}")  # fmt: skip
+                raise InputError("is in another unit according to the file", str(path), value=f"@{word}", remedy=f"remove @{word}")  # fmt: skip
             raster = replace(raster, unit_m=UNITS_M[word])
     return raster
 
@@ -70,14 +70,14 @@ def _meant(path: Path) -> str | None:
     file, _, word = str(path).rpartition("@")
     if not file or not Path(file).is_file():
         return None
-    return f"{word} says nothing of {file}: {', '.join((*DATUMS, *UNITS_M, GEOID + 'GRID.tif'))}"
+    return f"{word} is not an option of {file}: {', '.join((*DATUMS, *UNITS_M, GEOID + 'GRID.tif'))}"
 
 
 def _over_geoid(raster: Raster, path: Path) -> Raster:
     """Return a raster above the ellipsoid, with the grid that leads from there to mean sea level."""
     if raster.datum not in ("unknown", "ellipsoid"):
-        problem = f"counts from {raster.datum} by what the file says"
-        raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="leave the geoid out: none is needed")
+        problem = f"counts from {raster.datum} according to the file"
+        raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="remove the geoid: it is not needed")
     if not path.is_file():
         raise InputError("no such file", str(path), remedy="name a grid of the geoid, as GeoTIFF")
     return replace(raster, datum="ellipsoid", geoid=read_geotiff(path))
@@ -144,9 +144,9 @@ def datum_note(raster: Raster) -> str | None:
     name = Path(raster.file).name
     if raster.datum == "unknown":
         return (
-            f"{name} does not say what its heights count from: they are used as heights above mean sea level; "
-            f"if that is so, name it {name}@msl, else {name}@ellipsoid"
+            f"{name} does not state its vertical datum: its heights are used as heights above mean sea level; "
+            f"if that is right, name it {name}@msl, else {name}@ellipsoid"
         )
     if raster.datum in (*SEA_LEVEL, "ellipsoid"):
         return None
-    return f"the heights of {name} count from {crs_name(raster.datum)}: they are used as heights above mean sea level"
+    return f"the heights of {name} refer to {crs_name(raster.datum)}: used as heights above mean sea level"

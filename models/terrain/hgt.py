@@ -46,7 +46,7 @@ def read_hgt(path: Path) -> Raster:
     found = NAME.match(Path(tile.member).name) or NAME.match(path.name)
     if found is None:
         remedy = "name it by its south-west corner, as it was published: N40W074.hgt"
-        raise InputError("does not tell by its name where it lies", file, remedy=remedy)
+        raise InputError("does not have its position in its name", file, remedy=remedy)
     south = int(found[2]) * (1 if found[1].upper() == "N" else -1)
     west = int(found[4]) * (1 if found[3].upper() == "E" else -1)
     if not (-90 <= south < 90 and -180 <= west < 180):

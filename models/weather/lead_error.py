@@ -102,7 +102,7 @@ def read_lead_error(path: Path) -> LeadError:
     try:
         found = msgspec.json.decode(text, type=LeadError)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
-        raise InputError(f"is no file of forecast errors: {error}", str(path), remedy=remedy) from error
+        raise InputError(f"is not a file of forecast errors: {error}", str(path), remedy=remedy) from error
     count = len(found.lead_h)
     numbers = [
         *found.lead_h,

@@ -117,7 +117,7 @@ def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], e
             raise faults[0]
         problem = "no observation lies in the time of a forecast"
         raise InputError(
-            problem, weathers[0].name if weathers else None, remedy="hand over observations of the hours that it is for"
+            problem, weathers[0].name if weathers else None, remedy="give observations of the hours of the forecast"
         )
     return Pairs(np.array(lead), np.array(issue), np.array(place), tuple(forecast), np.array(truth), places)
 

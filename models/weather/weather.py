@@ -234,10 +234,10 @@ class Weather:
             problem = "has wind speeds or gusts, but no direction: unusable for planning"
             remedy = "ask for the direction, too (wind_direction_10m, or u and v components)"
         elif NORTH in has or EAST in has:
-            problem, remedy = "has only one component of the wind", "hand over the file with the other one, too"
+            problem, remedy = "has only one component of the wind", "add the file with the other component"
         else:
             held = ", ".join(dict.fromkeys([*sorted(has), *self.others])) or "nothing"
-            problem, remedy = f"holds no wind, but {held}", "ask for the wind at 10, 80 or 100 m above ground"
+            problem, remedy = f"has no wind, only {held}", "ask for the wind at 10, 80 or 100 m above ground"
         raise InputError(problem, self.name, remedy=remedy)
 
 
@@ -252,8 +252,8 @@ def _check_ranges(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> Non
         for worst in (known.min(), known.max()) if known.size else ():
             if not low <= worst <= high:
                 name = SPOKEN.get(key.quantity, key.quantity)
-                problem = f"has a {name} of {float(worst):.6g} {UNITS[key.quantity]}: there is none such"
-                raise InputError(problem, file, remedy="look at its unit, and at what stands for a missing value")
+                problem = f"has a {name} of {float(worst):.6g} {UNITS[key.quantity]}: impossible"
+                raise InputError(problem, file, remedy="check its unit, and its marker of missing values")
 
 
 def with_components(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> dict[FieldKey, NDArray[np.float64]]:
@@ -313,12 +313,10 @@ def _both(first: Weather, second: Weather) -> Weather:
             part = into[rows]
             if math.isnan(one.issued_s) and np.any(np.abs(part - values) > SAME):
                 problem = f"has another {key.quantity} than {first.name} for the same place and time, and neither says when it was issued"
-                raise InputError(problem, second.name, remedy="hand over the newer one alone")
+                raise InputError(problem, second.name, remedy="give only the newer one")
             into[rows] = np.where(np.isnan(values), part, values)
     if math.prod(shape) > MAX_CELLS:
-        raise InputError(
-            "holds too much for one region", first.name, remedy="cut it to the region and the hours needed"
-        )
+        raise InputError("is too large for one region", first.name, remedy="cut it to the region and the hours needed")
     return replace(
         first,
         files=tuple(dict.fromkeys((*first.files, *second.files))),

@@ -61,7 +61,7 @@ def analogue_ensemble(
         begin, end = (middle + timedelta(days=sign * min(season_days, 182)) for sign in (-1, 1))
         wanted = f"{begin:%d %B} to {end:%d %B}"
         whole = season & days.complete
-        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them left out"
+        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them excluded"
         if not whole.any():
             found = f"{season.sum()} days in that season, none without a gap"
         problem = f"no analogue day for the season {wanted}"

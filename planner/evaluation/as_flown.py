@@ -115,10 +115,8 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
             "too few simulated deliveries", field="flown_runs", value=runs, remedy=f"at least {LEAST_RUNS}"
         )
     if len(forecast) < 2:
-        remedy = "leave out --wind, or give a forecast with an error"
-        raise InputError(
-            "one course of the wind is no forecast that could turn out otherwise", field="wind", remedy=remedy
-        )
+        remedy = "remove --wind, or give a forecast with an error"
+        raise InputError("a single wind series is not an uncertain forecast", field="wind", remedy=remedy)
     rng = np.random.default_rng((problem.request.seed, _STREAM, runs))
     member = np.searchsorted(np.cumsum(forecast.probability), (np.arange(runs) + 0.5) / runs).clip(
         max=len(forecast) - 1

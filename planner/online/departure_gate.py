@@ -161,14 +161,18 @@ class DepartureGate:
         least = self._keeps_reserve(reach, taken)
         if least is None:
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
-            on = " (the reserve, and the way on from there)" if self._reserve > self._policy.request.reserve_soc else ""
-            why = f"even fully charged it lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
+            on = (
+                " (the reserve, and the charge for the flight on from there)"
+                if self._reserve > self._policy.request.reserve_soc
+                else ""
+            )
+            why = f"even fully charged the drone lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         covered = self._covered(
             reach, way, at_s, max(least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
-            why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
+            why = f"from {distance_text(covered)} on no divert station is in reach, even fully charged"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}")
         soc, diverts = covered
         held, figures = (
@@ -298,7 +302,7 @@ class DepartureGate:
             return None
         opens = zone_clock(from_posix(opens_s), ZoneInfo(p.load.timezone))
         end = p.network.stations[node].id
-        return f"wait: nobody is to land at {end} before {opens}", {"opens_posix_s": opens_s}
+        return f"landing at {end} is allowed only from {opens} on", {"opens_posix_s": opens_s}
 
     def _p_no_room(self, sure: tuple[str, ...], reach: Reach, taken: _Taken, at_s: float, soc: float) -> float:
         """Probability that a watched leg is turned halfway because it may well find no place at its end, by who is there now."""
@@ -330,8 +334,8 @@ class DepartureGate:
         station = self._policy.scenario.network.stations[self._policy.scenario.network.index[sure[-1]]]
         others = counted(self._info.busy_pads[station.id], "other drone")
         reason = (
-            f"wait for room: {others} at {station.id}, which has {counted(station.pads, 'pad')} and {counted(station.holding_spots, 'holding spot')}; "
-            f"the flight would be turned with probability {probability(chance)}"
+            f"too little free capacity at {station.id}: {others}, {counted(station.pads, 'pad')}, "
+            f"{counted(station.holding_spots, 'holding spot')}; the flight would have to divert with probability {probability(chance)}"
         )
         return reason, {"p_no_room": chance}
 
@@ -345,7 +349,7 @@ class DepartureGate:
         if p_over <= self._policy.parameters.p_closed:
             return "", {}
         reason = (
-            f"wait for the wind: {speed_text(mean)} expected on the way to {end}, above {speed_text(limit)} with probability "
+            f"wind too strong on the way to {end}: {speed_text(mean)} expected, above the limit of {speed_text(limit)} with probability "
             f"{probability(p_over)}"
         )
         return reason, {"p_wind_over_limit": p_over, "wind_mps": mean}

@@ -179,8 +179,8 @@ class FlightDecision:
             return None
         self._memory.speed_s = airborne.time_s
         reason = (
-            f"ground speed {speed_text(airborne.commanded_mps)} to {speed_text(wanted)}: that is the planned airspeed in a wind now "
-            f"put at {speed_text(figures['wind_mean_mps'])}"
+            f"ground speed {speed_text(airborne.commanded_mps)} to {speed_text(wanted)}, to keep the planned airspeed in the "
+            f"estimated wind of {speed_text(figures['wind_mean_mps'])}"
         )
         return Decision("speed", reason, figures, speed_mps=round(wanted, 1))
 
@@ -302,7 +302,7 @@ class FlightDecision:
         self._memory.turned = True
         gain_s = kept_s - best.arrival_s
         reason = (
-            f"by way of {best.station} the delivery comes {duration(gain_s)} earlier than by "
+            f"via {best.station} the delivery arrives {duration(gain_s)} earlier than via "
             f"{airborne.destination} (margin {duration(margin_s)})"
         )
         more = {"gain_s": gain_s, "margin_s": margin_s, "options": [one.as_data() for one in found]}
@@ -311,7 +311,7 @@ class FlightDecision:
 
 def _land(airborne: Information, figures: dict[str, Any], p_empty: float) -> Decision:
     reason = (
-        f"no station can be reached any more: with {percent(airborne.soc)} the battery would be empty before any "
-        f"with probability {probability(p_empty)} or more; landing here"
+        f"no station is in reach: with {percent(airborne.soc)} the battery would be empty before each of them "
+        f"with probability {probability(p_empty)} or more; land here"
     )
     return Decision("land", reason, figures | {"p_empty": p_empty})

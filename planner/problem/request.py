@@ -129,7 +129,7 @@ class Request:
         if self.release not in RELEASES:
             faults.append(Fault("is not known", field="release", value=self.release, remedy=", ".join(RELEASES)))
         elif self.in_air and self.dwell_s not in (0.0, hover_s(self.release)):
-            remedy = f"leave it out: {self.release} hovers as long as it takes"
+            remedy = f"remove it: {self.release} hovers as long as necessary"
             faults.append(
                 Fault("the drone does not land at the target", field="dwell_s", value=self.dwell_s, remedy=remedy)
             )

@@ -36,7 +36,7 @@ class Driver(StrEnum):
 DEFAULT_CONNECT = "udpin:127.0.0.1:14540"
 CONNECT_HELP = (
     "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD; repeatable: several radios to one vehicle. "
-    f"Without it: {DEFAULT_CONNECT}."
+    f"Default: {DEFAULT_CONNECT}."
 )
 FORWARD_HELP = (
     "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may fly (modes, arming), "

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {titles()}.")]
 Columns = Annotated[Path | None, typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.")]
-System = Annotated[int | None, typer.Option("--system", help="MAVLink system id. Without it: the first.")]
+System = Annotated[int | None, typer.Option("--system", help="MAVLink system id. Default: the first.")]
 VehicleKind = Annotated[
     str | None,
     typer.Option("--vehicle", help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, …."),

@@ -22,7 +22,7 @@ else:  # choices for typer
     FamilyNameOrAuto = Literal[("auto", *NAMES)]
 """Name of an autopilot family; ``auto`` asks the vehicle."""
 
-ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.")]
+ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. Default: New York, built in.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.")]
@@ -38,12 +38,12 @@ Authorized = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="A tuned number: planner.robust.members=50; may be repeated. `skyway settings` lists them."
+        "--set", help="A tuned parameter: planner.robust.members=50; repeatable. `skyway settings` lists them."
     )
 ]  # fmt: skip
 
 TERRAIN_HELP = (
-    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. What a file does not say follows its name: FILE@ellipsoid, FILE@msl, "
+    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. Append what a file does not state: FILE@ellipsoid, FILE@msl, "
     "FILE@ft."
 )
 OBSTACLES_HELP = "Obstacles: CSV or GeoJSON; repeatable."

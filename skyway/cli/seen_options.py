@@ -24,7 +24,7 @@ class Seen:
     traffic: Annotated[
         Literal["tell", "hold", "land"],
         typer.Option(
-            help="When another aircraft (ADS-B) comes near: tell; hold in the air; or land at the nearest station. It goes on when clear."
+            help="When another aircraft (ADS-B) comes near: tell (only report it), hold in the air, or land at the nearest station; the drone flies on when the sky is clear."
         ),
     ] = "tell"
     traffic_within: Annotated[
@@ -34,15 +34,15 @@ class Seen:
         str | None,
         typer.Option(
             help="Remote ID: registration of the operator. The secret digits of European ones are checked, and not broadcast. "
-            "Without it: the scenario's."
+            "Default: the scenario's."
         ),
     ] = None
     self_id: Annotated[
         str | None,
-        typer.Option(help="Remote ID: what the flight is for, up to 23 letters. Without it: the scenario's."),
+        typer.Option(help="Remote ID: what the flight is for, up to 23 letters. Default: the scenario's."),
     ] = None
     operator_at: Annotated[
-        str | None, typer.Option(help="Remote ID: where the operator is, LAT,LON. Without it: the place of take-off.")
+        str | None, typer.Option(help="Remote ID: where the operator is, LAT,LON. Default: the place of take-off.")
     ] = None
 
     def rule(self) -> TrafficRule:

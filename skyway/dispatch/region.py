@@ -62,7 +62,7 @@ class Region:
             return None
 
     def with_places(self, names: tuple[str, ...]) -> Scenario:
-        """Return the scenario with places that are no stations, each named ``lat,lon``."""
+        """Return the scenario with places that are not stations, each named ``lat,lon``."""
         return self._wider(tuple(dict.fromkeys(one for one in names if one not in self.base.network.index)))
 
     def _with_places(self, names: tuple[str, ...]) -> Scenario:

@@ -36,7 +36,9 @@ def simulate(ledger: str, dispatcher: str) -> None:
         found = desk.get("service", "service")
         if found is None:
             raise InputError(
-                "there is no service on this desk", ledger, remedy="start one: skyway dispatch run --simulate"
+                "the ledger has no service of this dispatcher",
+                ledger,
+                remedy="start one: skyway dispatch run --simulate",
             )
         service = read(found, ServiceRecord)
         drones = [read(one, DroneRecord) for one in desk.entries("drone")]

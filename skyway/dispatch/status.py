@@ -72,7 +72,7 @@ def status_of(desk: Desk) -> Status:
     if found is None:
         remedy = "start one: skyway dispatch run"
         raise InputError(
-            "there is no service of this name on the ledger", field="--holder", value=desk.dispatcher, remedy=remedy
+            "the ledger has no service of this name", field="--holder", value=desk.dispatcher, remedy=remedy
         )
     service = read(found, ServiceRecord)
     flights = board.read("flight", FlightRecord, ACTIVE)

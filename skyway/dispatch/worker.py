@@ -57,7 +57,9 @@ class Worker:
         self._desk = Desk(open_ledger(ledger), dispatcher)
         found = self._desk.get("service", "service")
         if found is None:
-            raise InputError("there is no service on this desk", ledger, remedy="start one: skyway dispatch run")
+            raise InputError(
+                "the ledger has no service of this dispatcher", ledger, remedy="start one: skyway dispatch run"
+            )
         self.service = read(found, ServiceRecord)
         self.region = Region(self.service)
         self.leases = KeptLeases(ledger, f"{socket.gethostname()} {os.getpid()}", self.service.ttl_s)

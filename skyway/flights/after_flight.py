@@ -27,7 +27,7 @@ def keep_vibration(context: Context, watch: VibrationWatch) -> None:
     try:
         book.flew(context.observed.uid, context.now_s, shook)
     except InputError as error:
-        context.operator.tell(f"the vibration of the flight is not kept: {error}")
+        context.operator.tell(f"the vibration of the flight was not stored: {error}")
 
 
 class LogsHome:
@@ -43,9 +43,9 @@ class LogsHome:
         try:
             found = logs_before(ctx.vehicle)
         except LinkError as error:
-            self._tell(f"the logs aboard are not known ({error}): after the flight the latest is fetched")
+            self._tell(f"the onboard logs are unknown ({error}): after the flight the latest is downloaded")
             return None
-        aboard = f"{len(found.sizes)} aboard, {bytes_text(sum(found.sizes.values()))}"
+        aboard = f"{len(found.sizes)} on board, {bytes_text(sum(found.sizes.values()))}"
         ctx.note(LogsSeen(by=found.way, sizes_bytes=dict(found.sizes)), f"logs before the flight: {aboard}")
         return found
 

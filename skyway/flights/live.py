@@ -99,7 +99,7 @@ _DECODER = msgspec.json.Decoder(Live)
 def requests_at(orders: Path) -> Path:
     """Check the name of a file of orders."""
     if orders.suffix != ENDING:
-        raise InputError("is no file of orders", field="--orders", value=orders, remedy=f"FILE{ENDING}")
+        raise InputError("is not a file of orders", field="--orders", value=orders, remedy=f"FILE{ENDING}")
     return orders
 
 
@@ -108,7 +108,7 @@ def read_live(path: Path) -> Live:
     try:
         return _DECODER.decode(read_bytes(path, max_bytes=MAX_BYTES))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"does not tell of a flight: {error}", str(path)) from error
+        raise InputError(f"is not a status of a flight: {error}", str(path)) from error
 
 
 @contextmanager

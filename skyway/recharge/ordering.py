@@ -30,7 +30,7 @@ SAME_M = 0.1
 """A picture is where it was within this."""
 MOST_TOLD = 3
 NOTHING_FREE = (
-    "order kept: no parts of the mission are surely independent (lines of pictures, places with a picture or a stay)"
+    "order kept: no parts of the mission are certainly independent (lines of pictures, places with a picture or a stay)"
 )
 
 
@@ -123,10 +123,10 @@ def _better(
     try:
         other = cut(in_order(ready, tables, tour), options)
     except InputError as error:
-        return own, 0.0, (f"order kept: the best that was found is not flown: {error.faults[0].problem}",)
+        return own, 0.0, (f"order kept: the best order found is not used: {error.faults[0].problem}",)
     off_m = pictures_off_m(tables.writer.work, [other.problem.work])
     if off_m > SAME_M:
-        return own, 0.0, ("order kept: pictures would not be where they were",)
+        return own, 0.0, ("order kept: pictures would move",)
     if own is not None and own.plan.end_s <= other.plan.end_s:
         return own, 0.0, ()
     return other, off_m, ()

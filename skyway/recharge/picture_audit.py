@@ -57,4 +57,4 @@ def kept_pictures(found: Recharged) -> PictureAudit:
     told = f"the mission takes {audit.before} pictures, and these flights would take {audit.after}"
     if audit.before == audit.after:
         told = f"a picture would be {distance_text(audit.off_m)} from where it was"
-    raise InputError(told, field="mission", remedy="cut it by hand, and tell us the mission")
+    raise InputError(told, field="mission", remedy="cut it by hand, and send us the mission")

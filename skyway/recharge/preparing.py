@@ -103,7 +103,7 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
     lands = not route.legs or route.legs[-1].landing != "none"
     mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
     if mission.hover_speed_mps is None:
-        notes.append("the mission tells no speed to plan with: 5 m/s is taken until it orders one")
+        notes.append("the mission sets no speed: assuming 5 m/s until it does")
     return mission, (*added, *notes)
 
 

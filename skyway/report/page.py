@@ -269,7 +269,7 @@ def _seen(document: FlightReport) -> str:
     told = (
         rows(("at", "flight", "other aircraft"), aircraft, "tnw")
         if aircraft
-        else '<p class="none">No other aircraft came near, as far as a receiver on the drone heard.</p>'
+        else '<p class="none">No other aircraft came near, as far as the receiver of the drone heard.</p>'
     )
     return f"{rows(RADIO_HEAD, radio_rows(document), 'tnnnntnnnn')}{told}<p>{safe(remote_id_line(document))}</p>"
 
@@ -296,7 +296,7 @@ def _events(document: FlightReport) -> str:
     body = [(str(e.n), utc_clock(e.time_s), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
     table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
-    return f"<details><summary>{len(events)} events, telemetry left out</summary>{table}{more}</details>"
+    return f"<details><summary>{len(events)} events, without telemetry</summary>{table}{more}</details>"
 
 
 def _foot(document: FlightReport) -> str:

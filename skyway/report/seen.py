@@ -103,7 +103,7 @@ def remote_id_line(document: FlightReport) -> str:
     """Say whether it was broadcast who flew."""
     found = document.remote_id
     if found is None:
-        return "Remote ID: the journal does not tell."
+        return "Remote ID: not in the journal."
     told = ", ".join(one for one in (found.operator, found.self_id) if one) or "no operator was given"
     return f"Remote ID: {told}; " + "; ".join(f"{utc_clock(one.time_s)} {one.said}" for one in found.said)
 

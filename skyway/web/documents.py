@@ -57,7 +57,7 @@ async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
     try:
         await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)
         if not working.done():
-            raise SkywayError("nobody waits for the answer")
+            raise SkywayError("no question is open")
         return await working
     finally:
         for task in (working, gone):
@@ -124,7 +124,7 @@ def add(app: FastAPI, site: Site) -> None:
         name, holder = (request.query_params.get(one, "")[:300] for one in ("ledger", "holder"))
         try:
             if not name.lower().endswith(LEDGERS):
-                raise InputError("is no ledger of the work folder", field="--ledger", value=name)
+                raise InputError("is not a ledger of the work folder", field="--ledger", value=name)
             found = await site.workers.ask("dispatched.told", str(site.folder.existing(name)), holder)
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
@@ -155,7 +155,7 @@ def add(app: FastAPI, site: Site) -> None:
         try:
             asked = msgspec.json.decode(await request.body(), type=Order)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            return JSONResponse({"error": f"is no order: {error}"}, 422)
+            return JSONResponse({"error": f"is not an order: {error}"}, 422)
         try:
             site.flights.order(asked.flight, asked.request(who))
         except SkywayError as error:
@@ -193,7 +193,7 @@ def _logs(app: FastAPI, site: Site) -> None:
         kept = request.query_params.get("file", "")
         try:
             if kept and not kept.lower().endswith(REPORTS):
-                raise InputError("is no report of the work folder", field="file", value=kept[:200])
+                raise InputError("is not a report of the work folder", field="file", value=kept[:200])
             path = site.folder.existing(kept or request.query_params.get("journal", ""))
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 404)

@@ -170,7 +170,7 @@ class Guard:
         """Whether the token that a form sends is the right one."""
         body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
         if body is None:
-            return False  # nobody waits for the answer: others do
+            return False  # no question is open: others do
         given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
         async with self._trying:
             right = hmac.compare_digest(given.encode(), token.encode())

@@ -66,7 +66,7 @@ class ServeOptions:
         if self.outline is not None:
             shapes(str(self.outline))
         if self.demo and self.scenario is not None:
-            remedy = "leave one of them out"
+            remedy = "remove one of them"
             raise InputError(
                 "the demonstration flies in New York, which is built in",
                 str(self.scenario),

@@ -61,7 +61,7 @@ def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path):
     assert found["conditions"][0]["speed_mps"] == pytest.approx(16 * 1852 / 3600)
     assert (found["conditions"][0]["from_deg"], found["conditions"][2]["from_deg"]) == (270.0, None)
     said = (
-        "conditioned on the wind observed: EWR 8.2 m/s from 270°, 9 min before the departure; JFK 6.2 m/s from 230°, "
+        "conditioned on the observed wind: EWR 8.2 m/s from 270°, 9 min before the departure; JFK 6.2 m/s from 230°, "
     )
     assert found["notes"][-1].startswith(said)
     assert load(tmp_path / "plan.json").conditions[1].place == "JFK"
@@ -82,10 +82,10 @@ def test_what_a_plan_is_told_moves_its_wind(planned):
 
 def test_compare_and_wind_take_it_too(skyway, metars):
     answer = skyway("compare", "--planners", "pfs,shortest", *HOP, "--drone", "m200", "--observed", metars)
-    assert "Note: conditioned on the wind observed: EWR" in answer.out
+    assert "Note: conditioned on the observed wind: EWR" in answer.out
     shown = [skyway("wind", "--depart", "2013-07-10T14:00-04:00", *more).out for more in ((), ("--observed", metars))]
     assert shown[0] != shown[1]
-    assert "Note: conditioned on the wind observed: EWR" in shown[1]
+    assert "Note: conditioned on the observed wind: EWR" in shown[1]
 
 
 @pytest.mark.parametrize(
@@ -95,10 +95,10 @@ def test_compare_and_wind_take_it_too(skyway, metars):
             ("--observed", "KTEB=8@270"),
             "--observed: unknown station KTEB (got 'KTEB=8@270'); the scenario's wind sites are EWR, JFK, LGA",
         ),
-        (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and left out"),
+        (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and ignored"),
         (
             ("--observed", "EWR=8@270@2013-07-09T15:00-04:00"),
-            "none of 1 observed winds counts: the wind observed at EWR is left out: 23 h",
+            "none of 1 observed winds is usable: the wind observed at EWR is left out: 23 h",
         ),
         (
             ("--observed", "EWR=8@270", "--observed", "EWR=8@090"),
@@ -319,7 +319,7 @@ def test_a_flight_knows_what_was_observed(metars):
     before, after = (one.forecast_at(now.timestamp(), place.lat, place.lon, updated=True) for one in (alone, told))
     assert after.p90_mps - after.p10_mps < before.p90_mps - before.p10_mps
     assert after.from_deg == pytest.approx(270.0, abs=15.0)
-    assert (alone.origin, told.origin) == ("forecast", "forecast corrected by the winds observed")
+    assert (alone.origin, told.origin) == ("forecast", "forecast updated with the observed winds")
 
 
 def test_a_flight_reads_a_file_of_winds_again_when_it_has_changed(tmp_path):

@@ -106,7 +106,7 @@ def test_what_is_no_base_map_is_refused_with_its_reason(tmp_path):
         with pytest.raises(InputError, match=why):
             BaseMap(path).checked()
     (tmp_path / "a.png").write_bytes(PICTURE)
-    with pytest.raises(InputError, match="is no base map"):
+    with pytest.raises(InputError, match="is not a base map"):
         BaseMap(tmp_path / "a.png").checked()
     assert main(["serve", "--map", str(tmp_path / "b.pmtiles")]) == 2
 
@@ -181,7 +181,7 @@ def _policy(base):
     ],
 )  # fmt: skip
 def test_an_address_that_is_none_or_would_widen_the_policy_is_refused(server):
-    with pytest.raises(InputError, match="is no address"):
+    with pytest.raises(InputError, match="is not an address"):
         BaseMap(server=server).checked()
 
 

@@ -261,7 +261,7 @@ class DataFlash:
         by_type = self._names()
         doubts: tuple[str, ...] = ()
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
+            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are ignored",)
         base = TimeBase("the autopilot's clock, set by GPS", doubts=doubts)
         if self._zero_s is None:
             doubts = ("no GPS time was logged: times count from the start of the autopilot", *doubts)

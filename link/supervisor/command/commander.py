@@ -42,7 +42,7 @@ class Commander:
     def refuse(self, said: Said) -> str:
         """Return why somebody may not order anything; nothing where they may."""
         if self.holder is None:
-            return "nobody has command: take it first"
+            return "nobody has command: press Take command first"
         if self.holder.id != said.who:
             return f"{self.holder.name} has command: ask for it first"
         return ""

@@ -127,5 +127,5 @@ def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
         ctx.give_way.overrule()
     leg.learn_nothing()  # it hovers, which tells nothing of its flights
     leg.command(leg.commanded_mps, ctx.now_s)
-    word = "the drone has stopped on its way, and is still watched" if pauses else "the drone flies on"
+    word = "the drone has stopped, and is still supervised" if pauses else "the drone flies on"
     ctx.say(Ordered(word=said.word, id=said.id or None, done="done"), word)

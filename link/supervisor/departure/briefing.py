@@ -62,7 +62,7 @@ def brief(ctx: Context, leg: Leg) -> None:
     ]
     lines += told(changes, restored=ctx.job.restore_parameters)
     if first:
-        lines += ["what the drone does by itself:", *(f"  {line}" for line in alone)]
+        lines += ["what the drone does without commands:", *(f"  {line}" for line in alone)]
     to_set = tuple(ParameterToSet(name=one.name, now=one.before, then=one.after, why=one.why) for one in changes)
     ctx.note(
         Briefed(

@@ -30,5 +30,5 @@ def left_words(ctx: Context) -> str:
     if ctx.on_ground:
         return "it stands disarmed on the ground"
     if ctx.vehicle.mode != "mission":
-        return f"it is in mode {ctx.vehicle.mode} and stays in it until its battery failsafe, or a pilot, ends it"
+        return f"it stays in mode {ctx.vehicle.mode} until its battery failsafe or a pilot ends it"
     return ctx.vehicle.family.failsafes.when_left(ctx.failsafes.values)

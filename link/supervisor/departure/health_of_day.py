@@ -43,4 +43,4 @@ def _verdict(items: Sequence[HealthItem]) -> tuple[Verdict, str]:
 
 
 def _not_known(names: Sequence[str]) -> str:
-    return f"; not known: {', '.join(names)}" if names else ""
+    return f"; unknown: {', '.join(names)}" if names else ""

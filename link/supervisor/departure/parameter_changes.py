@@ -156,7 +156,7 @@ def _restore_once(vehicle: Vehicle, name: str, before: float, ours: float) -> tu
     if _same(now, before):
         return "restored", f"{name} is {before:g} again", now
     if not _same(now, ours):
-        return "released", f"{name} is {now:g}, which somebody else has set: left as it is", now
+        return "released", f"{name} is {now:g}, set by somebody else: not changed", now
     found = vehicle.set_parameter(name, before).value
     return "restored", f"{name} restored from {now:g} to {before:g}", found
 
@@ -173,7 +173,7 @@ def restore_at_end(ctx: Context) -> None:
         return
     count = len(changes.before)
     if not ctx.job.restore_parameters:
-        ctx.tell(f"{_count(count)} left changed on the drone, as asked: {changes.words()}")
+        ctx.tell(f"{_count(count)} left changed on the drone, as ordered: {changes.words()}")
         return
     if not ctx.on_ground:
         why = "the drone does not stand disarmed on the ground"
@@ -206,4 +206,4 @@ def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
     if not settings:
         return []
     after = "restored at the end" if restored else "not restored"
-    return [f"{_count(len(settings))} to set on the drone (now > then; {after}):", *(f"  {one}" for one in settings)]
+    return [f"{_count(len(settings))} to set on the drone (old > new; {after}):", *(f"  {one}" for one in settings)]

@@ -37,7 +37,7 @@ def flying(ctx: Context) -> After:
     """Watch a leg to its landing, deciding every ten seconds."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.HOLDING, "the drone is in the air, and its leg is not known"
+        return State.HOLDING, "the drone is in the air on an unknown leg"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
     if ctx.job.work is not None:
@@ -77,7 +77,7 @@ def _free_pad(ctx: Context, station: str) -> None:
     try:
         ctx.pads.release(station, ctx.observed.system)
     except (LinkError, InputError) as error:
-        ctx.note(PadAnswered(), f"the pad at {station} could not be given back: {error}")
+        ctx.note(PadAnswered(), f"the pad at {station} could not be released: {error}")
 
 
 def _due(ctx: Context, decided_s: float) -> bool:
@@ -237,7 +237,7 @@ def _unsure(ctx: Context) -> bool:
         return False
     ctx.say(
         GaugeNote(),
-        "no landing here yet: the voltage fell, but neither the current nor a further fall confirms that charge was lost",
+        "not landing here yet: the voltage fell, but neither the current nor a further fall confirms a loss of charge",
     )
     return True
 

@@ -164,7 +164,10 @@ class LeanWatch:
 
     def said(self, commanded_mps: float) -> str:
         """What limits it, in words."""
-        return f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground, {speed_text(commanded_mps)} commanded"
+        return (
+            f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground instead of the "
+            f"commanded {speed_text(commanded_mps)}"
+        )
 
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
@@ -181,7 +184,7 @@ def watch_lean(ctx: Context, s: TelemetrySample) -> None:
         return
     estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)
     if not watch.limited:
-        words = f"speed no longer limited by the lean limit: {speed_text(leg.commanded_mps)} over ground are reached"
+        words = f"speed no longer limited by the lean limit: the commanded {speed_text(leg.commanded_mps)} over ground are reached"
     elif estimate is not None:
         words += f"; estimated wind {wind_text(estimate.speed_mps, estimate.from_deg, estimate.sigma_mps)}"
     found_limit = SpeedLimited(

@@ -41,7 +41,7 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
         if change.what == "mode" and change.after not in own_modes and lasts:
             said = "; ".join(ctx.vehicle.texts()[-2:])
             words = f"; it reports: {said}" if said else ""
-            raise Turn(State.HOLDING, f"the drone is in mode {change.after}, which this program did not command{words}")
+            raise Turn(State.HOLDING, f"somebody else switched the drone to mode {change.after}{words}")
         if ctx.in_air and (changed := _foreign(ctx, change)):
             raise Turn(State.HOLDING, changed)
         if change.what == "boot" and ctx.in_air:

@@ -105,12 +105,12 @@ def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
             return False, f"the package was not placed: {kept}"
         if opened := ctx.texts.saying(_OPENED, since_s):
             return True, f"the package was placed: {opened}"
-        return None, "the payload place is over, and the drone has not said what became of it"
+        return None, "the payload place ended, and the drone did not report the result"
     if watch.line_m is None:
-        return None, "the winch has told nothing"
+        return None, "the winch reported nothing"
     if watch.line_m < WINCH_HEIGHT_M - LINE_M:
         if not watch.stands:
-            return None, "the winch was not heard to the end"
+            return None, "the winch did not report the end"
         return (
             False,
             f"the winch let out {with_unit(watch.line_m, 'm')} of line, and the drone hovered at {WINCH_HEIGHT_M:g} m",

@@ -252,7 +252,7 @@ class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
         north, east, sigma = self.wind_north_mps, self.wind_east_mps, self.wind_sigma_mps
         if north is None or east is None or self.wind_source not in (None, "measured", "held"):
             return None
-        earlier = ", measured earlier" if self.wind_source == "held" else ""
+        earlier = ", earlier measurement" if self.wind_source == "held" else ""
         from_deg = math.degrees(math.atan2(-east, -north)) % 360.0
         return f"{wind_text(math.hypot(north, east), from_deg, sigma)}{earlier}"
 

@@ -54,7 +54,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
         return parse_instant(self.time).timestamp()
 
     def entry(self, kind: type[E]) -> E | None:
-        """Return its data as an entry of a kind; None if it is of another kind."""
+        """Return its data as an entry of a kind; None if it has another schema."""
         return kind.read(self.data) if self.event == kind.event() else None
 
 

@@ -71,7 +71,7 @@ def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
     """Say what was not answered, or is not told; the link is lost (a `Turn`) where nothing else is answered either."""
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
-        ctx.say(LinkNote(), f"{what}; it is asked again")
+        ctx.say(LinkNote(), f"{what}; asking again")
 
 
 def must_answer(ctx: Context, reason: str) -> None:

@@ -69,12 +69,12 @@ class SocEstimator:
         if told.contradicted and not was_contradicted:
             ctx.say(
                 GaugeNote(),
-                f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: not believed",
+                f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: ignored",
             )
         self.told_soc = told.line(sample.time_s, rate)
         if leg is not None and flies and fell != 0.0:
             leg.lose_told(fell)
-            self._lose(ctx, fell, f"{percent(fell)} of charge were lost at once: report and voltage fell together")
+            self._lose(ctx, fell, f"{percent(fell)} of charge lost at once: report and voltage fell together")
         if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
         self.soc, self.source = max(self.told_soc - self._voltage.lost, 0.0), "the vehicle"
@@ -89,8 +89,8 @@ class SocEstimator:
         if doubted and self._voltage.lost > 0.0 and not self._voltage.doubtful():
             self.lost_s = ctx.now_s
         if flies and fell != 0.0:
-            said = f"the {percent(sample.soc)} that the drone reports are not believed"
-            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge were lost at once; {said}")
+            said = f"the {percent(sample.soc)} that the drone reports are ignored"
+            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge had been lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
         """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
@@ -100,7 +100,7 @@ class SocEstimator:
         if fell > 0.0:
             self.lost_s = ctx.now_s
         else:
-            reason = f"the {percent(-fell)} of charge that seemed lost are there: it was a wrong measurement"
+            reason = f"the {percent(-fell)} of charge that seemed lost are there: the measurement was wrong"
         ctx.say(GaugeNote(fell_soc=fell), reason)
 
     # Flights and pads

@@ -52,7 +52,7 @@ def look(ctx: Context) -> After | None:
     span, then = found
     reason = (
         f"landing at {leg.destination} with {percent(judged.soc_land)} would be below the reserve with probability {probability(judged.p_below, 1)}:"
-        f" the work is left earlier, landing with {percent(then.soc_land)} in {duration(then.left_s)} (probability {probability(then.p_below, 1)})"
+        f" leaving the work earlier, landing with {percent(then.soc_land)} in {duration(then.left_s)} (probability {probability(then.p_below, 1)})"
     )
     figures = {
         "p_below_reserve": judged.p_below, "soc_land": judged.soc_land, "left_s": judged.left_s,
@@ -157,7 +157,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
         return None
     flight = planner.flight(ctx.vehicle.family, span, known_now(ctx, by_hour=False))
     ctx.work.intend(span)
-    ctx.note(_turned(span, begun=True), f"the work is to be left on the way to {flight.destination}")
+    ctx.note(_turned(span, begun=True), f"leaving the work on the way to {flight.destination}")
     try:
         outcome = ctx.vehicle.change_in_flight(
             flight.mission.document.mission, item, holds=not ctx.vehicle.family.takes_uploads_whole
@@ -176,7 +176,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
         leg, destination=flight.destination, mission=flight.mission, diverts=flight.diverts, lookahead=None
     )
     ctx.delivery.take_leg(changed)
-    ctx.note(_turned(span, begun=False), f"the work is left earlier, landing at {flight.destination}")
+    ctx.note(_turned(span, begun=False), f"leaving the work earlier, landing at {flight.destination}")
     return None
 
 

@@ -48,13 +48,13 @@ def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
         elif pad is None:
             return (
                 State.STOPPED,
-                f"the drone stands at {station}, which has no pad to go on from: bring it to a pad, then start again with --resume",
+                f"the drone stands at {station}, which has no pad: bring it to a pad, then start again with --resume",
             )
         else:
             work.stand(point, pad)
         ctx.note(WorkStands(point=point, pad=station, finished=False), f"the work is done as far as point {point}")
     if ctx.conversation.stays:
-        return State.STOPPED, f"stopped at {station} as asked: the drone stands disarmed; --resume continues the work"
+        return State.STOPPED, f"stopped at {station} as ordered: the drone stands disarmed; --resume continues the work"
     return State.REPLANNING, f"at {station}"
 
 

@@ -92,5 +92,5 @@ def turning(ctx: Context) -> After | None:
     item = int(s.mission_item) - ctx.vehicle.family.home_items
     return leave_at(ctx, span, max(item, 0)) or (
         State.FLYING,
-        f"on its way to {ctx.work.flight.destination}: the change of its mission was begun again",
+        f"on its way to {ctx.work.flight.destination}: changing its mission again",
     )

@@ -107,7 +107,7 @@ def _read(
     if data[:3] == b"BZh":
         data = _unzipped(data, file)
     if not data.strip():
-        raise InputError("is empty", file, remedy=f"hand over {FORMS}")
+        raise InputError("is empty", file, remedy=f"give {FORMS}")
     if data[:3] == b"CDF" or data[:8] == b"\x89HDF\r\n\x1a\n":
         from skyway.models.weather.readers.netcdf import read_netcdf
 
@@ -116,12 +116,12 @@ def _read(
         grib.read(data, file)
         return []
     if len(data) > MAX_TEXT or b"\0" in data[:4096]:
-        raise InputError("is of no form that is read here", file, remedy=f"hand over {FORMS}")
+        raise InputError("is of no form that is read here", file, remedy=f"give {FORMS}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"is neither text in UTF-8 (byte {error.start}) nor GRIB or NetCDF", file, remedy=f"hand over {FORMS}"
+            f"is neither text in UTF-8 (byte {error.start}) nor GRIB or NetCDF", file, remedy=f"give {FORMS}"
         ) from error
     return _from_text(path, text, near_s, stations, height_m)
 
@@ -139,7 +139,7 @@ def _from_text(
             return read_open_meteo(text, file)
         bulletin = unwrapped(value, near_s)
         if bulletin is None or not is_bulletin(bulletin[0]):
-            raise InputError("is JSON, but no weather that is read here", file, remedy=f"hand over {FORMS}")
+            raise InputError("is JSON, but no weather that is read here", file, remedy=f"give {FORMS}")
         return read_bulletin(bulletin[0], file, bulletin[1], {**bulletin[2], **stations})
     head = next((line for line in text.splitlines() if line.strip()), "")
     if "speed_mps" in head and "member" in head:
@@ -147,7 +147,7 @@ def _from_text(
     if is_bulletin(text) and "," not in head:
         return read_bulletin(text, file, near_s, stations)
     shown = head.strip()[:60]
-    raise InputError("is of no form that is read here", file, 1, value=shown, remedy=f"hand over {FORMS}")
+    raise InputError("is of no form that is read here", file, 1, value=shown, remedy=f"give {FORMS}")
 
 
 def _table(path: Path, stations: Mapping[str, tuple[float, float]], height_m: float) -> Weather:

@@ -84,7 +84,7 @@ def _series(records: Sequence[Record], form: str, issued_s: float, *, analysed: 
     shape = (len(members), len(times), len(places))
     keys = {FieldKey(one.quantity or "", one.height_m) for one in used}
     if math.prod(shape) * max(len(keys), 1) > MAX_CELLS:
-        problem = f"holds {shape[0]} members, {shape[1]} times and {shape[2]:,} points: too much at once"
+        problem = f"holds {shape[0]} members, {shape[1]} times and {shape[2]:,} points: too large"
         raise InputError(problem, file, remedy="name the region (--scenario), or cut the file to it")
     fields = {key: np.full(shape, np.nan) for key in sorted(keys)}
     angles: dict[FieldKey, NDArray[np.float64]] = {}
@@ -127,4 +127,4 @@ def _turn(fields: dict[FieldKey, NDArray[np.float64]], angles: dict[FieldKey, ND
     }
     if alone:
         problem = "has only one component of the wind, along a grid that is turned"
-        raise InputError(problem, file, remedy="hand over u and v in one file")
+        raise InputError(problem, file, remedy="give u and v in one file")

@@ -71,8 +71,8 @@ def read_taf(text: str, file: str, near_s: float, stations: Mapping[str, tuple[f
         else:
             found.append(_series(one, body, file, near_s, stations))
     if not found:
-        problem = "holds no TAF in force: NIL and CNL say that there is none" if empty else "has no TAF with a period"
-        remedy = "hand over the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
+        problem = "has no TAF in force, only NIL or CNL" if empty else "has no TAF with a period"
+        remedy = "give the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
         raise InputError(problem, file, value="; ".join(empty) or None, remedy=remedy)
     newest: dict[str, Weather] = {}
     for weather in found:  # an amendment replaces what was issued before

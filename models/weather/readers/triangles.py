@@ -51,11 +51,11 @@ class TriangleGrids:
         points = int(ec.codes_get(handle, "numberOfDataPoints"))
         if len(told) < len(COORDINATES) or any(len(values) != points for values in told.values()):
             problem = f"is on triangles ({points:,} points), whose places are in other files"
-            remedy = "hand over the files CLAT and CLON of this grid with it (time-invariant, from the same service), or the fields on a latitude-longitude grid"
+            remedy = "add the files CLAT and CLON of this grid with it (time-invariant, from the same service), or the fields on a latitude-longitude grid"
             raise UnknownPlacesError(problem, file, remedy=remedy)
         lat, lon = told["lat"], np.mod(told["lon"] + 180.0, 360.0) - 180.0
         if not (np.abs(lat) <= 90.0 + 1e-6).all():
-            raise InputError("its file of latitudes holds impossible ones", file)
+            raise InputError("its file of latitudes has impossible values", file)
         chosen = np.arange(points) if box is None else np.flatnonzero(box.wider(MARGIN_DEG).holds(lat, lon))
         here = lat[chosen], lon[chosen]
         return Places(*here, f"triangles, {points:,} points", _apart_m(*here)), chosen

@@ -157,7 +157,7 @@ def _from_metars(
         site = site_named(one.station, sites)
         if site is None:
             problem, remedy = _unknown(one.station, sites)
-            faults.add(problem, f"{remedy}; give one its identifier with icao, or leave the line out", line=one.line)
+            faults.add(problem, f"{remedy}; give one its identifier with icao, or remove the line", line=one.line)
         elif one.speed_mps is None:
             notes.append(f"{file}:{one.line}: {one.station} reports no wind at {iso(from_posix(one.time_s))}")
         elif one.speed_mps > MAX_SPEED_MPS:

@@ -15,7 +15,7 @@ SAID_EVERY_S = 20.0
 """How often progress is told where nobody watches a terminal."""
 
 Workers = Annotated[
-    int | None, typer.Option(help="Processes. Without it: one for each processor.", min=1, max=1024)
+    int | None, typer.Option(help="Processes. Default: one for each processor.", min=1, max=1024)
 ]  # fmt: skip
 Cluster = Annotated[str | None, typer.Option(help="Dask scheduler in place of processes: tcp://HOST:8786.")]
 

@@ -123,7 +123,7 @@ class Replanning:
 
     def _leave_waiting(self, pool: dict[str, OrderRecord]) -> None:
         for name, one in pool.items():
-            one.reason = "no drone is left"
+            one.reason = "no drone is available"
             one.promise = None
             self._situation.change_order(name, "new", one)
 

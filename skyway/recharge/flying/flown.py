@@ -142,7 +142,7 @@ class SetPlanner:
         number = next((k for k, span in enumerate(spans) if span.begin == begin), None)
         if number is None:
             raise InputError(
-                "the drone stands where no flight of the set begins", remedy="let it replan: without --no-replan"
+                "the drone stands where no flight of the set begins", remedy="let it replan: remove --no-replan"
             )
         plan = self.found.plan
         stops = plan.stops[number:]

@@ -98,14 +98,16 @@ def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: W
     found = opened_set.found
     if family.name not in found.flights:
         known = ", ".join(found.flights)
-        problem = f"the set has missions for {known}; the drone that is connected flies {family.name}"
+        problem = f"the set has missions for {known}; the connected drone is {family.name}"
         raise InputError(
-            problem, str(opened_set.folder), remedy=f"connect that one, or cut it with --autopilot {family.name}"
+            problem,
+            str(opened_set.folder),
+            remedy=f"connect another drone, or cut the mission with --autopilot {family.name}",
         )
     kind = vehicle.peer.kind
     if not multirotor(kind) and multirotor(found.problem.work.mission.vehicle_type):
         raise InputError(
-            f"the set is for a multirotor; what is connected says that it is of MAV_TYPE {kind}",
+            f"the set is for a multirotor; the connected vehicle reports MAV_TYPE {kind}",
             str(opened_set.folder),
             remedy="connect the drone that it was cut for",
         )

@@ -54,7 +54,7 @@ class Fleet:
                 "is not a connection", field="--connect", value=connection, remedy="such as udpin:127.0.0.1:14550"
             )
         if connection in self.runs:
-            raise InputError("is watched already", field="--connect", value=connection)
+            raise InputError("is already watched", field="--connect", value=connection)
         if len(self.runs) >= MOST_WATCHES:
             raise InputError(
                 "too many connections are watched", field="--connect", value=connection, remedy="stop one of them"

@@ -52,7 +52,7 @@ def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
     for one in found:
         where = "mission" if one["item"] is None else _place(one["item"])
         style = {"error": "warn", "warning": "warn"}.get(one["severity"], "faint")
-        mend = " (certain: it can be mended)" if one["certain"] else ""
+        mend = " (can be corrected automatically)" if one["certain"] else ""
         rows.append(
             f"<tr><td class='{style}'>{safe(one['severity'])}</td><td>{where}</td><td>{safe(wanted.in_words(one['message']))}</td><td>{safe(wanted.in_words(one['remedy']))}{mend}</td></tr>"
         )

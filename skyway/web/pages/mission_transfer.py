@@ -76,7 +76,7 @@ class Transfer:
     async def upload(self) -> None:
         """Upload the file, and read it back."""
         if not self.sure:
-            words = "An upload replaces the mission of the vehicle: say above that you are sure."
+            words = "An upload replaces the mission of the vehicle: confirm it above."
             self.progress.tell(words, wrong=True)
             return
         self._differ([])
@@ -90,7 +90,7 @@ class Transfer:
             self.progress.tell(str(error), wrong=True)
             return False
         if not self.connect or self.connect.startswith("-"):
-            self.progress.tell("Say above how the vehicle is connected.", wrong=True)
+            self.progress.tell("Enter the connection of the vehicle above.", wrong=True)
             return False
         if self.run is not None and self.run.code is None:
             self.progress.tell("Wait for what is running.", wrong=True)

@@ -162,8 +162,8 @@ class PlanPage:
     def _cancelled(self) -> str:
         """What stands on the page when a person has cancelled what was under way."""
         if self.is_current:
-            return "Reasons and other routes are left out."
-        return "Below stands the plan of what was asked before." if self.plans else ""
+            return "Reasons and other routes are not shown."
+        return "Below is the plan of the previous request." if self.plans else ""
 
     @property
     def is_current(self) -> bool:

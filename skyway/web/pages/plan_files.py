@@ -81,7 +81,7 @@ class PlanFiles:
     async def _made(self) -> list[tuple[str, bytes]]:
         plan = self._shown()
         if plan is None:
-            raise SkywayError("there is no plan yet of what is asked")
+            raise SkywayError("the plan is not ready yet")
         stem = safe_name(self.stem) if self.stem.strip() else safe_name(f"{plan['from']}-{plan['to']}")
         more = {"autopilot": self.autopilot, "contacts": self.contacts, "elevation": self.elevation}
         found: list[tuple[str, bytes]] = await self.site.workers.ask(
@@ -120,5 +120,5 @@ class PlanFiles:
         except SkywayError as error:
             self.told.tell(str(error), wrong=True)
             return
-        self.told.tell(f"opened {self.wanted}: planned again with what it was asked for")
+        self.told.tell(f"opened {self.wanted}: planned again with its request")
         self._ask(msgspec.convert(found["question"], Question))

@@ -58,12 +58,12 @@ def _alarms(status: Status) -> list[str]:
     running = status.state != "ended"
     found = ["no dispatcher runs: start it again with the same ledger"] if running and not status.led else []
     found += [
-        f"{name} is lost, a person must look at it: {one.reason}"
+        f"{name} is lost, a person must check it: {one.reason}"
         for name, (state, one) in status.drones.items()
         if state == "lost"
     ]
     found += [
-        f"{name} is for a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
+        f"{name} needs a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
     ]  # fmt: skip
     found += [f"{name} does not run" for name, alive in status.workers.items() if running and not alive]
     for _, pad in status.pads.values():

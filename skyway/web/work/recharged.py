@@ -61,7 +61,7 @@ def _whole(text: str, option: str) -> int:
     """Return a whole number as typed."""
     value = number(text, option)
     if value != int(value):
-        raise InputError("is no whole number", field=option, value=text)
+        raise InputError("is not a whole number", field=option, value=text)
     return int(value)
 
 

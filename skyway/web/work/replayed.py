@@ -96,7 +96,7 @@ def _journal(file: Path) -> dict[str, Any]:
         if name in track
     }
     if not len(columns.get("time_s", ())):
-        raise InputError("tells of no flight yet", str(file))
+        raise InputError("has no flight yet", str(file))
     flights = [
         [leg.depart_s, leg.land_s if leg.land_s is not None else float(columns["time_s"][-1])] for leg in report.legs
     ]

@@ -150,4 +150,4 @@ def test_ctrl_c_ends_the_transfer_alone(tmp_path, monkeypatch):
 
     monkeypatch.setattr(LogStore, "read", interrupted)
     assert hangar.fetch(before, tmp_path) == []
-    assert hangar.told == ["log not fetched: interrupted; skyway logs fetch goes on from there"]
+    assert hangar.told == ["log not fetched: interrupted; continue with skyway logs fetch"]

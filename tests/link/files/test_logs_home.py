@@ -174,7 +174,7 @@ def test_a_cut_is_taken_up_where_it_stopped(family, way, tmp_path):
     store = depot.store(way)
     log = store.logs()[-1]
     depot.fault("link-loss@4s")
-    with pytest.raises(LinkError, match=r"are kept in .*the same command goes on from there"):
+    with pytest.raises(LinkError, match=r"are kept in .*run the same command to continue"):
         fetch(store, log, tmp_path)
     (part,) = tmp_path.iterdir()
     kept = part.stat().st_size

@@ -235,7 +235,7 @@ def test_a_drone_of_another_mass_does_not_keep_name_and_battery_of_the_one_it_wa
     (drone,) = read_fleet(tmp_path / "m100.toml")
     assert (drone.id, drone.name, drone.mass_kg) == ("m100", "DJI Matrice 100", 3.68)
     assert drone.battery_j == pytest.approx(130.0 * 3600.0)
-    assert "not measured, taken from m200-v2" in (tmp_path / "m100.toml").read_text()
+    assert "not measured, copied from m200-v2" in (tmp_path / "m100.toml").read_text()
     assert "out of range" in skyway(*asked, "--force", "--id", "m100", "--battery", "0", code=2)
 
 

@@ -73,7 +73,7 @@ def test_each_fault_names_its_line(tmp_path, line, problem):
 
 
 def test_an_empty_file_says_what_would_be_right(tmp_path):
-    with pytest.raises(InputError, match=r"tells of no pads; a line for each station"):
+    with pytest.raises(InputError, match=r"reports no pads; a line for each station"):
         read(tmp_path, "")
 
 

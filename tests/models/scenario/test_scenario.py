@@ -202,7 +202,7 @@ def test_a_scenario_of_stations_alone_is_enough(scenario_with):
     assert scenario.drones == (M200_V2,)
     assert scenario.history is None
     assert scenario.name == folder.name
-    assert scenario.warnings == ("no [load]: the pads are taken to be free of other drones",)
+    assert scenario.warnings == ("no [load]: assuming that no other drones use the pads",)
     assert read_scenario(folder / "scenario.toml").sha256 == scenario.sha256
 
 

@@ -183,7 +183,7 @@ def test_heights_above_the_ellipsoid_and_in_feet_become_metres_above_the_sea(tmp
     assert read_raster(str(feet)).unit_m == pytest.approx(0.3048006)
     above = written(tmp_path / "above.tif", np.full((40, 40), 100.0, dtype="float32"), crs="EPSG:4326+3855")
     assert read_raster(str(above)).datum == "EGM2008"
-    with pytest.raises(InputError, match="counts from EGM2008 by what the file says"):
+    with pytest.raises(InputError, match="counts from EGM2008 according to the file"):
         read_raster(f"{above}@ellipsoid")
 
 
@@ -250,7 +250,7 @@ def test_voids_are_never_heights(tmp_path):
         (lambda p: p.write_bytes(b"PNG" + p.read_bytes()), "is not a TIFF file"),
         (lambda p: p.write_bytes(b""), "truncated"),
         (lambda p: written(p, hills(9, 9).astype("float32"), crs=None), "where on the Earth"),
-        (lambda p: written(p, hills(9, 9).astype("float32"), compress="zstd"), "ZSTD, which is not read"),
+        (lambda p: written(p, hills(9, 9).astype("float32"), compress="zstd"), "ZSTD, which is not supported"),
         (lambda p: written(p, hills(9, 9).astype("float32"), west=-35.0, north=149.0), "latitude and longitude look swapped"),
         (lambda p: written(p, hills(9, 9).astype("float32"), step=0.05), "say nothing about the ground"),
         (lambda p: written(p, hills(9, 9).astype("complex64")), "of a kind that is not read"),

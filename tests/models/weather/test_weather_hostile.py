@@ -61,7 +61,7 @@ CASES = {
     "taf direction": (lambda p, _: p.write_text("TAF KJFK 101120Z 1012/1118 44410KT"), "not a direction .*44410KT"),
     "taf nil": (lambda p, _: p.write_text("TAF AMD KJFK 101120Z NIL="), "no TAF in force: NIL and CNL .*KJFK 101120Z NIL"),
     "taf cancelled": (lambda p, _: p.write_text("TAF KJFK 101120Z 1012/1118 22010KT=\nTAF AMD KJFK 101300Z 1013/1118 CNL="), "no TAF in force"),
-    "negative": (lambda p, _: wf.write_json(p, wf.open_meteo({"wind_speed_10m": [1, -5, 3]}, SPEED)), r"a wind speed of -1.38889 m/s: there is none such; look at its unit"),
+    "negative": (lambda p, _: wf.write_json(p, wf.open_meteo({"wind_speed_10m": [1, -5, 3]}, SPEED)), r"a wind speed of -1.38889 m/s: impossible; look at its unit"),
     "direction": (lambda p, _: wf.write_json(p, wf.open_meteo({"wind_speed_10m": [1, 2, 3], "wind_direction_10m": [10, 725, 3]}, SPEED)), "a wind direction of 725"),
     "gap by number": (lambda p, _: wf.write_json(p, wf.open_meteo({"temperature_2m": [20, -9999, 3]}, {"temperature_2m": "°C"})), "a temperature of -9725.85 K"),
     "csv": (lambda p, _: p.write_text("idate,vdate,station\n1,2,3\n"), "of no form that is read here .*idate"),

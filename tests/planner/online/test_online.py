@@ -106,7 +106,7 @@ def test_room_at_a_full_destination_is_waited_for_while_it_charges_and_its_fligh
     least = []
     for others in range(room + 1):
         decision = policy.on_ground(replace(known, busy_pads=known.busy_pads | {"jacobi": others}))
-        if "wait for room" in decision.reason:
+        if "too little free capacity" in decision.reason:
             assert decision.action == "wait"
             assert f"at jacobi, which has {station.pads} pad" in decision.reason
             assert decision.until_s > known.time_s

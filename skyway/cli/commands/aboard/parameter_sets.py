@@ -103,7 +103,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
     if as_json:
         typer.echo(json_text(_told(difference, done, problem)))
     elif now_there:
-        typer.echo(f"{len(now_there)} that it did not have are there now: restore once more for {', '.join(now_there)}")
+        typer.echo(f"{len(now_there)} new parameters appeared: restore once more for {', '.join(now_there)}")
     elif difference.changes and not agreed:
         typer.echo("nothing was changed; add --yes to restore")
     if problem:
@@ -128,7 +128,7 @@ def _show(saved: SavedSet, difference: SetDifference) -> None:
     if difference.absent:
         typer.echo(f"unknown to the vehicle: {', '.join(difference.absent)}")
     if saved.of_others:
-        typer.echo(f"{saved.of_others} lines are for other components, and left out")
+        typer.echo(f"{saved.of_others} lines are for other components, and ignored")
     typer.echo(f"{len(difference.changes)} to change, {difference.same} as the file says")
 
 

@@ -75,7 +75,7 @@ params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_
 @with_groups
 def params_get(
     link: Link,
-    names: Annotated[list[str] | None, typer.Argument(help="Names of parameters. Without them: all.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Names of parameters. Default: all.")] = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Print parameters as NAME,VALUE lines, which ground stations read.
@@ -185,8 +185,8 @@ def params_restore(
 ) -> None:
     """Restore a saved set, or the parameters that a flight changed and did not restore; each is read back.
 
-    First it is shown what will change. At a terminal it is asked for once; elsewhere nothing is changed without --yes. Of a journal,
-    a value that was changed since is left as it is.
+    The command first shows the changes. At a terminal it asks once; elsewhere it changes nothing without --yes. With a
+    journal, it does not restore a value that was changed since.
 
     Examples
     --------

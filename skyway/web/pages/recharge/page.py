@@ -132,7 +132,7 @@ class RechargePage:
 
     def _put(self, name: str, lat: float, lon: float) -> None:
         if self.asked.pads == OF_SCENARIO:
-            self._wrong("The pads of a scenario stay where they are: take a file of stations.")
+            self._wrong("Pads of a scenario cannot be moved: use a file of stations.")
             return
         taken = {one["id"] for one in self.pads} | {one.id for one in self.asked.put}
         name = name or next(f"pad-{number}" for number in range(1, len(taken) + 2) if f"pad-{number}" not in taken)

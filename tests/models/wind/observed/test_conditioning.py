@@ -135,7 +135,7 @@ def test_every_slot_of_a_drone_counts():
 def test_there_is_no_look_ahead():
     times, (note,) = told(wind(before_s=-540.0), wind(before_s=3060.0))
     assert times == [-3060.0]
-    assert note == "the wind observed at A at 2013-07-10T18:09:00Z is after the departure and left out"
+    assert note == "the wind observed at A at 2013-07-10T18:09:00Z is after the departure and ignored"
 
 
 def test_old_winds_are_left_out_where_there_is_no_newer_one():
