@@ -51,7 +51,7 @@ class WindFilterSettings(Parameters):
     )  # fmt: skip
     gust_tau_s: float = parameter(
         12.0,
-        "time constant of gusts as a drone meets them: their length, some 200 m, over its airspeed",
+        "time constant of gusts at a moving drone: their length, some 200 m, over its airspeed",
         1e-3,
         1e6,
         unit="s",
@@ -62,14 +62,13 @@ class WindFilterSettings(Parameters):
         0,
         10,
     )
-    gust_floor_mps: float = parameter(0.15, "the same at least", 0, 100, unit="m/s")
+    gust_floor_mps: float = parameter(0.15, "minimum of the same", 0, 100, unit="m/s")
     gate: float = parameter(
         GATE_99, "a measurement whose normalised innovation squared is above this is not used", 1e-3, 1e6,
         measured="99 % quantile of chi-squared with 2 degrees of freedom",
     )  # fmt: skip
     patience_s: float = parameter(
-        3.0, "rejected for so long, and `patience_count` times in a row, measurements are right and the filter is wrong: "
-        "its covariance is widened", 0, 1e6, unit="s",
+        3.0, "when measurements are rejected for this time, and `patience_count` times in a row, the filter widens its covariance", 0, 1e6, unit="s",
     )  # fmt: skip
     patience_count: int = parameter(5, "see `patience_s`", 1, 10**6)
 
