@@ -1,4 +1,4 @@
-"""What wind that no site of the record tells makes of a robust plan.
+"""The effect on a robust plan of wind that no site of the record measures.
 
 A plan is simulated in the wind that is interpolated between the sites of the record. The wind there is another one, by an error whose
 covariance the record tells (`models.wind.field_error`). Given a simulated delivery, each flight of it takes normally distributed energy more or
@@ -47,7 +47,7 @@ PIECE_M = 2000.0
 
 @dataclass(frozen=True, eq=False)
 class BetweenSites:
-    """How a plan fares in wind that the sites of the record do not tell."""
+    """Results of a plan in wind that the sites of the record do not measure."""
 
     sd_mps: float
     """Standard deviation of a component where it is least known on the route, in the usual wind there."""

@@ -1,4 +1,4 @@
-"""Choice of the drones to plan for: those that lift the package and are dominated by no other (the skyline).
+"""Choice of the drones to plan for: those that lift the package and that no other dominates (the skyline).
 
 Block nested loop; source: Börzsönyi, Kossmann, Stocker, "The skyline operator", ICDE 2001.
 """

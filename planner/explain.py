@@ -35,7 +35,7 @@ LOW, HIGH = 0.1, 0.9
 
 @dataclass(frozen=True)
 class ChargeRange:
-    """How a stop's charge depends on what is known there."""
+    """Dependence of a stop's charge on the information there."""
 
     station: str
     """Station id."""
@@ -257,7 +257,7 @@ def mean_bound_s(problem: Problem) -> float:
 
 @dataclass(frozen=True)
 class RobustGain:
-    """Gain of the robust plan over another planner's that is flown as it stands."""
+    """Gain of the robust plan over another planner's plan, both without replanning."""
 
     robust: PlanResult
     other: PlanResult

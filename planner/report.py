@@ -1,4 +1,4 @@
-"""All that is told of a plan beside its composition, worked out before any of it is shown."""
+"""The report of a plan besides its composition, computed before any of it is shown."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlanReport:
-    """A plan and what was asked for beside it."""
+    """A plan, and the additional results that were requested."""
 
     result: PlanResult
     """The plan."""

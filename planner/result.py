@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A composition and how it was found.
+    """A composition, and how it was found.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is said of an answer that a time limit cut off: how much better another could be at most."""
+"""Note on an answer cut off by a time limit: how much better another could be at most."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a promise rests on: each thing that is uncertain, how uncertain, from which data, and what half of it would gain.
+"""The uncertainties behind a promise: their sizes, their data, and the gain from halving each.
 
 The gain of one is found by planning again with half of its standard deviation about the same mean (of other drones: with half as many),
 the rest as it is; both plans are simulated in the same deliveries. What no plan counts is listed beside them.

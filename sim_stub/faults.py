@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Kind(NamedTuple):
-    """What a fault does, the default, least and greatest value, its usual duration, and the word where it takes one."""
+    """Kind of a fault: its effect, the default, least and greatest value, its default duration, and its words if it takes one."""
 
     says: str
     values: tuple[float, float, float] | None = None

@@ -30,7 +30,7 @@ _REMOTE_ID = message_id("OPEN_DRONE_ID_ARM_STATUS")
 
 
 class Radio:
-    """The ports of one vehicle, and all that goes out on them by itself."""
+    """The ports of one vehicle, and its unsolicited messages."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

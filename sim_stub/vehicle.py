@@ -44,14 +44,14 @@ _AT_STATION_M = 60.0
 
 
 class Charge(NamedTuple):
-    """Charging under way: the charge where it ends, and what the pad delivers at most."""
+    """Charging under way: its target, and the maximum power of the pad."""
 
     to_soc: float
     pad_power_w: float | None = None
 
 
 class Vehicle:
-    """One vehicle; `receive` takes bytes, ports take what it sends, `advance` lets time pass."""
+    """One vehicle; `receive` takes bytes, ports take its packets, `advance` lets time pass."""
 
     def __init__(self, config: VehicleConfig, world: World) -> None:
         self.config, self.world = config, world

@@ -31,7 +31,7 @@ TRUTH_EVERY_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
-    """What is shown."""
+    """Options of the demonstration."""
 
     folder: Path
     """Where plan, journal, recording and report go."""

@@ -1,4 +1,4 @@
-"""Preparing a plan file to be flown: its scenario, its request, and the first forecast."""
+"""Preparation of a plan file for flight: its scenario, its request, and the first forecast."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def journal_name(origin: str, destination: str, now: datetime) -> str:
 
 
 class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How a supervised delivery ended: what ``skyway fly --json`` prints last."""
+    """Outcome of a supervised delivery: the last line of ``skyway fly --json``."""
 
     schema: str = "skyway.fly/1"
     delivered: bool

@@ -1,4 +1,4 @@
-"""The weather and the pads of now: what was observed is read, and a plan is conditioned on it.
+"""Current weather and pads: reads observations, and conditions a plan on them.
 
 >>> import skyway
 >>> from skyway.now import condition_forecast, observed_winds
@@ -49,7 +49,7 @@ HOW = (
 
 @dataclass(frozen=True)
 class KnownWind:
-    """A forecast, and what it is conditioned on."""
+    """A forecast, and the observations that condition it."""
 
     forecast: WindEnsemble
     conditions: tuple[Condition, ...] = ()
@@ -182,7 +182,7 @@ def _wind_condition(one: ObservedWind, depart: datetime) -> Condition:
 
 @dataclass(frozen=True)
 class KnownPads:
-    """Pads seen before a departure, and what a person should know of them."""
+    """Pads seen before a departure, with notes for people."""
 
     busy: dict[str, int]
     free_s: dict[str, tuple[float, ...]]

@@ -1,4 +1,4 @@
-"""What is told of a plan beside its schedule, for machines as JSON and for people in words."""
+"""The output of a plan besides its schedule: JSON for machines, text for people."""
 
 from __future__ import annotations
 

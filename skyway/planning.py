@@ -1,4 +1,4 @@
-"""Planning as it is asked for, on a command line or on a page: what is typed becomes a request, a wind and a plan."""
+"""Planning from typed values, on a command line or on a page: they become a request, a wind and a plan."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """What is carried, from where to where, and by what; percent and places as they are typed."""
+    """The package, its places, and its drone; percent and places as typed."""
 
     start: str
     to: str

@@ -1,4 +1,4 @@
-"""The logs aboard a vehicle: listed, and read by whichever protocol it has."""
+"""The logs on a vehicle: listed, and read by the protocol that it has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which logs were fetched: a list beside them, by which a recording or a journal leads to the full log of its flight."""
+"""The record of downloaded logs: a list beside them that links a recording or a journal to the full log of its flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fetching a log: into a file ``….part`` that goes on after a cut, and takes its name when it is found to be the same."""
+"""Downloading a log into a file ``….part`` that resumes after an interruption and gets its final name when verified."""
 
 from __future__ import annotations
 

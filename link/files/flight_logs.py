@@ -1,4 +1,4 @@
-"""The logs of one delivery: what was aboard before it, and what it has added, fetched when the vehicle stands disarmed again."""
+"""The logs of one delivery: those on the vehicle before it, and its new ones, downloaded when the vehicle stands disarmed again."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LONG_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class LogsBefore:
-    """The logs that were aboard before a delivery: their sizes by name, and by which protocol they were listed."""
+    """The logs on the vehicle before a delivery: their sizes by name, and the protocol that listed them."""
 
     way: Way
     sizes: Mapping[str, int]

@@ -64,7 +64,7 @@ class FtpQuestion(Question):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What a folder holds."""
+    """An entry of a folder."""
 
     name: str
     size_bytes: int | None

@@ -1,4 +1,4 @@
-"""Reading a file by MAVLink FTP as fast as the link carries it.
+"""Reading a file by MAVLink FTP at the full rate of the link.
 
 Several reads are under way at a time, as many as the link holds: their number grows as long as answers do not come later,
 and shrinks when they queue (as TCP Vegas does). A link that a few do not fill is fast or long: there more are put under way as long as that brings
@@ -57,7 +57,7 @@ class _Read:
 
 
 class ReadFtp(Reading):
-    """Reads an open file from the end of what is there up to its size."""
+    """Reads an open file from the end of the local part up to its size."""
 
     transfers = "FILE_TRANSFER"
 

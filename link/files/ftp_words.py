@@ -1,4 +1,4 @@
-"""The words of MAVLink FTP: requests and answers in the payload of FILE_TRANSFER_PROTOCOL, error codes, and the checksum of files."""
+"""The codes of MAVLink FTP: requests and answers in the payload of FILE_TRANSFER_PROTOCOL, error codes, and the checksum of files."""
 
 from __future__ import annotations
 

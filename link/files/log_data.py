@@ -33,7 +33,7 @@ _LEAST_SILENCE_S, _SILENT_PIECES = 0.6, 8.0
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """A log as LOG_ENTRY tells it."""
+    """A log as reported by LOG_ENTRY."""
 
     number: int
     size_bytes: int
@@ -94,7 +94,7 @@ class ListLogs(Exchange):
 
 
 class EndLogs(Question):
-    """Tells a vehicle that no more log is wanted, so that it logs again; it does not answer."""
+    """Ends log transfers, so that the vehicle logs again; it does not answer."""
 
     give_up_s = 0.0
 
@@ -112,7 +112,7 @@ class EndLogs(Question):
 
 
 class ReadLog(Reading):
-    """Reads a log from the end of what is there up to its size."""
+    """Reads a log from the end of the local part up to its size."""
 
     transfers = "LOG_"
 

@@ -1,4 +1,4 @@
-"""A file that comes in pieces, some late and some twice: what is whole from the beginning on is written at once."""
+"""A file that arrives in pieces, some late and some twice: the complete part from the beginning is written at once."""
 
 from __future__ import annotations
 

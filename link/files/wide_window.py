@@ -1,4 +1,4 @@
-"""How many reads to have under way on a fast or long link: more, as long as more come home.
+"""The number of parallel reads on a fast or long link: it grows as long as more data arrive.
 
 Answers that come late say little there: where many are under way, the jitter of the link alone makes some late. So what counts is what arrives. A number of
 reads is tried for a few round trips; while a greater one brings more it grows, and then it stays at the best, and is looked at again now and then.

@@ -1,4 +1,4 @@
-"""What is noticed of other ground stations, for the operator and the journal: each thing once, and never more lines than a person reads."""
+"""Observations of other ground stations, for the operator and the journal: each once, in a limited number of lines."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Note:
 
 @dataclass(slots=True)
 class Notes:
-    """All notes, those that repeat themselves left out."""
+    """All notes, without repetitions."""
 
     tell: Callable[[Note], None] | None = None
     """Told of each note at once; without it they are kept for `all`."""

@@ -1,4 +1,4 @@
-"""Formats of flight logs: how each is recognised by its first bytes, not by its name, and which class reads it."""
+"""Formats of flight logs: recognition by the first bytes, not by the name, and the class that reads each."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ class Exchange(ABC):
 
 
 class Question(Exchange):
-    """An exchange whose question is put again until it is answered or given up."""
+    """An exchange whose question is repeated until it is answered or given up."""
 
     give_up_s = 5.0
     """Without an answer for so long, it ends."""
@@ -157,7 +157,7 @@ class Question(Exchange):
 
 
 class Carrier(ABC):
-    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
+    """Runner of exchanges with a vehicle: the connection itself, or another library on it."""
 
     def perform(self, steps: Steps[T]) -> T:
         """Carry a procedure out, and return what came of it.

@@ -9,7 +9,7 @@ from skyway.missions.autopilots.wire import WireItem
 
 
 class MissionKind(IntEnum):
-    """What is transferred: MAV_MISSION_TYPE."""
+    """Kind of a transferred list: MAV_MISSION_TYPE."""
 
     MISSION = 0
     FENCE = 1

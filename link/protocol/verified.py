@@ -49,7 +49,7 @@ class UploadState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class UploadOutcome:
-    """How an upload ended, and what the vehicle holds now."""
+    """Outcome of an upload, and the vehicle's list after it."""
 
     state: UploadState
     """Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what was

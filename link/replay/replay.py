@@ -102,7 +102,7 @@ def choose_system(summary: LogSummary, system: int | None) -> int | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOptions:
-    """Which part of a log is gone through, and what is known beforehand."""
+    """Part of a log to replay, and data known beforehand."""
 
     system: int | None = None
     """Vehicle; by default the first."""

@@ -1,4 +1,4 @@
-"""Meeting the vehicle at the beginning: who it is, where it is, what it holds."""
+"""Connecting to the vehicle at the beginning: its identity, its position, its contents."""
 
 from __future__ import annotations
 

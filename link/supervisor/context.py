@@ -1,4 +1,4 @@
-"""A delivery under way: its parts, each written by its owner alone, and the passing of time."""
+"""A delivery under way: its parts, each written only by its owner, and the passing of time."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ TICK_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """A delivery under way: what it was given, and one owner for each part of what becomes of it.
+    """A delivery under way: its inputs, and one owner for each part of its state.
 
     A part is written by its own methods alone; every state reads all of them (decision 0075).
     """

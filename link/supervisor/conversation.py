@@ -1,4 +1,4 @@
-"""What is said between the supervisor and the operator: questions, answers, orders, Ctrl-C."""
+"""The conversation between the supervisor and the operator: questions, answers, commands, Ctrl-C."""
 
 from __future__ import annotations
 

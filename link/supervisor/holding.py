@@ -1,4 +1,4 @@
-"""Somebody else has control: nothing is commanded, all is watched, until the operator gives the word."""
+"""Holding: somebody else has control; the supervisor watches and sends no commands until the operator answers."""
 
 from __future__ import annotations
 

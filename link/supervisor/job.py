@@ -1,4 +1,4 @@
-"""What a supervisor is charged with: a plan, the region it was made in, and how to go about it."""
+"""The job of a supervisor: a plan, its region, and its options."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class DeliveryJob:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a supervised delivery ended."""
+    """Outcome of a supervised delivery."""
 
     state: str
     """The last state."""

@@ -1,4 +1,4 @@
-"""Single legs: the one under way, and their missions, as planned and from wherever the vehicle is in the air."""
+"""Legs: the one under way, and their missions, as planned and from any position in the air."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LegMission:
-    """What is uploaded for one leg."""
+    """The upload for one leg."""
 
     document: MissionDocument
     """Mission, fence and rally points."""

@@ -1,4 +1,4 @@
-"""A lost link: nothing is commanded, we listen until the vehicle is heard and answers again."""
+"""Lost link: the supervisor sends no commands and listens until the vehicle answers again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What follows the hand-over: the way back of the drone, or the way on of a package that could not be handed over.
+"""Flights after the hand-over: the way back of the drone, or the way on of a package that could not be handed over.
 
 It is flown as the delivery is, under the same policy, from the target to a destination of its own: without the package, or with it.
 """

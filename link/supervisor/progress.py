@@ -1,4 +1,4 @@
-"""How far a delivery is: the plan in force, the leg under way, where the vehicle stands and where it has been."""
+"""Progress of a delivery: the plan in force, the leg under way, the vehicle's place and the places visited."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Going on with a delivery: from its journal after a crash of the program, and from the vehicle itself."""
+"""Resuming a delivery: from its journal after a crash of the program, and from the vehicle itself."""
 
 from __future__ import annotations
 

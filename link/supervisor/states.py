@@ -1,4 +1,4 @@
-"""The states of a supervised delivery, what may follow what, and how long each may last: one table.
+"""The states of a supervised delivery, their transitions, and their time limits: one table.
 
 Picture and table in the documentation are made from it, and the supervisor refuses to leave it.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class State(StrEnum):
-    """Where a supervised delivery stands."""
+    """State of a supervised delivery."""
 
     CONNECTING = "connecting"
     REPLANNING = "replanning"
@@ -174,7 +174,7 @@ class OffTableError(SkywayError):
 
 
 class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
-    """The delivery goes to another state, from the midst of what it is doing."""
+    """Transition of the delivery to another state, raised in the midst of an action."""
 
     def __init__(self, state: State, reason: str) -> None:
         super().__init__(reason)

@@ -1,4 +1,4 @@
-"""What is known of the wind in a delivery: the forecast it began with, and all that was measured since."""
+"""Knowledge of the wind in a delivery: the initial forecast, and all measurements since."""
 
 from __future__ import annotations
 

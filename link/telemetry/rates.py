@@ -1,4 +1,4 @@
-"""Message rates: measured, and requested again where they fall short."""
+"""Message rates: measured, and requested again if too low."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lists that a vehicle holds, looked at again and again where it does not tell when they change.
+"""Lists stored on a vehicle, read repeatedly if the vehicle does not report changes.
 
 Vehicles that give opaque ids in MISSION_CURRENT need none of this. Of the others the number of items is asked for every second,
 and the items themselves in turn, so that a list of up to 48 is looked through within a second and a half.
@@ -32,7 +32,7 @@ class _List:
 
 @dataclass(slots=True)
 class StoredLists:
-    """The lists of one vehicle; the first look at each is what later ones are compared with."""
+    """The lists of one vehicle; later reads are compared with the first."""
 
     home_items: int = 0
     """Items at the beginning of a mission that are no part of it, and change by themselves."""

@@ -20,7 +20,7 @@ _MAX_AIRCRAFT = 500
 
 @dataclass(frozen=True, slots=True)
 class TrafficLimits:
-    """What counts as near; an aircraft that does not tell its height counts as being at ours."""
+    """Limits of nearness; an aircraft without a reported height counts as being at ours."""
 
     away_m: float = 3000.0
     height_m: float = 300.0
@@ -33,7 +33,7 @@ class TrafficLimits:
 
 @dataclass(frozen=True, slots=True)
 class Aircraft:
-    """One aircraft, as it was told last."""
+    """One aircraft, from its latest report."""
 
     name: str
     """Its callsign, or its ICAO address."""

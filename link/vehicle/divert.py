@@ -47,7 +47,7 @@ class Refuge:
 
 
 class DivertState(StrEnum):
-    """How far a diversion has come."""
+    """Progress of a diversion."""
 
     ORDERED = "ordered"
     FLYING = "flying"

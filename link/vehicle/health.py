@@ -1,4 +1,4 @@
-"""Calibration and health of a vehicle before the first flight of a day: what it tells of itself, item by item.
+"""Calibration and health of a vehicle before the first flight of a day: its own reports, item by item.
 
 Nothing is changed on it, and what it does not tell is unknown, never good. What few vehicles tell (cells, cycles, motors) does not
 keep one on the ground; it is said that it is unknown.
@@ -46,7 +46,7 @@ _CLIPS = 100
 
 @dataclass(frozen=True, slots=True)
 class HealthItem:
-    """One thing that was looked at."""
+    """One checked item."""
 
     name: str
     verdict: Verdict

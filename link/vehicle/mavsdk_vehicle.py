@@ -1,4 +1,4 @@
-"""The second driver, based on MAVSDK over one of our connections: unsigned and in real time only; a check of the default one.
+"""The second driver, based on MAVSDK over one of our connections: unsigned and in real time only; a check of the default driver.
 
 MAVSDK is fed over its raw connection: what comes in on our transport is handed to it, what it wants to say goes out on
 our transport, and both are recorded. So everything that a `Connection` sees (telemetry, texts, other stations) is seen

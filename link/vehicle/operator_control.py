@@ -1,4 +1,4 @@
-"""Operator control: which ground station is in control of a vehicle, where the vehicle says so (CONTROL_STATUS).
+"""Operator control: the ground station in control of a vehicle, if the vehicle reports it (CONTROL_STATUS).
 
 Source: https://github.com/mavlink/mavlink/pull/2313 (merged 2026), and #2158 for the layout before it.
 """

@@ -1,4 +1,4 @@
-"""Sets of parameters given to a vehicle: one by one, each read back."""
+"""Restoring sets of parameters on a vehicle: one by one, each read back."""
 
 from __future__ import annotations
 

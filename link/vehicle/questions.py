@@ -1,4 +1,4 @@
-"""What a vehicle is asked: commands with their answers, telemetry, parameters and settings."""
+"""Requests to a vehicle: commands with their answers, telemetry, parameters and settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Remote ID over MAVLink: who flies is kept sent to the module of a vehicle, and whether that is ready is read.
+"""Remote ID over MAVLink: sends the operator's data to the module of a vehicle, and reads whether it is ready.
 
 The module (``MAV_TYPE_ODID``) sends heartbeats, and OPEN_DRONE_ID_ARM_STATUS with what it lacks. ArduRemoteID wants the system message every 3 s and the
 others every 22 s, ArduPilot likewise: all are sent once a second, as QGroundControl does. https://mavlink.io/en/services/opendroneid.html
@@ -58,7 +58,7 @@ def module_status(peer: Peer, now_s: float) -> ModuleStatus:
 
 
 class RemoteIdSender:
-    """Keeps sending who flies one vehicle."""
+    """Sends the operator data of one vehicle continuously."""
 
     def __init__(self, connection: Connection, peer: Peer, who: RemoteId) -> None:
         self.connection, self.peer, self.who = connection, peer, who

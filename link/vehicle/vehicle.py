@@ -1,4 +1,4 @@
-"""A vehicle on a link: who it is, what moves it, and the lists that it holds."""
+"""A vehicle on a link: its identity, its control, and its stored lists."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ TYPES = {1: "plane", 2: "quadrotor", 3: "coaxial", 4: "helicopter", 13: "hexarot
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who a vehicle is."""
+    """Identity of a vehicle."""
 
     system: int
     """MAVLink system id."""

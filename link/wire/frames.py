@@ -91,7 +91,7 @@ class Rejected:
 
 @dataclass(slots=True)
 class FrameReader:
-    """Finds messages in bytes; what is no message is skipped, and nothing makes it grow."""
+    """Finds messages in bytes; other bytes are skipped, and memory is bounded."""
 
     signing: Signing | None = None
     datagrams: bool = False

@@ -75,7 +75,7 @@ def open_transport(address: Address) -> Transport:
 
 
 class UdpSocket:
-    """UDP: `udpout` speaks first to one address, `udpin` answers those who spoke."""
+    """UDP: `udpout` sends first to one address, `udpin` answers its senders."""
 
     def __init__(self, address: Address) -> None:
         family, target = resolve(address, socket.SOCK_DGRAM)

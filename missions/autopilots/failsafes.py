@@ -18,7 +18,7 @@ _NOT_READ = "unknown: the parameters that decide it could not be read"
 
 @dataclass(frozen=True, slots=True)
 class LinkLoss:
-    """What the settings of a family say about the loss of a link."""
+    """Behaviour at a lost link, from the settings of a family."""
 
     action: str
     exceptions: str

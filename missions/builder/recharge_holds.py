@@ -1,4 +1,4 @@
-"""Recharge holds: stays on a pad as mission items, and as notes to who flies one mission a leg."""
+"""Recharge holds: stays on a pad as mission items, and as notes for a pilot who flies one mission per leg."""
 
 from __future__ import annotations
 

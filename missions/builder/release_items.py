@@ -1,4 +1,4 @@
-"""Release of a package in the air: the items over the target, from the way there to the way on.
+"""Release of a package in the air: the items over the target, from the way there to the flight on.
 
 A winch: hover, line out, wait until it is, line in, wait. DO_WINCH takes no time by itself on ArduPilot; PX4 goes on when its winch has answered, or after MIS_COMMAND_TOUT:
 so the hover that waits is an item of its own, which both fly. A payload place (ArduPilot's NAV_PAYLOAD_PLACE) sinks until the thrust falls, opens the gripper

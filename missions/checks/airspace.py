@@ -1,4 +1,4 @@
-"""Check of the route against the airspace: zones in three dimensions and in time, and the greatest height above ground."""
+"""Check of the route against the airspace: zones in three dimensions and in time, and the maximum height above ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check of ground clearance, where the ground is known: homes, landings, stations.
+"""Check of ground clearance at known ground heights: homes, landings, stations.
 
 Between two places whose ground is known the vehicle must be above the higher one: the ground need not fall, or rise,
 where the vehicle does. How far above is the mission's own clearance: what it keeps over the two ends of the flight.

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FlightConditions:
-    """What a mission is flown with, and in.
+    """Conditions of a mission check: drone, load, wind.
 
     Attributes
     ----------

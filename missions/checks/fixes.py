@@ -1,4 +1,4 @@
-"""Findings whose remedy is certain: what a vehicle makes of the mission anyway is written down."""
+"""Findings with only one correction: what a vehicle makes of the mission anyway."""
 
 from __future__ import annotations
 

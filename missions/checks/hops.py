@@ -1,4 +1,4 @@
-"""Hops: straight pieces of way between two places, and what each takes in the wind.
+"""Hops: straight pieces of way between two places, and their time and energy in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it does not.
 Checks fly the hops of a mission one after the other; who looks for places to recharge asks for each by itself.

@@ -78,7 +78,7 @@ class RouteLeg:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """What a mission flies."""
+    """The route of a mission as flown."""
 
     legs: tuple[RouteLeg, ...]
     """In flying order."""

@@ -1,4 +1,4 @@
-"""Check of heights over a terrain model: does a mission touch the ground or an obstacle, and what does it keep."""
+"""Check of heights over a terrain model: contact with ground or obstacle, and the clearance."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ _FLOWN, _PLACE, _NUMBERS = "flown to", "place", "numbers"
 
 
 class Command(IntEnum):
-    """What an item orders (MAV_CMD without its prefix)."""
+    """Command of an item (MAV_CMD without its prefix)."""
 
     last_params: str
     """What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former

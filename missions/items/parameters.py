@@ -17,7 +17,7 @@ UNITS = {"": 1.0, "m": 1.0, "cm": 100.0, "m/s": 1.0, "cm/s": 100.0, "deg": 1.0, 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter and what it must be."""
+    """One parameter and its required value."""
 
     name: str
     """The autopilot's name."""

@@ -38,7 +38,7 @@ _DISAGREES = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Transects:
-    """What a survey or corridor is flown by."""
+    """Settings of a survey or corridor."""
 
     spacing_m: float
     trigger_m: float

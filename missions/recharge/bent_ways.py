@@ -1,4 +1,4 @@
-"""Ways to pads that bend: around zones, exclusion areas and the corners of a fence, where the straight way is closed."""
+"""Ways to pads with bends: around zones, exclusion areas and the corners of a fence, where the straight way is closed."""
 
 from __future__ import annotations
 

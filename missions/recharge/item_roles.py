@@ -1,4 +1,4 @@
-"""What each item means where a mission is cut: one table.
+"""The role of each item at a cut: one table.
 
 A mission is cut at a place that it flies through. What was ordered before it is one of these:
 

@@ -1,4 +1,4 @@
-"""Ways between the work and the pads: how high they are, which of them may be flown, and what they take.
+"""Ways between the work and the pads: their heights, which of them may be flown, and their time and energy.
 
 A way to a pad climbs where the work is left to a height that is safe all along, is level, and comes down on the pad; the
 way back is the same the other way round. Safe is the greatest height of the mission, the height above the pad's ground that is asked

@@ -1,4 +1,4 @@
-"""Where a mission takes pictures that no item orders one by one: every so many metres, or every so many seconds.
+"""Pictures of a mission that no item commands individually: at a distance or time interval.
 
 Both autopilots take the next picture when they are a distance away from where they took the last one, in a straight line on the map
 (``AP_Camera_Backend.cpp``, ``CameraTrigger.cpp``); both take the first picture of an interval at once. A vehicle that goes on from the place

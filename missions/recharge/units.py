@@ -1,4 +1,4 @@
-"""Which parts of a mission are independent of each other, so that their order is free: lines of surveys, and places of inspections.
+"""Independent parts of a mission, whose order is free: lines of surveys, and places of inspections.
 
 A *unit* is flown as it is: a line along which pictures are taken by distance or time, with the places straight before and behind it, or a
 place where pictures are taken or the vehicle stays. Between two units lies a way on which nothing is done. Only what surely means nothing

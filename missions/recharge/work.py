@@ -1,4 +1,4 @@
-"""The work of a mission: every point at which it may be left and gone on with, and what holds there.
+"""The work of a mission: every point at which it may be left and resumed, and the state there.
 
 The route is the one that checks judge (`missions.checks.route`): jumps followed, holds counted. Points are the items that are flown to,
 and points on straight legs between them, so that a leg that is longer than a battery can be left on the way. Where pictures are taken
@@ -77,7 +77,7 @@ class WorkPoint:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """A mission as its points, in order, and what it takes pictures of."""
+    """A mission as its points, in order, and its pictures."""
 
     mission: Mission
     route: Route

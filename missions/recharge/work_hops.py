@@ -1,4 +1,4 @@
-"""What the work takes: a hop from every point to the next, and the charge that hops take."""
+"""Time and energy of the work: a hop from every point to the next, and the charge of hops."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """A span of dates, in all of which, or in whose windows, a zone is active."""
+    """A span of dates in which, or in whose windows, a zone is active."""
 
     begin_s: float = -math.inf
     end_s: float = math.inf

@@ -1,4 +1,4 @@
-"""May this way be flown, at this height, at this time: one answer, for planners, missions, checks, flights and reports."""
+"""Whether a way may be flown at a height and a time: one answer for planners, missions, checks, flights and reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Conflict(NamedTuple):
 
 @dataclass(frozen=True)
 class Airspace:
-    """Zones, and how far flights stay away from them.
+    """Zones, and the distance that flights keep from them.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Vertical limits of zones: heights with their datum, as numbers or as pilots write them."""
+"""Vertical limits of zones: heights with their datum, as numbers or in pilots' notation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was not understood of an airspace file, and how it counts."""
+"""Notes on parts of an airspace file that were not understood, and how they count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CLOSES_NOTHING = "closes nothing"
 
 @dataclass(slots=True)
 class Notes:
-    """Collects what a reader does not understand, each with its place in the file.
+    """Notes of a reader on parts that it does not understand, each with its place in the file.
 
     Attributes
     ----------

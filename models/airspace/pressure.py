@@ -1,4 +1,4 @@
-"""How high flight levels lie on a day: pressure heights as heights above mean sea level, by QNH and temperature.
+"""Heights of flight levels on a day: pressure heights as heights above mean sea level, by QNH and temperature.
 
 A flight level is a surface of equal pressure: that of the standard atmosphere at its height. An altimeter set to QNH shows that surface higher by the same number of metres at
 all heights, since QNH is reduced by the standard atmosphere too. The true height differs by the temperature: where the air is warmer than the standard by dT at all heights,

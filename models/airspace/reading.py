@@ -1,4 +1,4 @@
-"""Reading airspace files: which format it is says the content, not the name."""
+"""Reading airspace files: the content decides the format, not the name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LON_LAT = ("CRS84", ":4326", ":4258")
 
 @dataclass(frozen=True, slots=True)
 class AirspaceFile:
-    """What an airspace file holds.
+    """Contents of an airspace file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Network addresses: what both sides of a link speak and listen at."""
+"""Network addresses, for both sides of a link."""
 
 from __future__ import annotations
 

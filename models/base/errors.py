@@ -30,7 +30,7 @@ def one_line(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault of an input, with what is needed to correct it."""
+    """One fault of an input, with the data to correct it."""
 
     problem: str
     """What is wrong, in a few words."""
@@ -160,7 +160,7 @@ class CommandRefusedError(LinkError):
 
 
 class UploadMismatchError(LinkError):
-    """What the vehicle holds is not what was sent; a start is blocked."""
+    """The vehicle's mission differs from what was sent; a start is blocked."""
 
 
 class StationConflictError(LinkError):

@@ -1,4 +1,4 @@
-"""Parameters: the tuned numbers of a part, each with default, unit, range, meaning and the measurement that set it.
+"""Parameters: the tuned numbers of a part, each with default, unit, range, meaning and the measurement behind it.
 
 A part is a frozen dataclass derived from `Parameters`; its fields are made by `parameter`, or are parts themselves. From that
 alone a tree of parts is checked, listed, changed by name (``planner.robust.members=50``) and compared with its defaults.
@@ -56,7 +56,7 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One parameter of a tree: its dotted name and value, and what `parameter` was told of it."""
+    """One parameter of a tree: its dotted name, its value, and its arguments of `parameter`."""
 
     name: str
     value: Value

@@ -1,4 +1,4 @@
-"""Checks of ranges, with a hint where the number fits another unit: percent, kilometres, grams."""
+"""Checks of ranges, with a hint if the number fits another unit: percent, kilometres, grams."""
 
 from __future__ import annotations
 

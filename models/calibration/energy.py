@@ -1,4 +1,4 @@
-"""Energy models fitted to recorded flights, with their error on flights left out.
+"""Energy models fitted to recorded flights, with their error on flights that were not fitted.
 
 Only the time in which the motors turn counts: a recorder that runs on after the landing would otherwise pass for a drone
 that needs little power.
@@ -41,7 +41,7 @@ DEFAULT_KAPPA = 1.5
 
 @dataclass(frozen=True, slots=True)
 class PowerRecord:
-    """What one flight took."""
+    """Energy record of one flight."""
 
     name: str
     """Of the log."""

@@ -212,7 +212,7 @@ class ArrivalDistribution:
 
 @dataclass(frozen=True, slots=True)
 class DeliveryCosts:
-    """What the delivery costs, over the simulated deliveries, in the scenario's currency; a charge that is lacking at the end is bought afterwards.
+    """Cost of the delivery, over the simulated deliveries, in the scenario's currency; includes recharging the battery at the end.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Heights of legs as plans tell them: the ground, the highest in the corridor, and the way that is flown over them."""
+"""Heights of the legs of a plan: the ground, the highest in the corridor, and the flight path over them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of the drone after the delivery, in words: for tables, briefings and reports."""
+"""The drone after the delivery, in words: for tables, briefings and reports."""
 
 from __future__ import annotations
 

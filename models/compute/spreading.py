@@ -1,4 +1,4 @@
-"""Work spread over processes of this machine, or over a Dask cluster: the same answers from one worker or many, in whatever order they work.
+"""Work distributed over processes of this machine, or over a Dask cluster: the same answers for any number and order of workers.
 
 A piece of work is a call of a function of a module with one argument; it may depend on nothing else. Answers are returned in the order of
 the arguments. Pieces of a worker that was lost are done once more.

@@ -1,4 +1,4 @@
-"""Processes that work for another one: they leave Ctrl-C to it, and end when it does."""
+"""Worker processes: they leave Ctrl-C to their parent, and end when it does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is believed of the energy that flights take: the ratio of measured to modelled energy of a leg, and how it is learnt.
+"""The energy belief: the ratio of measured to modelled energy of a leg, and how it is learnt.
 
 The ratio of a leg is r = m + a + b: a mean m, a part a that persists (this aircraft, its battery and package on this delivery),
 and a part b that is fresh on each leg (manoeuvres, head or tail wind at the same airspeed, turbulence). Planners promise with it,

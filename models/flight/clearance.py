@@ -1,4 +1,4 @@
-"""How far flights stay above the ground and what stands on it, where the terrain is known."""
+"""Clearance of flights over the ground and obstacles, where the terrain is known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """What a flight keeps over terrain and obstacles.
+    """Clearance of a flight over terrain and obstacles.
 
     Attributes
     ----------

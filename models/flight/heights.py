@@ -1,4 +1,4 @@
-"""How high legs are flown: one rule, for those who make missions and for those who work out the wind on the way.
+"""Heights of legs: one rule, for missions and for the wind on the way.
 
 From one station to the next a vehicle is nowhere lower than the cruise height above the higher of the two grounds, since the
 ground need not fall or rise where the vehicle does. Over the lower one it is higher than the cruise height, in more wind. The

@@ -1,4 +1,4 @@
-"""Which heights a way is flown at: one answer, for plans, checks, missions, flights and reports.
+"""Heights of a way: one answer, for plans, checks, missions, flights and reports.
 
 Without a terrain model it is the rule of `models.flight.heights`: the cruise height above the higher ground next to each
 station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
@@ -43,7 +43,7 @@ SLACK_M = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Over:
-    """A terrain model, what is kept over it, and the cruise height above the ground."""
+    """A terrain model, the clearance over it, and the cruise height above the ground."""
 
     terrain: Terrain
     clearance: Clearance

@@ -1,4 +1,4 @@
-"""Hours in which the weather closes flights, besides the wind: by the limits of the drone and of the region.
+"""Hours without flights because of the weather, besides the wind: by the limits of the drone and of the region.
 
 Of an ensemble one member in ten may be worse (`models.wind.ensemble.HourlyWeather`). What a forecast does not tell closes nothing, and is said.
 """

@@ -1,4 +1,4 @@
-"""The ledger: itineraries booked whole or not at all, by those who hold a lease.
+"""The ledger: itineraries booked whole or not at all, by holders of a lease.
 
 The same statements serve both stores; a store adds a connection, a transaction and a few words of its dialect. What may not
 happen is refused three times: by the rule of `models.ledger.window` under a lock of the pads, by the database's own constraints, and
@@ -66,7 +66,7 @@ class FencedError(SkywayError):
 
 
 class VersionError(SkywayError):
-    """The itinerary has changed since it was read, or cannot become what was asked for."""
+    """The itinerary has changed since it was read, or cannot enter the requested state."""
 
     exit_code = 1
 
@@ -111,7 +111,7 @@ def itinerary_of(holder: str, name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One line of the history: what a window was from a time on."""
+    """One row of the history: the state of a window from a time on."""
 
     seq: int
     at: datetime

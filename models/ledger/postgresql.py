@@ -32,7 +32,7 @@ MIGRATING = 0x5C79_1ED6
 
 
 class PostgresqlLedger(Ledger):
-    """A ledger in a database, whose tables are made where there are none."""
+    """A ledger in a database; missing tables are created."""
 
     NOW = "clock_timestamp()"
     LOCK = "FOR UPDATE"

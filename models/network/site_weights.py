@@ -1,4 +1,4 @@
-"""Weights of wind sites half-way along the segments of a network, kept for the sites that were asked for last."""
+"""Weights of wind sites half-way along the segments of a network, stored for the most recent sites."""
 
 from __future__ import annotations
 

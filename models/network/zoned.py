@@ -1,4 +1,4 @@
-"""Segments and the zones that they come into: which are left out, which are closed at times."""
+"""Segments and the zones that they enter: which are removed, and which are closed at times."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def least_of(stations: Sequence[Station]) -> NDArray[np.float64] | None:
 
 
 class Raised(NamedTuple):
-    """How much higher segments are flown than at the cruise height, shape (segments,) each, without a terrain model."""
+    """Extra height of segments above the cruise height, shape (segments,) each, without a terrain model."""
 
     lift_m: NDArray[np.float64]
     """Climbed at the begin, and descended at the end, beyond the cruise height."""

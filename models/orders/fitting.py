@@ -22,7 +22,7 @@ _POSITION = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*,\s*([+-]?\d+(?:\.\d+)?)\s*")
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done, in a scenario: the places of orders and drones are ids of its nodes."""
+    """Orders and drones in a scenario; their places are ids of its nodes."""
 
     scenario: Scenario
     orders: tuple[Order, ...]

@@ -31,7 +31,7 @@ YEARS = (1900, 2200)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row; `place` is a fault without words that says where it stands, `faults` collects what is wrong with it."""
+    """One row; `place` is a fault without text at the position of the row, `faults` collects its faults."""
 
     values: Mapping[str, Any]
     place: Fault

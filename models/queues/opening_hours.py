@@ -1,4 +1,4 @@
-"""Opening hours of pads: as they are written, and as the times at which a station is closed.
+"""Opening hours of pads: their notation, and the times at which a station is closed.
 
 Written as OpenStreetMap does, a small part of it: ``Mo-Fr 07:00-19:00; Sa 08:00-12:00,13:00-17:00; Su off``. Days without
 a rule are closed; a later rule for a day goes before an earlier one; a rule without days holds for every day. Times are local;

@@ -1,4 +1,4 @@
-"""Queue paths: what a drone of ours meets at a station in one realization of the other drones, one by one or many packed.
+"""Queue paths: what a drone meets at a station in one realization of the other drones, one by one or many packed.
 
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so

@@ -92,7 +92,7 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
 
 @dataclass(frozen=True, eq=False)
 class PadQueue:
-    """Queue of one station, given what is known at an instant."""
+    """Queue of one station, given the information at an instant."""
 
     pads: int
     """At least 1."""

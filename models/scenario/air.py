@@ -1,4 +1,4 @@
-"""The air that a fleet flies in: its density by height and temperature, and what the cold leaves of a battery."""
+"""The air of a fleet: its density by height and temperature, and the effect of cold on a battery."""
 
 from __future__ import annotations
 

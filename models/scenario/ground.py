@@ -1,4 +1,4 @@
-"""A scenario over a terrain model: grounds filled in and compared, and what does not fit together."""
+"""A scenario over a terrain model: ground heights filled in and compared, with their contradictions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Remote ID: what a drone broadcasts of who flies it, as an operator gives it."""
+"""Remote ID: the operator's data that a drone broadcasts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EU = re.compile(r"([A-Z]{3}[0-9a-z]{13})(?:-([0-9a-z]{3}))?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteId:
-    """Who flies; empty texts are not told."""
+    """Operator data for Remote ID; empty texts are not sent."""
 
     operator_id: str = ""
     """Registration of the operator, as it is broadcast: without the secret digits."""

@@ -1,4 +1,4 @@
-"""Scenarios: everything that is known of a region before a request."""
+"""Scenarios: all data of a region before a request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tariff of a region: what energy costs at each station by hour of the week, and what the use of a pad costs."""
+"""The tariff of a region: prices of energy at each station by hour of the week, and fees of pads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files with prices of energy: by hour of the week, or as a record of what they were."""
+"""Files with prices of energy: by hour of the week, or as a record of past prices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Terrain and obstacle files by their names: ``dem.tif``, and with what a file does not say ``dem.tif@ellipsoid`` or ``dem.tif@ft``."""
+"""Names of terrain and obstacle files, with options: ``dem.tif``, ``dem.tif@ellipsoid``, ``dem.tif@ft``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GeoTIFF and COG: where the heights of a TIFF lie, and what they count from.
+"""GeoTIFF and COG: position and datum of the heights of a TIFF.
 
 Source: OGC GeoTIFF 1.1 (19-008r4); GDAL's tags 42112 and 42113. Of the tags that place an image those without rotation are read.
 """

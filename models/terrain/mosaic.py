@@ -1,4 +1,4 @@
-"""Several rasters as one grid: what they hold of a region, in metres above mean sea level, voids filled from coarser files."""
+"""Several rasters as one grid: their heights over a region, in metres above mean sea level, with voids filled from coarser files."""
 
 from __future__ import annotations
 

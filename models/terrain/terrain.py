@@ -1,4 +1,4 @@
-"""Terrain of a region: height of the ground at places, and the highest that stands about them.
+"""Terrain of a region: height of the ground at places, and the highest around them.
 
 Heights are metres above mean sea level (the EGM96 or EGM2008 geoid, which files of either kind count from; they differ by
 decimetres mostly). Files that count from the ellipsoid are converted.

@@ -1,4 +1,4 @@
-"""How errors of forecasts hang together, learnt from forecasts and observations: with the wind, in time, over place, and within an issue.
+"""Structure of forecast errors, learnt from forecasts and observations: dependence on wind, and correlation in time, over distance, and within an issue.
 
 Errors are larger in strong wind: a wind that is a tenth too strong, turned by ten degrees or early by half an hour is further off the more it blows. Their variance is
 a + b s^2 of the speed s that was forecast. What is left, at the size that it has there, correlates by

@@ -1,4 +1,4 @@
-"""A wind ensemble over a region, made of weather files: what planners fly in.
+"""A wind ensemble over a region, made from weather files, for the planners.
 
 Members keep their courses over time and place. Between the points of a grid, and from one time to the next, components are interpolated; the wind is
 carried to the height of flight by the heights that the forecast has (`profile`). Of one model the newest issue counts. Models

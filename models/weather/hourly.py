@@ -1,4 +1,4 @@
-"""The weather besides the wind over a region, hour by hour: what closes flights."""
+"""The weather besides the wind over a region, hour by hour, for weather limits."""
 
 from __future__ import annotations
 

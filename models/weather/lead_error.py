@@ -1,4 +1,4 @@
-"""How far forecasts of the wind are off, by lead time, and members that stray so far.
+"""Errors of wind forecasts by lead time, and members with such errors.
 
 A forecast without members, or with members that lie too close together, gets courses about it: an error that keeps its
 sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead. A part of it is of
@@ -140,7 +140,7 @@ def lead_error_text(error: LeadError) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Courses:
-    """Courses of the wind of one model, shape (members, slots, places) each, and what was added to them."""
+    """Wind series of one model, shape (members, slots, places) each, and a note on added errors."""
 
     north: NDArray[np.float64]
     east: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Values at the points of a grid, or of stations, carried to other places."""
+"""Values at the points of a grid, or of stations, interpolated to other places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wind over the region of a scenario from the weather files that are handed over."""
+"""The wind over the region of a scenario from weather files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forecasts compared with what was observed, by lead time, and what is learnt from it.
+"""Verification of forecasts against observations by lead time, and the learnt error.
 
 Bias and root mean square error (RMSE) are of the ensemble mean; the CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
@@ -45,7 +45,7 @@ STRETCH_COST = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Forecasts of a wind and what was observed."""
+    """Forecasts of a wind, and the observations."""
 
     lead_s: NDArray[np.float64]
     """Shape (pairs,). From the issue to the observation."""

@@ -1,4 +1,4 @@
-"""What a weather file holds, whatever its format: the series of one issue of one model at its places."""
+"""Contents of a weather file of any format: the series of one issue of one model at its places."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def evenly(count: int, most: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HourlyWeather:
-    """What else a forecast tells of the weather over a region, hour by hour: what one member in ten exceeds at the worst place."""
+    """Weather besides the wind over a region, hour by hour: the value that one member in ten exceeds at the worst place."""
 
     start_s: float
     slot_s: float

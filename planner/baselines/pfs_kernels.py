@@ -75,7 +75,7 @@ class Frames(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Where to go on to, by segment: as no station is twice on the path, each is a candidate of one frame at most."""
+    """Candidates for the next stop, by segment: as no station is twice on the path, each is a candidate of at most one frame."""
 
     stage: NDArray[np.int64]
     """Shape (segments,). How far it is evaluated."""
@@ -89,7 +89,7 @@ class Candidates(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What is remembered of nodes, shape (nodes,)."""
+    """Search state of nodes, shape (nodes,)."""
 
     on_path: NDArray[np.bool_]
     """It is on the path."""
@@ -105,7 +105,7 @@ class Marks(NamedTuple):
 
 
 class Start(NamedTuple):
-    """How a search begins."""
+    """Start of a search."""
 
     node: int
     """Node of the drone."""

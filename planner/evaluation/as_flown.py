@@ -1,4 +1,4 @@
-"""When a delivery arrives as `skyway fly` flies it: the online policy simulated in the winds of the forecast.
+"""Arrival times of deliveries with `skyway fly`: the online policy simulated in the winds of the forecast.
 
 The truth of each simulated delivery is a member of the forecast, and what the policy is told lacks that member and its neighbours, as in
 `planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy is told the wind measured at the sites, the pads and its own

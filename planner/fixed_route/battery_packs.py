@@ -29,7 +29,7 @@ _TIE_S = 1e-7
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PackPool:
-    """Packs and chargers that whoever changes batteries has with them, wherever that is."""
+    """Batteries and chargers that move with the person who changes batteries."""
 
     packs: int
     """That of the drone included; all are full at the start."""

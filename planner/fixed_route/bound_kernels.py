@@ -1,4 +1,4 @@
-"""Kernels of bounds: what is left of a fixed route takes at least so long.
+"""Kernels of lower bounds of the time for the rest of a fixed route.
 
 Let tau(s) be the time from empty to charge s where every percent comes from the fastest pad there is. Stops of any plan take at
 least the sum of tau(leaving) - tau(arriving). Put together by ways, not by stops, each way of energy E that is begun with charge d

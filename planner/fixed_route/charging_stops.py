@@ -38,7 +38,7 @@ _TIE_S = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FixedRoute:
-    """A route whose order is fixed, and the pads about it."""
+    """A route with a fixed order, and the pads near it."""
 
     hops: Hops
     slots: Slots

@@ -1,4 +1,4 @@
-"""A bound of all orders: nothing that does the work ends earlier, whatever the order, the stops, and which drone does what.
+"""A bound over all orders: no order, stops and distribution over drones ends earlier.
 
 A linear relaxation. Each unit is come to from one other and gone on from to one other, on ways that cost their time and their charge,
 the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going

@@ -1,4 +1,4 @@
-"""Orders of units looked for by adaptive large neighbourhood search over the exact planner of fixed routes.
+"""Search for orders of units by adaptive large neighbourhood search over the exact planner of fixed routes.
 
 Some turns are taken out and put in again elsewhere, whichever way round costs least by time and charge of the ways. What a new order ends at
 is bounded in a millisecond (`charging_stops.least_end`): orders are walked through on that bound, and an order that is bounded to end before

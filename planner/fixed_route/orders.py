@@ -1,4 +1,4 @@
-"""Routes whose order is free: units of work in turns, and the fixed route that an order of them is.
+"""Routes with a free order: units of work, and the fixed route of each order.
 
 A *turn* is a unit flown from its beginning (2 u) or from its end (2 u + 1). Ways between turns are a table; the head of the
 mission comes before the first turn of every route, its tail behind the last one.
@@ -63,7 +63,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class FreeOrder:
-    """Work whose units may be put in other orders, for one or more drones that share its pads."""
+    """Work whose units may be reordered, for one or more drones that share its pads."""
 
     pads: FixedRoute
     """Pads, charge and clock; its hops between pads are used."""

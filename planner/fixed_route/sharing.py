@@ -1,4 +1,4 @@
-"""Pads that several drones share: one plans after the other, each in the windows that those before leave."""
+"""Pads shared by several drones: each drone plans in the windows that the earlier ones leave."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kernels of the ways of a fixed route: from a pad over its work to a pad, and how long and how much charge that takes.
+"""Kernels of the ways of a fixed route: from a pad over its work to a pad, with their time and charge.
 
 A *position* is a point of the work, numbered from 0. A *way* leads from a pad to the position where the work goes on, over the
 work as far as another position, and from there to a pad; or from pad to pad; or to the end of the work. Each hop takes what the

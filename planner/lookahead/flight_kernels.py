@@ -60,7 +60,7 @@ class Need(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Flights that can be made, one for each segment of `air`, and what is known of them already."""
+    """Possible flights, one for each segment of `air`, with cached results."""
 
     air: SegmentWind
     """Segments and wind."""

@@ -68,7 +68,7 @@ class Graph(NamedTuple):
 
 
 class Policy(NamedTuple):
-    """How a search judges and charges."""
+    """Rules of a search for evaluating and charging."""
 
     full: bool
     """Each charge goes to 100 %, otherwise to what the next flight needs."""

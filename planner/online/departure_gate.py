@@ -1,4 +1,4 @@
-"""What a leg needs before it is begun: charge that keeps the reserve, a divert station for every point of it, and wind that lets it."""
+"""Requirements on a leg before it begins: charge that keeps the reserve, a divert station for every point of it, and wind that allows it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FINE_SOC = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Gated:
-    """What the gate says of a leg."""
+    """Result of the departure gate for a leg."""
 
     names: tuple[str, ...]
     """Stations of the whole leg, from where it stands."""
@@ -88,7 +88,7 @@ def _least(reach: Reach, below: tuple[NDArray[np.float64], float, NDArray[np.flo
 
 
 class DepartureGate:
-    """Checks legs before they are begun, from what is known on the ground."""
+    """Checks of legs before they begin, from the information on the ground."""
 
     def __init__(self, policy: OnlinePolicy, info: Information, p: Problem) -> None:
         self._policy, self._info, self._problem = policy, info, p

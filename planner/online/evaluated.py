@@ -1,4 +1,4 @@
-"""The online policy in sampled realizations: what `evaluate` and the benchmarks fly."""
+"""The online policy in sampled realizations, for `evaluate` and the benchmarks."""
 
 from __future__ import annotations
 

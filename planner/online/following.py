@@ -1,4 +1,4 @@
-"""What becomes of a step in a future: how it is flown there, where it lands if the rest is too much, and the best that can follow."""
+"""The result of a step in a future: how it is flown there, where it lands if the rest is too much, and the best that can follow."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Step:
 
 
 class Following:
-    """Follows steps from one state in futures drawn from what is known there.
+    """Follows steps from one state in futures drawn from the information there.
 
     The problem begins in that state, with the forecast of that moment; in flight, its origin is the node that the drone
     is over. Errors are gusts that no forecast tells, the belief is about the next flight. Where the wind is `measured`

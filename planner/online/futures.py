@@ -1,4 +1,4 @@
-"""Futures that a delivery may meet: winds of the forecast, each with a sample of the queues and an error of the energy."""
+"""Possible futures of a delivery: winds of the forecast, each with a sample of the queues and an error of the energy."""
 
 from __future__ import annotations
 

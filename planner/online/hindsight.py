@@ -1,4 +1,4 @@
-"""The next step of a delivery, chosen by what it would lead to in futures drawn from what is known now.
+"""The next step of a delivery, chosen by its results in futures drawn from the current information.
 
 Futures are winds of the forecast, each with a sample of the queues that may grow out of those seen now, and an error of
 the vehicle's energy. In each, the exact planner finds the best way on; what it does first is a step worth a thought.

@@ -1,4 +1,4 @@
-"""What an online decision is made with, and what it says."""
+"""The information of an online decision, and its answer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "la
 
 @dataclass(slots=True)
 class FlightMemory:
-    """What was decided in a flight so far; one for each flight, changed by the decisions."""
+    """Decisions of a flight so far; one for each flight, updated by the decisions."""
 
     turned: bool = False
     """It was turned elsewhere: only an empty battery turns it again."""
@@ -39,7 +39,7 @@ class FlightMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What is known when a decision is due: the information state of a delivery under way."""
+    """Information state of a delivery under way when a decision is due."""
 
     time_s: float
     soc: float

@@ -1,4 +1,4 @@
-"""What a drone in the air can do instead: land where it was going to at another airspeed, or at another station inside its fence.
+"""Options of a drone in the air: its destination at another airspeed, or another station inside its fence.
 
 Each option is told by when it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
 """

@@ -1,4 +1,4 @@
-"""The online policy: what to do next on a delivery under way, under what is known now; each answer with a sentence.
+"""The online policy: the next step of a delivery under way from the current information; each answer has a reason.
 
 On the ground hindsight optimisation chooses the next step (`planner.online.hindsight`); then the gate of a departure raises its
 charge, lets it wait for the wind, or closes the leg, and the next best step is looked for (`planner.online.departure_gate`). In the

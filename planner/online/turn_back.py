@@ -1,4 +1,4 @@
-"""Flights that may turn back: with which charge they are worth a try, and what comes of it.
+"""Flights that may turn back: the charges worth trying, and their results.
 
 A charge that is enough in all but one of a thousand gusts is a third more than one that is enough in half of them, and in a strong
 wind more than a battery holds. A drone that can turn back need not carry it.

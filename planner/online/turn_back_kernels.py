@@ -1,4 +1,4 @@
-"""Kernels of flights that may turn back, as long as one end can be reached for sure.
+"""Kernels of flights that may turn back, as long as one end is certain to be reached.
 
 Against the wind the way out is slow and the way back is fast, so for most of the way a drone can wait and see how the
 gusts and the wind of the next hour turn out. It flies on while some plan reaches one end with the reserve, in all but a
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class TurnBack(NamedTuple):
-    """How a flight over one segment may turn back."""
+    """Rule of turning back for a flight over one segment."""
 
     back: int
     """The same segment the other way."""

@@ -10,7 +10,7 @@ from skyway.models.base.parameters import Parameters, parameter
 
 @dataclass(frozen=True)
 class RobustParameters(Parameters):
-    """Which routes `planner.robust` composes, how it compares and calibrates them, and how sure a leg's charge is."""
+    """Parameters of `planner.robust`: composing, comparing and calibrating routes, and the certainty of a leg's charge."""
 
     members: int = parameter(
         30, "maximum number of forecast members for simulating routes", 1, 1000,

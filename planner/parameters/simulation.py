@@ -1,4 +1,4 @@
-"""Parameters of what all planners share: the typical schedule, waits, and departures that are tried."""
+"""Parameters shared by all planners: the typical schedule, waits, and the departures of a window."""
 
 from __future__ import annotations
 

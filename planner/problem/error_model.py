@@ -23,7 +23,7 @@ GUSTS_AHEAD_S = 3 * 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What the truth has that no forecast tells."""
+    """Errors of the truth that no forecast contains."""
 
     gust_sd: float = GUST_SD
     """Standard deviation of gusts along the wind, as a share of the hourly speed."""

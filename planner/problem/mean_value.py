@@ -33,7 +33,7 @@ def energy_margin(margin: float, belief: EnergyBelief, epsilon: float) -> float:
 
 
 class ExpectedQueues(AskedQueues):
-    """Expected wait at every station as a queue path, worked out for those that a search asks for."""
+    """Expected wait at every station as a queue path, computed for the stations that a search asks for."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)

@@ -41,7 +41,7 @@ _THEN = re.compile(r"\s*,\s*then\s+")
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """What a sum counts, in the scenario's currency.
+    """Weights of a sum, in the scenario's currency.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ LATEST_DEADLINE_H = 48
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """One delivery, from where it stands now.
+    """One delivery, from its current state.
 
     Attributes
     ----------

@@ -119,7 +119,7 @@ def _mean_speeds(
 
 
 class MeanSpeeds:
-    """Those whose flight time is the mean of the members' that can fly, worked out where a search asks for them.
+    """Speeds whose flight time is the mean over the members that can fly, computed on request.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _ANY_S = 1.0
 
 
 class Calibrated(NamedTuple):
-    """Weights, and what they were calibrated on."""
+    """Weights, and the waits that they were calibrated on."""
 
     weight: NDArray[np.float64]
     """Shape (runs,). Their sum is 1."""

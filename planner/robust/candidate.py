@@ -1,4 +1,4 @@
-"""A route that `robust` considers: its rule of charging, and how it fares out of sample."""
+"""A route that `robust` considers: its charging rule, and its out-of-sample results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A route with its rule of charging, and how it fares."""
+    """A route with its charging rule, and its results."""
 
     policy: ChargePolicy
     """Flights and rule."""

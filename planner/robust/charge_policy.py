@@ -77,7 +77,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
 
 @dataclass(frozen=True, eq=False)
 class ChargePolicy:
-    """Flights in a fixed order, each charged for by what is known when it is due."""
+    """Flights in a fixed order, each charged from the information when it is due."""
 
     problem: Problem
     """With the forecast at the time of planning."""

@@ -26,7 +26,7 @@ MIN_CHANCE = 1e-9
 
 
 class Known(NamedTuple):
-    """What a drone knows when it decides, and how careful it is."""
+    """Information of a drone at a decision, and its risk parameters."""
 
     air: SegmentWind
     """Segments and the members of the forecast."""

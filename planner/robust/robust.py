@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RobustAnswer:
-    """What the robust planner answers."""
+    """Answer of the robust planner."""
 
     policy: ChargePolicy
     """Its itinerary names the charges of the typical schedule."""

@@ -50,7 +50,7 @@ _EDGE_S = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Realization:
-    """What the schedule of a composition was flown in."""
+    """Realization in which the schedule of a composition was flown."""
 
     member: int
     """Of the forecast."""

@@ -1,4 +1,4 @@
-"""Why there is no route: the binding constraint, with figures."""
+"""Reasons for no route: the violated constraint, with figures."""
 
 from __future__ import annotations
 

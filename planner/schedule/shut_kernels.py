@@ -1,4 +1,4 @@
-"""Kernels of opening hours: for how long a pad is without power, and when a station can be landed at.
+"""Kernels of opening hours: how long a pad is without power, and when landing at a station is allowed.
 
 A station is closed at times (`models.queues.opening_hours`). A drone on its pads is not charged meanwhile; who would get a pad
 gets it when it opens, which queue paths tell. Where there are no holding spots nobody lands while it is closed.

@@ -1,4 +1,4 @@
-"""What simulated deliveries spend: energy flown, and what is paid for charges, pads and wear.
+"""Consumption of simulated deliveries: energy flown, and the cost of charges, pads and wear.
 
 The cost of a delivery is the sum of
 

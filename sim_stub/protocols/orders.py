@@ -1,4 +1,4 @@
-"""A command from COMMAND_LONG or COMMAND_INT in one form, and groups of those that are obeyed."""
+"""A command from COMMAND_LONG or COMMAND_INT in one form, and groups of those that are executed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Remote ID module on the vehicle, as ArduRemoteID is one: a component of its own, which says what it lacks before it is ready.
+"""A Remote ID module on the vehicle, like ArduRemoteID: a separate component that reports what it lacks before it is ready.
 
 Its rules are those of ArduRemoteID's transport.cpp: position and system message every 3 s, the others every 22 s; the vehicle's own id is kept in the module.
 """
@@ -26,7 +26,7 @@ _NAMES = {
 
 
 class RemoteIdModule:
-    """The module of one vehicle; `told` is what it broadcasts, by the name of the message."""
+    """The module of one vehicle; `told` is its broadcast data, by the name of the message."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

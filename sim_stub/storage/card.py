@@ -1,4 +1,4 @@
-"""The card of a simulated vehicle: folders and files with their contents, and where the family keeps its logs."""
+"""The card of a simulated vehicle: folders and files with their contents, and the location of the family's logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log that an autopilot writes of its own flight: begun when it arms, kept on its card."""
+"""The log that an autopilot writes of its own flight: started at arming, stored on its card."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FAST_S, SLOW_S = 0.2, 1.0
 
 
 class LogFormat(Protocol):
-    """How a family writes its log; everything is the truth of the simulation."""
+    """A family's log format; all values are the truth of the simulation."""
 
     LOG_FOR_EACH_ARMING: ClassVar[bool]
     """A log ends when it disarms; otherwise the log of a boot goes on when it arms again."""

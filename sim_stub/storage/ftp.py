@@ -1,4 +1,4 @@
-"""MAVLink FTP as the families serve it: sessions, bursts at the pace of the link, and their words for what is wrong.
+"""MAVLink FTP of the families: sessions, bursts at the rate of the link, and their error codes.
 
 After ``mavlink_ftp.cpp`` of PX4 and ``GCS_FTP.cpp`` of ArduPilot. Only what reads is served. ArduPilot's has a thread and a short queue of its own: its main loop
 puts requests there 400 times a second, those for which there is no room are lost, and the thread looks there every 2 ms once it is empty, and
@@ -64,7 +64,7 @@ class Nak(IntEnum):
 
 
 class Habits(NamedTuple):
-    """How a family serves it."""
+    """A family's FTP behaviour."""
 
     sessions: int
     """Files open at a time, over all clients."""

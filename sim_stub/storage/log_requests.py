@@ -1,4 +1,4 @@
-"""LOG_REQUEST_LIST and LOG_REQUEST_DATA as the families serve them."""
+"""LOG_REQUEST_LIST and LOG_REQUEST_DATA of the families."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Impaired links: loss, delay, duplication and reordering, reproducible from a seed; and the way of a peer to its vehicle."""
+"""Impaired links: loss, delay, duplication and reordering, reproducible from a seed; and the path of a peer to its vehicle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BUFFER_BYTES, _BUFFER_S = 2048.0, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Impairment:
-    """What a link does to packets; each direction draws its own luck."""
+    """Impairment of packets on a link; each direction is sampled separately."""
 
     loss: float = 0.0
     delay_s: float = 0.0

@@ -24,7 +24,7 @@ _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errn
 
 
 class UdpEndpoint:
-    """UDP: `udpout` speaks first to one address, `udpin` answers all who spoke.
+    """UDP: `udpout` sends first to one address, `udpin` answers all senders.
 
     An `InputError` says that the address is taken, or that there is no such host.
     """

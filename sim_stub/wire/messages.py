@@ -1,4 +1,4 @@
-"""MAVLink messages as pymavlink makes and reads them, and the few that its dialect does not know yet.
+"""MAVLink messages as pymavlink makes and reads them, and a few that its dialect does not have yet.
 
 The ground side frames, checks and signs by code of its own (`link.wire.frames`): here it meets the code of others.
 """

@@ -1,4 +1,4 @@
-"""Zones and authorizations as commands take them, and the refusal of legs that they close."""
+"""Options for zones and authorizations, and the refusal of legs that zones close."""
 
 from __future__ import annotations
 

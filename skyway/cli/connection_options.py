@@ -27,7 +27,7 @@ _ASKED = "auto"
 
 
 class Driver(StrEnum):
-    """Who speaks the protocols."""
+    """Implementation of the protocols."""
 
     PYMAVLINK = "pymavlink"
     MAVSDK = "mavsdk"

@@ -1,4 +1,4 @@
-"""Options of missions that are cut at pads, beside what they are checked with: vans, batteries, drones, order."""
+"""Options of missions that are cut at pads, besides those of checks: vans, batteries, drones, order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrewOptions:
-    """Who is in the field."""
+    """Options of the crew in the field."""
 
     vans: Annotated[
         Path | None,

@@ -1,4 +1,4 @@
-"""Options of a delivery to be planned: what is carried where, and when and in which wind."""
+"""Options of a delivery to plan: package, places, time and wind."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLACE = "station id, part of its name, or lat,lon."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestOptions(Delivery):
-    """What is carried, from where to where, and by what."""
+    """Options of the package, its places, and its drone."""
 
     start: Annotated[str, typer.Option("--from", help=f"Start: {_PLACE}", autocompletion=completion.stations)]
     to: Annotated[str, typer.Option(help=f"Destination: {_PLACE}", autocompletion=completion.stations)]

@@ -1,4 +1,4 @@
-"""Options of a flight about who else is in the air, and who is told of it: other aircraft, Remote ID."""
+"""Options of a flight about other aircraft and Remote ID."""
 
 from __future__ import annotations
 

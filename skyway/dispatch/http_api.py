@@ -1,4 +1,4 @@
-"""The HTTP API of a service: orders come in, and how it stands goes out; described by OpenAPI at ``/openapi.json``.
+"""The HTTP API of a service: takes orders and reports the status; described by OpenAPI at ``/openapi.json``.
 
 It reads and writes the desk alone, so it is as true as the ledger, and may be asked while the dispatcher plans.
 """

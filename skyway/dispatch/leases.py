@@ -1,4 +1,4 @@
-"""Leases that are kept: renewed by a thread of their own, and confirmed before each command."""
+"""Leases that a separate thread renews, and that are confirmed before each command."""
 
 from __future__ import annotations
 

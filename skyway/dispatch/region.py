@@ -1,4 +1,4 @@
-"""The region of a service as all its programs see it: scenario, wind and parameters, from the service's record."""
+"""The region of a service, the same for all its programs: scenario, wind and parameters, from the service's record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The service: begun or gone on with from its desk, with its workers and, where it is simulated, its world."""
+"""The service: started, or resumed from its desk, with its workers and, in a simulation, its world."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ TAKE_OVER_WALL_S = 120.0
 
 @dataclass(frozen=True)
 class Options:
-    """How a service is begun, or gone on with."""
+    """Options of a service, started or resumed."""
 
     ledger: str
     dispatcher: str

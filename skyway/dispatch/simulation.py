@@ -1,4 +1,4 @@
-"""The simulated world of a service: its drones as they stand at the beginning, pads, strangers and wind, in a process of its own."""
+"""The simulated world of a service: its drones at the start, pads, other drones and wind, in a separate process."""
 
 from __future__ import annotations
 

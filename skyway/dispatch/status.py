@@ -1,4 +1,4 @@
-"""How a service stands: orders, drones, flights, pads and changed promises, for people, for programs and for Prometheus."""
+"""The status of a service: orders, drones, flights, pads and changed promises, for people, for programs and for Prometheus."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SCHEMA = "skyway.fleet-status/1"
 
 @dataclass(frozen=True)
 class Status:
-    """Everything on a desk, and what is booked."""
+    """Everything on a desk, and the bookings."""
 
     dispatcher: str
     state: str

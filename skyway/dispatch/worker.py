@@ -1,4 +1,4 @@
-"""A worker: a process that supervises up to `MOST` flights, each in a thread of its own, under leases that it keeps.
+"""A worker: a process that supervises up to `MOST` flights, each in a thread, under leases that it renews.
 
 It takes the flights that the dispatcher gave to it, and those of another worker whose lease has run out: they go on from their journals.
 """

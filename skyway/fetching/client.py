@@ -1,4 +1,4 @@
-"""An HTTP client for weather services: retries, time limits, bounds, byte ranges, and a cache of what never changes."""
+"""An HTTP client for weather services: retries, time limits, bounds, byte ranges, and a cache of immutable data."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def cache_folder() -> Path:
 
 @dataclass
 class Client:
-    """Fetches what it is asked for, and counts it.
+    """Client that counts its requests.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Indexes of GRIB files on servers: which bytes hold which field.
+"""Indexes of GRIB files on servers: the bytes of each field.
 
 NCEP's ``.idx`` has a line for each field, ``number:first byte:d=time:name:level:step:…``; fields of one message share their first byte (ncep.noaa.gov, wgrib2 -s).
 ECMWF's ``.index`` has a JSON object a line, with ``_offset`` and ``_length`` (ECMWF open data, "Index files").

@@ -1,4 +1,4 @@
-"""What is kept of a flight when it has ended: its logs, fetched once the vehicle stands disarmed, and how the vehicle shook."""
+"""Data kept after a flight: its logs, downloaded once the vehicle stands disarmed, and its vibration."""
 
 from __future__ import annotations
 

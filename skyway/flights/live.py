@@ -1,4 +1,4 @@
-"""What a flight tells each second, in a file beside its orders: whoever reads it knows where the delivery stands, and what can be ordered.
+"""Status of a flight, written each second to a file beside its orders: where the delivery is, and which commands are possible.
 
 The journal tells what has happened. This file tells what is: it is replaced as a whole, and nothing is decided by it.
 """
@@ -41,7 +41,7 @@ _MEANING = {str(state): rule.meaning for state, rule in TABLE.items()}
 
 
 class Live(msgspec.Struct, kw_only=True):
-    """Where a delivery stands. Times are POSIX seconds: `wall_s` of this computer, all others of the vehicle; None is unknown."""
+    """Status of a delivery. Times are POSIX seconds: `wall_s` of this computer, all others of the vehicle; None is unknown."""
 
     schema: str = SCHEMA
     pid: int = 0
@@ -127,7 +127,7 @@ def live_file(orders: Path | None) -> Iterator[LiveFile | None]:
 
 
 class LiveFile:
-    """Tells what a flight is at, each second; see `Live`."""
+    """Writes the status of a flight each second; see `Live`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""Starting flights in processes of their own, which whoever started them may leave, or be killed beside."""
+"""Starting flights in separate processes that survive the process that started them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OUTPUT = ".out"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOptions:
-    """How a plan is to be flown, as typed; empty is as usual."""
+    """Options of a flight, as typed; empty means default."""
 
     plan: str = ""
     """File of the plan."""

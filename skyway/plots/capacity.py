@@ -1,4 +1,4 @@
-"""Picture of what a network carries: shares of orders delivered as promised by rate, and what one thing more adds."""
+"""Picture of the capacity of a network: shares of orders delivered as promised by rate, and the gain of each addition."""
 
 from __future__ import annotations
 

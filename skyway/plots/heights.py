@@ -1,4 +1,4 @@
-"""Picture of heights over a terrain model: ground, what stands in the corridor, the way flown, and its least clearance."""
+"""Picture of heights over a terrain model: ground, highest in the corridor, flight path, and its least clearance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a mission and pads to one mission for each battery."""
+"""Cutting: from a mission and pads to one mission for each battery."""
 
 from __future__ import annotations
 

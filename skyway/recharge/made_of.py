@@ -1,4 +1,4 @@
-"""What a cut mission was made of: written beside its flights, so that whoever flies them can replan what is left.
+"""The inputs of a cut mission, stored beside its flights so that `fly` can replan the rest.
 
 The mission, its pads and the fleet are copied; terrain, zones, forecasts and scenarios are named. Of every file there is a digest.
 """
@@ -42,7 +42,7 @@ CUT_AGAIN = "cut the mission again with skyway recharge"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeOf:
-    """What was typed, and where it comes from."""
+    """Typed options of a cut, and their files."""
 
     asked: Asked
     mission: Path

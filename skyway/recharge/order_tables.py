@@ -1,4 +1,4 @@
-"""The units of a mission as a problem of free order: what each takes, either way round, and the ways between them."""
+"""The units of a mission as a problem of free order: the cost of each in either direction, and the ways between them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order of a mission's independent parts, chosen so that the whole ends first: `--reorder`."""
+"""The order of a mission's independent parts that ends first: `--reorder`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NOTHING_FREE = (
 
 @dataclass(frozen=True, slots=True)
 class OrderTold:
-    """What is told of an order.
+    """Report on an order.
 
     Attributes
     ----------

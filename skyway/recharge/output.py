@@ -1,4 +1,4 @@
-"""The folder of a cut mission: one mission a flight for each autopilot, what must be set on the vehicle, and the summary."""
+"""The folder of a cut mission: one mission per flight for each autopilot, the parameters of the vehicle, and the summary."""
 
 from __future__ import annotations
 

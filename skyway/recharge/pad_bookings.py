@@ -1,4 +1,4 @@
-"""Pads that a ledger keeps (`models.ledger`): what others have booked is theirs, and what a cut mission needs is booked for it.
+"""Pads in a ledger (`models.ledger`): bookings of others are respected, and the stays of a cut mission are booked.
 
 What was booked are the windows of the set: a drone that replans on its way stays within them, whoever books beside it later.
 """

@@ -1,4 +1,4 @@
-"""A mission that is to be cut, completed: flown from the ground to the ground, by the autopilots that fly it."""
+"""Completion of a mission before the cut: from the ground to the ground, for the autopilots that can fly it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A mission that is flown from the ground to the ground, and what it is cut for."""
+    """A mission from the ground to the ground, and the autopilots that it is cut for."""
 
     document: MissionDocument
     families: tuple[Family, ...]

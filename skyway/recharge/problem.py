@@ -1,4 +1,4 @@
-"""A mission and pads as the problem of a fixed route: what every hop takes, in the winds of the forecast."""
+"""A mission and pads as the problem of a fixed route: the cost of every hop in the winds of the forecast."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PadQueues:
 
 @dataclass(frozen=True, slots=True)
 class RechargeOptions:
-    """How a mission is cut; manoeuvres count."""
+    """Options of a cut; manoeuvres are included."""
 
     conditions: FlightConditions
     transit: TransitRules
@@ -98,7 +98,7 @@ class RechargeOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RechargeProblem:
-    """The fixed route of a mission, and what it was made of."""
+    """The fixed route of a mission, and its inputs."""
 
     work: Work
     ways: PadWays

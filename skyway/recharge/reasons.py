@@ -1,4 +1,4 @@
-"""Why a mission cannot be cut: no pad in reach, and how much is lacking; or an item that it cannot be left at."""
+"""Reasons why a mission cannot be cut: no pad in reach, with the missing energy; or an item that cannot be left."""
 
 from __future__ import annotations
 

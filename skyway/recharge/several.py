@@ -1,4 +1,4 @@
-"""One mission for several drones: its independent parts are shared among them, and so are the pads.
+"""One mission for several drones: its independent parts and the pads are shared among them.
 
 Every drone gets a mission of its own, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
 from another one.
@@ -46,7 +46,7 @@ BESIDE_M = 5.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Share:
-    """What one drone does."""
+    """Share of one drone."""
 
     units: int
     text: str

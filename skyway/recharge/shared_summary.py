@@ -1,4 +1,4 @@
-"""What is told of a mission that several drones share: ``skyway.recharge-drones/1``, and the folder it is written to."""
+"""Summary of a mission that several drones share: ``skyway.recharge-drones/1``, and its folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCHEMA = "skyway.recharge-drones/1"
 
 @dataclass(frozen=True, slots=True)
 class PadStay:
-    """A pad of a station, and who is on it from when until when, seconds after all have begun."""
+    """A pad of a station, and the drone on it over time, seconds after the start of all drones."""
 
     pad: str
     number: int
@@ -39,7 +39,7 @@ class PadStay:
 
 @dataclass(frozen=True, slots=True)
 class DroneTold:
-    """What one drone does."""
+    """Share of one drone."""
 
     number: int
     folder: str

@@ -1,4 +1,4 @@
-"""The flights of a cut mission simulated: when it ends and whether each landing keeps the reserve, over winds, energies, times and pads.
+"""Simulation of the flights of a cut mission: its end, and whether each landing keeps the reserve, over winds, energies, times and pads.
 
 Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
 who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, more or less by what the flights before have taught of the drone's
@@ -128,7 +128,7 @@ def simulated(
 
 
 class Taught:
-    """What the flights of each run have taught of the drone's energy, as `EnergyBelief.learnt` has it for one."""
+    """Energy belief learnt from the flights of each run, like `EnergyBelief.learnt` for one."""
 
     def __init__(self, options: RechargeOptions) -> None:
         self.belief = self.begun = options.conditions.drone.energy_belief

@@ -1,4 +1,4 @@
-"""What is told of a cut mission: ``skyway.recharge/1``."""
+"""Summary of a cut mission: ``skyway.recharge/1``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heights of a flight report: ground, what stands in the corridor, and the planned way over them, as SVG."""
+"""Heights in a flight report: ground, highest in the corridor, and the planned flight path over them, as SVG."""
 
 from __future__ import annotations
 

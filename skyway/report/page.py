@@ -1,4 +1,4 @@
-"""The report of a flight as one page that needs nothing else: made from the struct `FlightReport` alone."""
+"""The report of a flight as one self-contained page, made from the struct `FlightReport` alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a flight report tells of radios, other aircraft and Remote ID, from the journal."""
+"""Radios, other aircraft and Remote ID in a flight report, from the journal."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class WindExpected(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LegWind(msgspec.Struct, frozen=True, kw_only=True):
-    """Winds of a flight: expected, estimated, true; how far the first two were from the truth (RMS of the vector)."""
+    """Winds of a flight: expected, estimated, true; errors of the first two (RMS of the vector)."""
 
     forecast: WindExpected
     estimate: WindFound | None = None

@@ -1,4 +1,4 @@
-"""Connections of browsers: one that is slow to say what it wants, or to take the answer, is cut off, so that none keeps the others out."""
+"""Connections of browsers: slow clients are disconnected so that they do not block the others."""
 
 from __future__ import annotations
 

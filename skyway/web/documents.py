@@ -1,4 +1,4 @@
-"""Documents that scripts of the page fetch, and the two that they send: files, and orders to a flight. No GET changes anything."""
+"""Documents that scripts of the page fetch, and the two that they send: files, and commands to a flight. No GET changes anything."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MAX_REPORT = 64 * 2**20
 
 
 class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a browser orders of a flight. Its id is the browser's own: sent again after a lost answer, it counts once."""
+    """A command from a browser to a flight. Its id comes from the browser: repeated after a lost answer, it counts once."""
 
     flight: Annotated[str, msgspec.Meta(max_length=300)]
     id: Annotated[str, msgspec.Meta(pattern="^[0-9a-zA-Z-]{8,64}$")]

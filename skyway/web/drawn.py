@@ -1,4 +1,4 @@
-"""Charts of a plan as SVG: bars of what the drone does, the arrival as a distribution, the charge as a fan.
+"""Charts of a plan as SVG: the schedule as bars, the arrival as a distribution, the charge as a fan.
 
 Text is escaped; colours are classes of ``static/page.css``. Marks differ by pattern too, never by colour alone.
 """

@@ -1,4 +1,4 @@
-"""What stands between the network and the page: who may ask, from where, how much, and what browsers may load.
+"""Protection of the page from the network: who may send requests, from where, how much, and what browsers may load.
 
 An ASGI application around another. It answers nothing itself but refusals and the sign-in.
 """

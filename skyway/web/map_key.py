@@ -1,4 +1,4 @@
-"""The key of a map: what its signs mean."""
+"""The key of a map: the meaning of its symbols."""
 
 from __future__ import annotations
 

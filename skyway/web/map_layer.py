@@ -1,4 +1,4 @@
-"""The map: one canvas of ours, which draws stations, routes, wind and vehicles; and what moves something on it."""
+"""The map: one canvas that draws stations, routes, wind and vehicles, and lets people move things."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "static/map"}):
-    """A map. It fetches the region, the ground, the base map and the outline by itself.
+    """A map that fetches the region, the ground, the base map and the outline.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
 
 
 class OnMap(ui.element):
-    """A component of the page that moves something on the map by itself, in the units that a person prefers."""
+    """A component of the page that moves something on the map, in the units that a person prefers."""
 
     def __init__(self, wanted: Preferences) -> None:
         super().__init__()
@@ -95,7 +95,7 @@ class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "s
 
 
 class FleetBoard(ui.element, component="static/fleet.js"):
-    """How a fleet stands, in parts that the browser fetches by itself, and its drones on the map: ``static/fleet.js``.
+    """Status of a fleet, in parts that the browser fetches, and its drones on the map: ``static/fleet.js``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a person prefers: colours, units and times, kept by the browser in cookies."""
+"""Preferences of a person: colours, units and times, stored by the browser in cookies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MEASURED = re.compile(rf"{_NUMBER}(?: ?(?:±|to|\() ?-?\d+(?:\.\d+)?\)?)* (m/s|
 
 @dataclass(frozen=True, slots=True)
 class Preferences:
-    """What one person prefers."""
+    """Preferences of one person."""
 
     speed: str = "mps"
     height: str = "m"

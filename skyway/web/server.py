@@ -1,4 +1,4 @@
-"""The server of the page: one process that answers browsers, and others that work things out."""
+"""The server of the page: one process that answers browsers, and others that compute."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RECONNECT_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeOptions:
-    """What is served, where, and to whom."""
+    """Options of the server."""
 
     scenario: Path | None = None
     """Scenario folder; None is New York, built in."""

@@ -1,4 +1,4 @@
-"""What all pages share: the options, the work folder, and the processes that work things out."""
+"""Parts shared by all pages: the options, the work folder, and the processes that compute."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Stretch:
 
 
 class Assembler:
-    """Makes the samples of one vehicle; `lasting` quantities are told once when they change, and known until then."""
+    """Makes the samples of one vehicle; `lasting` quantities are sent only when they change, and remain valid until then."""
 
     def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
         self.system = system

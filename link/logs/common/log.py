@@ -30,7 +30,7 @@ class LogEvent:
 
 @dataclass(frozen=True, slots=True)
 class LogSummary:
-    """What a log holds."""
+    """Summary of a log."""
 
     format: str
     """``tlog``, ``dataflash``, ``ulog`` or ``csv``."""

@@ -68,7 +68,7 @@ WATCHED = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """What a vehicle is."""
+    """Kind of a vehicle, with its source."""
 
     kind: Kind = "unknown"
     """One of `KINDS`."""

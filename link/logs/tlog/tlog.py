@@ -77,7 +77,7 @@ def _fresh_state() -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class ScanState:
-    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
+    """State of the parser between chunks; a copy of it at a position lets reading continue there."""
 
     state: NDArray[np.int64] = field(default_factory=_fresh_state)
     clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))

@@ -1,4 +1,4 @@
-"""Who has command of a delivery: one person, of all that watch it; another one asks for it, and is given it or not."""
+"""Command of a delivery: one person among all who watch; another person asks for it, and is given it or refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WORDS = ("take", "give", "keep")
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody who watches, by a browser."""
+    """A person who watches with a browser."""
 
     id: str
     name: str
@@ -26,7 +26,7 @@ class Person:
 
 @dataclass(slots=True)
 class Commander:
-    """Command of one delivery. What is typed at the console of the program itself needs none."""
+    """Command of one delivery. Commands at the console of the program itself do not need it."""
 
     holder: Person | None = None
     """Who has it."""

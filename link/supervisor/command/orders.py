@@ -1,4 +1,4 @@
-"""Orders in the air: which can be given now, and what is done by each. On a console and on the page they are the same words."""
+"""Commands in the air: which are possible now, and the effect of each. The console and the page use the same words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orders by a file: whoever may write into it, the operator's page, appends a line for each; the supervisor reads them.
+"""Commands by file: the operator's page appends one line for each; the supervisor reads them.
 
 A line stays when the page is killed, and the supervisor takes each once: by its id, which it journals before it does anything.
 """
@@ -65,7 +65,7 @@ def request(path: Path, wanted: Request) -> None:
 
 @dataclass(slots=True)
 class RequestFile:
-    """An operator who orders by a file; see `link.supervisor.operators.Operator`."""
+    """An operator who sends commands by a file; see `link.supervisor.operators.Operator`."""
 
     path: Path
     show: Callable[[str], None]

@@ -1,4 +1,4 @@
-"""What a person is told before a take-off: the list while it is gone through, and then all that a yes answers to."""
+"""The briefing before a take-off: the checklist as it is completed, and then everything that a yes confirms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REMIND_S = 30.0
 
 
 class Checklist:
-    """The list of one departure: each entry is journaled when it is looked at first, and when its verdict changes."""
+    """The checklist of one departure: each entry is journaled at its first verdict, and when its verdict changes."""
 
     def __init__(self, ctx: Context) -> None:
         self._ctx = ctx

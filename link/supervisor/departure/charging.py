@@ -1,4 +1,4 @@
-"""What is done at a pad: ask for one until there is one, charge, and tell the vehicle what its battery holds."""
+"""Actions at a pad: request one until it is free, charge, and set the battery counter of the vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done before a take-off: make the leg, check, upload, ask, arm and start."""
+"""Actions before a take-off: make the leg, check, upload, ask, arm and start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The settings of a vehicle that decide what it does by itself; what they mean says its family (`missions.autopilots`)."""
+"""The failsafe settings of a vehicle; its family explains them (`missions.autopilots`)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Failsafes:
-    """The settings of one vehicle that decide what it does by itself."""
+    """The failsafe settings of one vehicle."""
 
     values: dict[str, float] = field(default_factory=dict)
     """By key, in our units, as they will be in the flight; one that its firmware does not have is left out."""

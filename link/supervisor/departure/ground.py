@@ -1,4 +1,4 @@
-"""What is decided on the ground: where to fly next, with how much charge, and when."""
+"""Decisions on the ground: where to fly next, with how much charge, and when."""
 
 from __future__ import annotations
 

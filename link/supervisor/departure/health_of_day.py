@@ -1,4 +1,4 @@
-"""Calibration and health in the list before a take-off: looked at once a day, and remembered."""
+"""Calibration and health in the checklist before a take-off: checked once a day, and stored."""
 
 from __future__ import annotations
 

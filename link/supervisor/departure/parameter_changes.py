@@ -1,4 +1,4 @@
-"""Parameters that a delivery changes on the vehicle: told beforehand, journaled before they are set, restored at its end."""
+"""Parameters that a delivery changes on the vehicle: listed beforehand, journaled before they are set, restored at its end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ParameterChange:
 
 @dataclass(slots=True)
 class ParameterChanges:
-    """What a delivery has changed, and is about to."""
+    """Parameters that a delivery has changed, or will change."""
 
     proposed: tuple[ParameterChange, ...] = ()
     """Of the leg to come."""

@@ -1,4 +1,4 @@
-"""The list before each take-off: every entry is in order, or not, or not known, and says so with its figure."""
+"""The checklist before each take-off: every entry is in order, not in order, or unknown, with its figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done in the air: watch, decide, send the speed again, turn elsewhere."""
+"""Actions in the air: watch, decide, send the speed again, divert."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a vehicle that stands disarmed has crashed: it lies on its side or its back, or says so."""
+"""Detection of a crash of a disarmed vehicle: it lies on its side or its back, or reports it."""
 
 from __future__ import annotations
 

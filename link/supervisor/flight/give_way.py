@@ -1,4 +1,4 @@
-"""Giving way to other aircraft: one that comes within the limits is told, or the drone holds, or lands at the nearest station, until the sky is clear.
+"""Giving way to other aircraft within the limits: report them, hold, or land at the nearest station, until the sky is clear.
 
 States: clear; holding (stopped on its way); overruled (a person said `go`: nothing more is done until the sky is clear). An aircraft counts from the limits
 on, and is gone once all are beyond `CLEAR_MARGIN` times the limits, or unheard, for `CLEAR_S`.
@@ -30,7 +30,7 @@ AGAIN_S = 5.0
 
 
 class OnTraffic(StrEnum):
-    """What is done about an aircraft that comes near."""
+    """Reaction to an aircraft that comes near."""
 
     TELL = "tell"
     HOLD = "hold"
@@ -39,7 +39,7 @@ class OnTraffic(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrafficRule:
-    """What counts as near, and what is done about it."""
+    """Limits of nearness, and the reaction."""
 
     action: OnTraffic = OnTraffic.TELL
     limits: TrafficLimits = field(default_factory=TrafficLimits)

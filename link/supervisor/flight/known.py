@@ -1,4 +1,4 @@
-"""What is known in the air, as a decision of the policy wants it."""
+"""Information in the air, in the form of the policy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done after a landing: find out where it stands, learn what the flight took, hand the package over."""
+"""Actions after a landing: find the station, learn from the energy of the flight, hand the package over."""
 
 from __future__ import annotations
 

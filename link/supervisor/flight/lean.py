@@ -1,4 +1,4 @@
-"""A ground speed that is commanded and not reached at full lean: its cause, and the measurement of the wind that it is.
+"""A commanded ground speed that is not reached at full lean: its cause, and the wind that follows from it.
 
 A multirotor that leans as far as its autopilot lets it, and goes steadily, has the drag of that lean: it flies through the
 air at one airspeed, in the direction in which it leans. What its ground velocity differs by is wind. Where the drag is known
@@ -66,7 +66,7 @@ class WindAtLimit:
 
 @dataclass(slots=True)
 class LeanWatch:
-    """Watches whether a flight is as fast as it was told to be, and why not."""
+    """Watches whether a flight reaches its commanded speed, and why not."""
 
     limit_deg: float = math.nan
     """The autopilot's greatest lean; NaN where it is not known, and then nothing is said."""

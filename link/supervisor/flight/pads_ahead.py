@@ -1,4 +1,4 @@
-"""Who is at the stations ahead: asked of their pad services when a decision in the air wants to know, not before."""
+"""Pads of the stations ahead: requested from their pad services only when a decision in the air needs them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SILENT_S = 60.0
 
 
 class PadsAhead(Mapping[str, int]):
-    """Others on the pads and in line at stations, by station; one that nobody tells of is not in it."""
+    """Other drones on the pads and in line at stations, by station; stations without a report are absent."""
 
     def __init__(self, pads: PadService, now_s: Callable[[], float]) -> None:
         self._pads, self._now_s = pads, now_s

@@ -1,4 +1,4 @@
-"""What somebody else does to the vehicle: then nothing more is commanded."""
+"""Interventions of somebody else on the vehicle: the supervisor then sends no commands."""
 
 from __future__ import annotations
 

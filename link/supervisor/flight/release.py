@@ -1,4 +1,4 @@
-"""Release in the air: the mission lowers or places the package over the target and flies on; here it is watched, and evidence taken.
+"""Release in the air: the mission lowers or places the package over the target and flies on; this module watches it and collects evidence.
 
 Nothing is commanded: with a lost link the vehicle does the same. Which item it is at says where in the release it is; what a winch tells of its line, and what ArduPilot
 says of a payload place, is evidence. From the last of these items on the drone is on its way back, and is weighed.
@@ -33,7 +33,7 @@ LINE_M = 0.5
 
 @dataclass(slots=True)
 class ReleaseWatch:
-    """How far the release of one leg is; written by `watch_release` alone."""
+    """Progress of the release on one leg; written only by `watch_release`."""
 
     begun_s: float | None = None
     """By the clock, when its first item was seen to be flown."""

@@ -1,4 +1,4 @@
-"""Sending the vehicle elsewhere in flight: by another mission, or where that is not verified by reposition; landing where it is."""
+"""Diverting the vehicle in flight: by another mission, or if that cannot be verified, by reposition; landing at the current position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Entries of the journal as typed values: written as plain JSON, and read again from whatever a file holds."""
+"""Entries of the journal as typed values: written as plain JSON, and read from any file."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Entry(Part, frozen=True, kw_only=True):
-    """What a record of the journal tells besides its sentence; the tag of its class is the event of the record."""
+    """Data of a journal record besides its sentence; the tag of its class is the event of the record."""
 
     @classmethod
     def event(cls) -> str:

@@ -1,4 +1,4 @@
-"""The flight journal: one JSON object a line, appended, on the disk before anything is done about it.
+"""The flight journal: one JSON object per line, appended, on disk before anything is done about it.
 
 What is in it is described in ``docs/reference/journal.md``. A line is torn at most at the very end, where the program was
 killed while it wrote; such a line is left out when reading, and cut off before writing goes on.
@@ -63,7 +63,7 @@ _DECODER = msgspec.json.Decoder(Record)
 
 @dataclass(frozen=True, slots=True)
 class ReadJournal:
-    """What a journal holds."""
+    """Contents of a journal."""
 
     records: tuple[Record, ...]
     whole_bytes: int

@@ -1,4 +1,4 @@
-"""What a resume needs besides the plan: written with each plan, take-off and landing, and read again."""
+"""The state that a resume needs besides the plan: written with each plan, take-off and landing, and read again."""
 
 from __future__ import annotations
 

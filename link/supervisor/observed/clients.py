@@ -1,4 +1,4 @@
-"""Who else is there: ground stations on our link (``--forward``), its radios, other aircraft; told and written down."""
+"""Others on the link: ground stations (``--forward``), radios, other aircraft; reported and journaled."""
 
 from __future__ import annotations
 

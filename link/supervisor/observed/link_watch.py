@@ -1,4 +1,4 @@
-"""Whether the vehicle is heard and answers: a question is repeated while it has time, and a silent vehicle is a lost link."""
+"""Whether the vehicle is heard and answers: a request is repeated while there is time; a silent vehicle is a lost link."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AWAKE_S = 2.0
 
 @dataclass(slots=True)
 class LinkWatch:
-    """What the operator has been told of missing answers, and whether few messages are asked for."""
+    """Reports to the operator about missing answers, and whether only few messages are requested."""
 
     resting: bool = False
     """The vehicle sends `RESTING_RATES`."""

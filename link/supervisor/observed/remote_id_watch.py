@@ -1,4 +1,4 @@
-"""Remote ID of a delivery: who flies is kept sent, and what the module says of itself is told and written down."""
+"""Remote ID of a delivery: the operator's data are sent continuously, and the status of the module is reported and journaled."""
 
 from __future__ import annotations
 

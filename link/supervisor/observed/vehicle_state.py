@@ -1,4 +1,4 @@
-"""What is known of the vehicle itself: who it is, where it is, whether it flies.
+"""State of the vehicle: its identity, its position, whether it flies.
 
 It flies by what it says, by how it moves and by what its motors draw, so that one wrong value decides nothing.
 """
@@ -23,7 +23,7 @@ PLACE_FRESH_S = 10.0
 
 @dataclass(slots=True)
 class VehicleState:
-    """What one vehicle has told of itself."""
+    """State reported by one vehicle."""
 
     sample: TelemetrySample | None = None
     uid: int = 0

@@ -1,4 +1,4 @@
-"""What the vehicle says in words (STATUSTEXT): shown when it is new, counted when it is said again."""
+"""Texts of the vehicle (STATUSTEXT): shown when new, counted when repeated."""
 
 from __future__ import annotations
 

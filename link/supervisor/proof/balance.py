@@ -1,4 +1,4 @@
-"""How much less a drone draws in some stretches of its flights than in the others, and how sure that is.
+"""How much less a drone draws in some stretches of its flights than in the others, with its uncertainty.
 
 The logarithm of power over the model's is a sum of what nobody knows beforehand, each with its standard deviation: the efficiency of this drone; how much airspeed, climb
 and sinking take of it; how the model is off at this airspeed and climb, the same wherever it flies alike; what differs from flight to flight; and scatter. So stretches that were flown

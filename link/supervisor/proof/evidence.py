@@ -1,4 +1,4 @@
-"""Evidence of a delivery, and what follows from all of it together."""
+"""Evidence of a delivery, and the verdict from all of it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What is known; None is not known."""
+    """Evidence so far; None is unknown."""
 
     acknowledged: bool | None = None
     """The gripper, or the person, said that the package is off."""

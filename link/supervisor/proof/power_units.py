@@ -1,4 +1,4 @@
-"""What a drone draws by the model of the scale, and what the model may have wrong of it.
+"""The power of a drone by the model of the scale, and the possible errors of the model.
 
 With thrust T = m g lift, airspeed V and climb v the power is, in units of that of hover without a package,
 
@@ -28,7 +28,7 @@ _CLIMBING, _SINKING = 0.75, 0.3
 
 
 class Units(NamedTuple):
-    """Power of one moment by the model under the whole package, and how it depends on what the model may have wrong."""
+    """Modelled power at a moment with the whole package, and its dependence on possible errors of the model."""
 
     log_units: float
     """Logarithm of the power, in units of hover without a package."""

@@ -1,4 +1,4 @@
-"""A flight in stretches of like airspeed and climb: what the drone drew in each, over what the model says."""
+"""A flight in stretches of similar airspeed and climb: the measured power in each, relative to the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEP = 0.05
 
 
 class Aboard(IntEnum):
-    """What is known of the package in a stretch."""
+    """Knowledge of the package in a stretch."""
 
     PACKAGE = 0
     """It is under the drone, unless it was lost."""

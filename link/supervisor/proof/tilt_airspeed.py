@@ -1,4 +1,4 @@
-"""Airspeed by the lean, second by second: what a gust changes shows there at once, while the wind that is believed follows it only slowly."""
+"""Airspeed from the lean, second by second: it shows gusts at once, while the wind estimate follows only slowly."""
 
 from __future__ import annotations
 

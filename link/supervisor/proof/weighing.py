@@ -1,4 +1,4 @@
-"""Weighing in flight: how much of a package is aboard, by the power that the drone draws.
+"""Weighing in flight: how much of a package is on board, from the power of the drone.
 
 Power is compared with that of the same drone under its package, so that its own efficiency cancels: all of the flights so far, in stretches of like airspeed and
 climb (`stretches`), each over what the model of `power_units` says; `balance` tells what the model leaves open. Airspeed is that of the drone's own lean: the wind that
@@ -42,7 +42,7 @@ _CHANGE_SIGMAS, _CHANGE = 3.5, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Weight:
-    """How much of the package is aboard, as a share of it."""
+    """Share of the package on board."""
 
     share: float
     sigma: float

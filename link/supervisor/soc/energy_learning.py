@@ -1,4 +1,4 @@
-"""How much energy flights take, learnt from each flight, and what a battery takes for it, learnt at pads."""
+"""Energy of flights, learnt from each flight, and charge of the battery for it, learnt at pads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a flight should have taken by the model so far, second by second: what the belief about the energy is learnt from."""
+"""Modelled energy of a flight so far, second by second: the reference for learning the energy belief."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state of charge that a vehicle tells, believed as far as a battery can do what it says.
+"""The state of charge that a vehicle reports, accepted as far as it is physically possible.
 
 Charge goes at the rate at which it is drawn. A report that is far from that line is held, and the line goes on, until the voltage
 has confirmed it: a battery that has lost charge has lost voltage. What the voltage contradicts is not believed, however often it is
@@ -34,7 +34,7 @@ _CELLS = (3, 4, 6, 8, 10, 12, 14)
 
 @dataclass(slots=True)
 class ReportedSoc:
-    """What is believed of one vehicle's reports."""
+    """Accepted part of one vehicle's reports."""
 
     soc: float = math.nan
     """Believed last, at `at_s`; the line begins there."""

@@ -1,4 +1,4 @@
-"""How much charge there is: what the vehicle says as far as it is believed, corrected by what pads measured and by its voltage."""
+"""Estimator of the charge: the accepted report of the vehicle, corrected by pad measurements and by the voltage."""
 
 from __future__ import annotations
 

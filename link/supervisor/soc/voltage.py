@@ -1,4 +1,4 @@
-"""Charge that is lost without being counted: an autopilot that counts what flows out does not see a pack that fails.
+"""Uncounted losses of charge: an autopilot that counts the current does not see a failing pack.
 
 The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
 more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that

@@ -1,4 +1,4 @@
-"""In the air: does the rest of this flight keep the reserve? If not, the work is left earlier, at a place from which it goes on exactly."""
+"""In the air: if the rest of the flight does not keep the reserve, leave the work earlier, at a place from which it continues exactly."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ LOOK_AGAIN_S = 300.0
 
 
 class PlannedUse(ModelledUse):
-    """Charge that a flight of the work should have taken by the model: by how far it has come, not by how long it has flown."""
+    """Modelled charge of a flight of the work so far: by its progress, not by its time."""
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
         """Take no time: see `reach`."""

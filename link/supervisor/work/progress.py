@@ -1,4 +1,4 @@
-"""How far the work is: what is done, the flight under way, and the pad that the next one begins on."""
+"""Progress of the work: what is done, the flight under way, and the pad where the next one begins."""
 
 from __future__ import annotations
 

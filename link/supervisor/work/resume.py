@@ -1,4 +1,4 @@
-"""Going on with work: what a journal knows of it, and what the vehicle holds that flies it."""
+"""Resuming work: from its journal, and from the vehicle that flies it."""
 
 from __future__ import annotations
 

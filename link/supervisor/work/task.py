@@ -1,4 +1,4 @@
-"""A mission that is flown battery by battery, as the supervisor is given it, and what it asks of whoever plans that.
+"""A mission flown battery by battery: the supervisor's view of it, and its requirements on the planner.
 
 `skyway.recharge` plans; here is what is said between the two. Points of the work and pads are numbers, as in `missions.recharge`.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What is known when something is decided."""
+    """Information at a decision."""
 
     time_s: float
     """POSIX seconds."""
@@ -48,7 +48,7 @@ class Aloft(Known):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """What the rest of a flight comes to."""
+    """Expected end of the rest of a flight."""
 
     left_s: float
     left_soc: float
@@ -81,7 +81,7 @@ class WorkFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkPlan:
-    """What is left, planned."""
+    """Plan of the remaining work."""
 
     span: Span
     """The next flight."""
@@ -96,7 +96,7 @@ class WorkPlan:
 
 
 class WorkPlanner(Protocol):
-    """Whoever plans the work; where nothing leads on, an `InputError` says why."""
+    """Planner of the work; an `InputError` says why no flight is possible."""
 
     @property
     def epsilon(self) -> float:

@@ -1,4 +1,4 @@
-"""ArduPilot: missions as Copter 4.6 accepts them, and how its vehicles differ from others.
+"""ArduPilot: missions as Copter 4.6 accepts them, and its differences from others.
 
 What is here was seen in flight (software in the loop), or read in ``AP_Mission.cpp``.
 """

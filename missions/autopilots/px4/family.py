@@ -1,4 +1,4 @@
-"""PX4: missions as multirotors under PX4 1.16 and 1.17 accept them, and what its vehicles say of them.
+"""PX4: missions as multirotors under PX4 1.16 and 1.17 accept them, and the reports of its vehicles.
 
 What is here was seen in flight (software in the loop), or read in ``mavlink_mission.cpp`` and
 ``FeasibilityChecker.cpp``.

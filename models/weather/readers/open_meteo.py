@@ -1,4 +1,4 @@
-"""Answers of Open-Meteo (JSON): one place or several, one model or several, one course or members of an ensemble.
+"""Answers of Open-Meteo (JSON): one place or several, one model or several, single series or ensembles.
 
 Units are those of `hourly_units`; a name ends in its height, ``_memberNN`` (the one without is the control) and, where several models were
 asked for, the model. Times without an offset are local by `utc_offset_seconds`: the clock does not change within an answer.
@@ -60,7 +60,7 @@ class Answer(msgspec.Struct):
 
 
 class Refused(msgspec.Struct):
-    """What the service answers to a question that it does not understand."""
+    """Answer of the service to a request that it does not understand."""
 
     error: bool
     reason: str = ""

@@ -1,4 +1,4 @@
-"""Winds at pressure levels, as winds at heights above ground, where a forecast has none near the ground.
+"""Winds at pressure levels, as winds at heights above ground, for forecasts without winds near the ground.
 
 The height of a level is the geopotential height in the file less the orography in it, averaged over region, members and times; without the first that of the
 standard atmosphere, without the second above sea level. What was taken is told.

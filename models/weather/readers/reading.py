@@ -1,4 +1,4 @@
-"""Weather files of any form, several together."""
+"""Weather files of any format, several together."""
 
 from __future__ import annotations
 

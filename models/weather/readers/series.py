@@ -1,4 +1,4 @@
-"""Fields of a file, one by one, put together to series."""
+"""Fields of a file, one by one, combined to series."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Grids whose places are in fields of their own: ICON's triangles, by the latitudes and longitudes that come with them (CLAT, CLON).
+"""Grids with positions in separate fields: ICON's triangles, by the latitudes and longitudes of CLAT and CLON.
 
 Source: DWD, "ICON Database Reference Manual" (2023), section 5: the time-invariant fields, discipline 0, category 191, numbers 1 and 2, degrees.
 """
@@ -24,7 +24,7 @@ MARGIN_DEG = 0.5
 
 
 class UnknownPlacesError(InputError):
-    """The fields that tell the places of a grid have not been read."""
+    """The fields with the positions of a grid have not been read."""
 
 
 class TriangleGrids:

@@ -1,4 +1,4 @@
-"""A forecast conditioned on the winds that were observed before the departure.
+"""A forecast conditioned on winds observed before the departure.
 
 It is `models.wind.estimation.forecast_update.update_forecast`, the one method of the house, with what was measured to suit the reports of
 airports (decision 83): of each station the newest report alone, its error `STATION_ERROR_MPS`, weights worth `LEAST_MEMBERS` members, and of

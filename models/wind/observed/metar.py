@@ -1,4 +1,4 @@
-"""METAR and SPECI reports of airports: station, time and wind, as they are published.
+"""METAR and SPECI reports of airports: station, time and wind.
 
 Of a report everything before ``RMK`` is read up to the wind group, and besides, by `pressures_told`, temperature and QNH: what else follows (visibility, weather, trends with
 winds of their own) differs by country. Winds are means over 2 or 10 minutes at 10 m, in knots, m/s or km/h, degrees FROM true north.
@@ -40,7 +40,7 @@ HPA_PER_INHG = 33.863_886
 
 @dataclass(frozen=True, slots=True)
 class MetarWind:
-    """What one report says of the wind."""
+    """Wind of one report."""
 
     station: str
     """Its identifier, four letters or digits."""

@@ -1,4 +1,4 @@
-"""Observed winds as they are handed over: typed, in a table, as METARs, or as ``skyway forecast --json`` tells what drones measured."""
+"""Observed winds in any form: typed, in a table, as METARs, or as the output of ``skyway forecast --json``."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class ObservedWind:
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """All that was handed over."""
+    """All given observations."""
 
     winds: tuple[ObservedWind, ...] = ()
     notes: tuple[str, ...] = ()

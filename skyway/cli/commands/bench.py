@@ -1,4 +1,4 @@
-"""Commands ``bench planners`` and ``settings``: for those who study the planners."""
+"""Commands ``bench planners`` and ``settings``, for researchers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands ``check`` and ``recharge``: a mission against its battery, and cut where that does not last."""
+"""Commands ``check`` and ``recharge``: a mission against its battery, and cut if the battery does not last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands ``forecast``, which updates a forecast with winds measured by drones, and ``weather``: what weather files hold."""
+"""Commands ``forecast``, which updates a forecast with winds measured by drones, and ``weather``, which shows weather files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OLDEST_H = 24.0
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """A forecast before and after what was measured, for the height of its sites."""
+    """A forecast before and after an update with measurements, for the height of its sites."""
 
     world: Scenario
     depart_s: float

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Kind(StrEnum):
-    """What a vehicle holds."""
+    """Kinds of lists on a vehicle."""
 
     MISSION = "mission"
     FENCE = "fence"

@@ -334,7 +334,7 @@ def check(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioCheck:
-    """What a check of a scenario found."""
+    """Result of a scenario check."""
 
     schema: str = "skyway.scenario-check/1"
     ok: bool

@@ -1,4 +1,4 @@
-"""Options of commands whose work is shared out over processes or machines, and the line that tells how far it is."""
+"""Options of commands whose work is distributed over processes or machines, and their progress line."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """What a flight tells about how the drone feels the air."""
+    """Result of a drag and airspeed calibration."""
 
     drag: DragModel | None
     airspeed: AirspeedModel | None

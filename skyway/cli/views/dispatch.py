@@ -1,4 +1,4 @@
-"""A plan for a fleet as tables: orders, drones, and how good it is."""
+"""A plan for a fleet as tables: orders, drones, and its quality."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a fleet stands, as tables: what needs a person first, then orders, drones and changed promises."""
+"""The status of a fleet as tables: first what needs a person, then orders, drones and changed promises."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _REFRESH_HZ = 2.0
 
 
 class FlightView:
-    """Shows the records of a journal as they are written, and what is going on between them.
+    """Shows the records of a journal as they are written, and the status between them.
 
     `typed` returns what the operator has typed of a line so far.
     """
@@ -224,7 +224,7 @@ class FlightView:
 
 
 class RecordLines(FlightView):
-    """The view of a program: each record of the journal is a line of JSON, and what is said goes to standard error."""
+    """View for a program: each record of the journal is a line of JSON; messages go to standard error."""
 
     def say(self, line: str) -> None:
         """Say a line where it does not disturb the records."""

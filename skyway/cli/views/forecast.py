@@ -66,7 +66,7 @@ class HourWind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What an update did: measured winds, wind at each site, hours before and after, probability of each member."""
+    """Result of an update: measured winds, wind at each site, hours before and after, probability of each member."""
 
     schema: str = "skyway.forecast-update/1"
     depart: str

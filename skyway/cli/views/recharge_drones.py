@@ -1,4 +1,4 @@
-"""Output of a mission that several drones share: one row for each drone, who is on which pad when, and when the last one ends."""
+"""Output of a mission that several drones share: drones, the use of the pads over time, and the end of the last drone."""
 
 from __future__ import annotations
 

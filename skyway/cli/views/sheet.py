@@ -1,4 +1,4 @@
-"""Tables that lose no text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
+"""Tables that never lose text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``skyway watch`` shows: a row for each vehicle, in a table or as JSON."""
+"""Output of ``skyway watch``: a row for each vehicle, in a table or as JSON."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _UNKNOWN = "unknown"
 
 
 class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a vehicle; None is unknown."""
+    """State of a vehicle; None is unknown."""
 
     system: int
     autopilot: str

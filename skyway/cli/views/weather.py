@@ -1,4 +1,4 @@
-"""Output of what weather files hold, and of how forecasts compare with observations."""
+"""Output of weather files, and of comparisons of forecasts with observations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drones that are planned for alone: those that stand with a package on its way, and those away from home without anything to do."""
+"""Drones that are planned separately: those that stand with a package on its way, and idle ones away from home."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WHOLE_DAY_S = 86_400.0
 
 
 class Alone:
-    """Brings drones on, each by a plan of its own.
+    """Moves drones on, each by a separate plan.
 
     Parameters
     ----------

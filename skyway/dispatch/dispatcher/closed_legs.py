@@ -1,4 +1,4 @@
-"""Legs that the check before a take-off refused, planned without for a while."""
+"""Legs refused by the preflight check, excluded from plans for a while."""
 
 from __future__ import annotations
 

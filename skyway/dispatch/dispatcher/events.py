@@ -1,4 +1,4 @@
-"""What has happened since a dispatcher looked last: flights that ended or are late, orders that came, pads out of order."""
+"""Events since the dispatcher's last step: flights that ended or are late, new orders, pads out of order."""
 
 from __future__ import annotations
 

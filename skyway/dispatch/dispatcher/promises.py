@@ -1,4 +1,4 @@
-"""What orders are told: that they are promised, that a promise has changed and why, that they are refused, or are for a person."""
+"""Answers to orders: promised, changed with a reason, refused, or handed to a person."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Promises:
-    """Tells orders what becomes of them.
+    """Answers to orders.
 
     Parameters
     ----------

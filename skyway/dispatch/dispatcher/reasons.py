@@ -1,4 +1,4 @@
-"""Why a dispatcher replans, as those are told whose promises it changes."""
+"""Reasons for replanning, in the words of a changed promise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Replanning what is open around what flies, and booking it; around what others book meanwhile once more."""
+"""Replanning of open orders around flights under way, and booking; repeated once if others book in the meantime."""
 
 from __future__ import annotations
 

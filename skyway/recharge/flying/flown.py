@@ -1,4 +1,4 @@
-"""A cut mission as it is flown: its flights for the supervisor, replanned with what is measured."""
+"""A cut mission in flight: its flights for the supervisor, replanned with measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stations of a cut mission: its pads, where it begins and where it ends; and the region that they are in."""
+"""The stations of a cut mission: its pads, its start and its end; and their region."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAME_M = 10.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WorkPlaces:
-    """Stations by what the work calls them."""
+    """Stations by their names in the work."""
 
     pads: tuple[Station, ...]
     start: Station

@@ -80,7 +80,7 @@ def job_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkAsked:
-    """What is typed when a set is flown."""
+    """Typed options of flying a set."""
 
     wind: str | None = None
     forecast: list[Path] | None = None

@@ -1,4 +1,4 @@
-"""The demonstration on the page: its plan is made by a worker, its simulation and its flight are processes of their own."""
+"""The demonstration on the page: a worker makes its plan; its simulation and its flight are separate processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles that are heard: one watch for each connection, in a process of its own, and one digest of all of them.
+"""Vehicles on the link: one watch process for each connection, and one digest of all of them.
 
 Nothing is commanded here. Supervised flights are processes of their own, too: see `skyway.web.live.flights`.
 """

@@ -1,4 +1,4 @@
-"""Flights under way, which fly in processes of their own: found by their files in the work folder, told, ordered, started.
+"""Flights under way in separate processes: found by their files in the work folder, shown, commanded, started.
 
 What is known here is only what the files say. A page that was killed and started again knows the same.
 """

@@ -1,4 +1,4 @@
-"""The form of a departure: which plan is flown by which drone, and how; the command that does the same."""
+"""The form of a departure: the plan, the drone and the options, and the equivalent command."""
 
 from __future__ import annotations
 

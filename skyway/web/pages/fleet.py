@@ -1,4 +1,4 @@
-"""The fleet page: how the orders, drones and pads of a dispatcher stand, from its ledger."""
+"""The fleet page: orders, drones and pads of a dispatcher, from its ledger."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a fleet stands, as HTML: alarms, what drones and pads do when, orders, drones, and what was changed and why; every text is escaped."""
+"""The status of a fleet as HTML: alarms, timelines of drones and pads, orders, drones, and changed promises; every text is escaped."""
 
 from __future__ import annotations
 

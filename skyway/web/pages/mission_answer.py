@@ -1,4 +1,4 @@
-"""A mission and what was found of it, as HTML; every text is escaped."""
+"""A mission and its findings as HTML; every text is escaped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mission and a vehicle: what it holds otherwise, and the upload, read back; both by commands in processes of their own."""
+"""A mission and a vehicle: their differences, and the verified upload; both by commands in separate processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The missions page: any mission file with its map, profile, items and findings; mended, converted, uploaded."""
+"""The missions page: any mission file with its map, profile, items and findings; corrected, converted, uploaded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan page: a delivery is asked for on the map or in the form, and the answer stands beside it."""
+"""The plan page: a request on the map or in the form, with the answer beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The replay page: any log, forwards and backwards, one or two beside each other."""
+"""The replay page: one or two logs side by side, forwards and backwards."""
 
 from __future__ import annotations
 

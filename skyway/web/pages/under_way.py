@@ -1,4 +1,4 @@
-"""What a page works out at present: one thing at a time, with words that tell it and a button that ends it."""
+"""The calculation in progress on a page: one at a time, with a status text and a cancel button."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class UnderWay:
-    """A line of the page: what is worked out, and *Cancel*.
+    """A line of the page: the calculation in progress, and *Cancel*.
 
     Parameters
     ----------

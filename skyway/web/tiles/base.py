@@ -1,4 +1,4 @@
-"""The base map of a page: what it covers, its tiles, and from where browsers get them."""
+"""The base map of a page: its extent, its tiles, and their source."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _HOST = re.compile(r"(?:[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)(?:\.[a-z0-9](?:[a-z0-9-
 
 @dataclass(frozen=True, slots=True)
 class BaseMap:
-    """Where a base map comes from; with neither a file nor a server there is none.
+    """Source of a base map; with neither a file nor a server there is none.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Plans of the work folder that can be flown: what the departure page shows of them."""
+"""Plans of the work folder that can be flown, for the departure page."""
 
 from __future__ import annotations
 

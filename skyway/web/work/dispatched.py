@@ -1,4 +1,4 @@
-"""A fleet as the fleet page shows it: what `skyway dispatch status` reads of a ledger, and what each drone and each pad does when."""
+"""A fleet for the fleet page: the data of `skyway dispatch status`, and the timelines of drones and pads."""
 
 from __future__ import annotations
 

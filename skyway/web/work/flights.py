@@ -1,4 +1,4 @@
-"""Deliveries under way, as their journals tell them."""
+"""Deliveries under way, from their journals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Journals of a folder: what was flown, and totals."""
+"""Journals of a folder: past flights, and totals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Missions as the page shows them: map, profile, items, findings; read, checked, converted and mended by the functions of the commands."""
+"""Missions for the page: map, profile, items, findings; read, checked, converted and corrected by the functions of the commands."""
 
 from __future__ import annotations
 

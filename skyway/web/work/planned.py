@@ -1,4 +1,4 @@
-"""Plans as the page shows them: worked out by the functions of ``skyway plan``, as documents."""
+"""Plans for the page: computed by the functions of ``skyway plan``, as documents."""
 
 from __future__ import annotations
 

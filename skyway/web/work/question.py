@@ -1,4 +1,4 @@
-"""What the pages plan and recharge ask, in the words of the commands, and the command that asks the same."""
+"""Requests of the pages plan and recharge, in the terms of the commands, and the equivalent command."""
 
 from __future__ import annotations
 

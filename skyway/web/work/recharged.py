@@ -1,4 +1,4 @@
-"""Missions cut at pads, as the recharge page shows them: worked out by the functions of ``skyway recharge``."""
+"""Missions cut at pads, for the recharge page: computed by the functions of ``skyway recharge``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs and journals as the replay page shows them: columns over time, flights and events."""
+"""Logs and journals for the replay page: columns over time, flights and events."""
 
 from __future__ import annotations
 

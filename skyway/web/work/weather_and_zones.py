@@ -1,4 +1,4 @@
-"""What the page was started with besides its scenario: the weather and the pads of now, terrain, zones, as `skyway plan` takes them."""
+"""Inputs of the page besides its scenario: current weather and pads, terrain, zones, as for `skyway plan`."""
 
 from __future__ import annotations
 

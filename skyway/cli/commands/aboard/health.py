@@ -14,7 +14,7 @@ from skyway.models.base.json_text import json_text
 
 
 class ItemTold(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that was looked at; `needed`: where it is unknown, no delivery is begun."""
+    """One checked item; `needed`: no delivery begins while it is unknown."""
 
     name: str
     verdict: Literal["ok", "no", "unknown"]
@@ -23,7 +23,7 @@ class ItemTold(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HealthTold(msgspec.Struct, frozen=True, kw_only=True):
-    """How a vehicle is; `ok` where it may fly."""
+    """Health of a vehicle; `ok` if it may fly."""
 
     schema: str = "skyway.health/1"
     ok: bool

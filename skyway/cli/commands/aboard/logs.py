@@ -32,7 +32,7 @@ _TELL_S = 5.0
 
 
 class LogOfVehicle(msgspec.Struct, frozen=True, kw_only=True):
-    """One log on the vehicle; `time` is when it was begun or ended, as far as the vehicle tells."""
+    """One log on the vehicle; `time` is its begin or end, as far as the vehicle reports it."""
 
     number: int
     name: str
@@ -62,7 +62,7 @@ class LogFetched(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LogsFetched(msgspec.Struct, frozen=True, kw_only=True):
-    """What was fetched."""
+    """The downloaded logs."""
 
     schema: str = "skyway.logs-fetched/1"
     logs: list[LogFetched]

@@ -1,4 +1,4 @@
-"""Sets of parameters saved from a vehicle and given back: shown first, asked for once."""
+"""Saving and restoring sets of parameters: shows the changes first and asks once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SetSaved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetValue(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter that a set changes, and what was done about it."""
+    """A parameter that a set changes, and the result."""
 
     name: str
     now: float
@@ -40,7 +40,7 @@ class SetValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetRestored(msgspec.Struct, frozen=True, kw_only=True):
-    """What a set changes; `problem` where not all could be set."""
+    """Changes of a set; `problem` if not all could be set."""
 
     schema: str = "skyway.parameter-set-restore/1"
     ok: bool

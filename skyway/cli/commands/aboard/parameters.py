@@ -51,7 +51,7 @@ class ParametersDiff(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
-    """A value that a flight changed, and what was done about it."""
+    """A value that a flight changed, and the result of restoring it."""
 
     name: str
     now: float
@@ -60,7 +60,7 @@ class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParametersRestore(msgspec.Struct, frozen=True, kw_only=True):
-    """What was restored; `problem` where not all could be."""
+    """The restored parameters; `problem` if not all could be restored."""
 
     schema: str = "skyway.parameters-restore/1"
     ok: bool

@@ -1,4 +1,4 @@
-"""What a network carries, as tables: shares of orders by rate, promise and fleet, capacities, and what would help most."""
+"""Capacity of a network as tables: shares of orders by rate, promise and fleet, capacities, and the best additions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command ``dispatch plan``: which drone of a fleet takes which order when."""
+"""Command ``dispatch plan``: the assignment of orders to the drones of a fleet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The form of the recharge page: mission, pads and drone, and where a pad is put."""
+"""The form of the recharge page: mission, pads and drone, and the position of a new pad."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PADS = (".csv", ".geojson")
 
 
 class CutForm:
-    """What is asked, as fields; each change is handed on at once.
+    """The request as fields; each change is passed on at once.
 
     Parameters
     ----------

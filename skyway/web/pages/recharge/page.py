@@ -1,4 +1,4 @@
-"""The recharge page: a mission that is longer than a battery, cut at pads that are dragged on the map."""
+"""The recharge page: a mission that is longer than a battery, cut at pads that can be dragged on the map."""
 
 from __future__ import annotations
 
