@@ -98,7 +98,7 @@ def test_compare_and_wind_take_it_too(skyway, metars):
         (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and ignored"),
         (
             ("--observed", "EWR=8@270@2013-07-09T15:00-04:00"),
-            "none of 1 observed winds is usable: the wind observed at EWR is left out: 23 h",
+            "none of 1 observed winds is usable: the wind observed at EWR is ignored: 23 h",
         ),
         (
             ("--observed", "EWR=8@270", "--observed", "EWR=8@090"),
@@ -148,7 +148,7 @@ def test_what_a_drone_measured_is_taken_from_its_journal(tmp_path, refused):
         (1800.0, 60.0, 9.0),
     ]
     journal_with(file, [])
-    assert "flight.jsonl tells of no wind" in refused("plan", *HOP, *QUICK, "--observed", file)
+    assert "flight.jsonl has no wind" in refused("plan", *HOP, *QUICK, "--observed", file)
 
 
 def test_the_departures_of_a_window_each_know_what_was_observed_before_them(planned, metars):
@@ -236,7 +236,7 @@ def test_a_pad_that_the_service_has_not_is_out_of_order(tmp_path):
 def test_pads_seen_long_ago_do_not_count(refused, tmp_path):
     file = tmp_path / "pads.jsonl"
     file.write_text('{"station": "bellevue", "busy": 5, "posix_s": 1373400000}')
-    assert "seen 22 h before the departure, 30 min before it at most count" in refused(
+    assert "seen 22 h before the departure, the limit is 30 min before it" in refused(
         "plan", *HOP, *QUICK, "--pads", file
     )
 
@@ -284,7 +284,7 @@ def test_what_is_handed_over_comes_before_the_files_of_the_scenario(tmp_path):
     file.write_text(f"KEWR {datetime.now(UTC) - timedelta(hours=9):%d%H%M}Z 27016KT\n")
     places, notes = told_now(world)
     assert places == []
-    assert "the wind observed at EWR is left out: 9 h before the departure" in notes
+    assert "the wind observed at EWR is ignored: 9 h before the departure" in notes
 
 
 def test_without_any_a_plan_for_now_says_that_it_knows_the_record_alone():
@@ -293,7 +293,7 @@ def test_without_any_a_plan_for_now_says_that_it_knows_the_record_alone():
 
 def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
     world = replace(load_scenario(None), observed_wind=("none.txt",), observed_pads=str(tmp_path / "none.jsonl"))
-    assert told_now(world) == ([], "no wind of now: none.txt is not there")
+    assert told_now(world) == ([], "no current wind: none.txt does not exist")
     now = datetime.now(UTC)
     pads = PadOptions().known(world, now, for_now=True)
     assert (pads.busy, pads.notes) == ({}, (f"no pads of now: {tmp_path / 'none.jsonl'} is not there",))
@@ -340,7 +340,7 @@ def test_a_flight_reads_a_file_of_winds_again_when_it_has_changed(tmp_path):
     assert speeds(later_s + 90.0) == [13.4]
     assert len(told) == 1
     assert "is not a METAR" in told[0]
-    assert told[0].endswith("the winds read before count on")
+    assert told[0].endswith("still using the winds read before")
     file.unlink()
     assert speeds(later_s + 120.0) == [13.4]
     assert speeds(later_s + 12 * 3600.0) == []  # too old by then

@@ -205,4 +205,4 @@ def test_gusts_beyond_a_limit_close_hours_of_a_plan(capsys, tmp_path):
     assert plan["legs"][0]["depart"] >= "2013-07-10T17:00"
     told = " ".join(plan["notes"])
     assert "because of gusts of up to 16 m/s (14 m/s at most)" in told
-    assert "does not tell it: icing" in told
+    assert "lacks the data: icing" in told

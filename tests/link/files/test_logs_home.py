@@ -248,7 +248,7 @@ def test_a_size_that_is_a_lie_is_found_out(tmp_path):
     assert found.path.read_bytes() == depot.content()
     assert "wrong size" in found.notes[0]
     requests = depot.store("requests")
-    with pytest.raises(LinkError, match="was told to have 90000"):
+    with pytest.raises(LinkError, match="should have 90000"):
         fetch(requests, requests.logs()[-1], tmp_path / "requests")
     shorter = Depot("px4", faults=(parse_fault("log-size=0.5"),))
     store = shorter.store("ftp")

@@ -273,7 +273,7 @@ def test_one_that_has_a_thousand_kinds_of_orders_refused_gets_a_few_lines(shared
         shared.run(0.05)
         told += shared.forwarder.notes()
     assert sum(note.what == "refused" for note in told) <= 8
-    assert sum("not told one by one" in note.said for note in told) == 1
+    assert sum("further ones are not listed" in note.said for note in told) == 1
     pilots.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
     link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
     shared.run(0.1)

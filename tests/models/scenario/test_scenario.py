@@ -240,7 +240,7 @@ def test_given_segments_replace_the_rule_and_lose_those_over_a_zone(scenario_wit
         ("bx", "hm"),
         ("hm", "bx"),
     }
-    assert "1 given segments cross a no-fly zone and are left out" in scenario.warnings
+    assert "1 given segments cross a no-fly zone and are ignored" in scenario.warnings
 
 
 def test_a_station_without_pads_needs_no_load(scenario_with):

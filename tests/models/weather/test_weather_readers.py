@@ -163,7 +163,7 @@ def test_open_meteo_members_models_and_places_are_kept_apart(tmp_path):
     found = read_weather([wf.write_json(tmp_path / "e.json", answers)])
     assert sorted(one.model for one in found) == ["gfs025", "icon_seamless_eps"]
     assert all(one.members == ("0", "_member01"[-2:]) for one in found)
-    assert all("left out: 02" in one.notes[0] for one in found)
+    assert all("ignored: 02" in one.notes[0] for one in found)
     east, _ = wind_of(found[0])
     np.testing.assert_allclose(east[:, 0], [[-1.0, -2.0], [-10.0, -11.0]], atol=1e-9)
 
