@@ -105,7 +105,7 @@ def slower_sd_s(
 ) -> tuple[NDArray[np.float64], tuple[float, str]]:
     """Standard deviation of the time of flights over segments, s, shape (runs,), for what the sites do not tell of the wind.
 
-    Also where that is worst known: the standard deviation of a component there in the mean wind of these flights, m/s, and the nearer end of the segment.
+    Also where that is worst known: the standard deviation of a component there on average wind of these flights, m/s, and the nearer end of the segment.
     """
     air, wind, network = problem.air, problem.ensemble, problem.network
     slot = np.clip(((take_off_s - air.start_s) // air.slot_s).astype(np.int64), 0, air.north.shape[1] - 1)

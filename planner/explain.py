@@ -190,7 +190,7 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
 def wait_and_see(answer: RobustAnswer, *, careful: bool = False) -> WaitAndSee | None:
     """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
 
-    `careful` works out `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
+    `careful` computes `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
     (`RobustParameters.reasons_s`).
     """
     problem = answer.policy.problem

@@ -105,7 +105,7 @@ def plan(
     InfeasibleError
         There is no composition; the error names the binding constraint.
     AuditError
-        Flown once more, the answer is not what it claims to be (`planner.schedule.audit`).
+        Flown again, the answer is not what it claims to be (`planner.schedule.audit`).
     """
     if planner not in PLANNERS:
         raise InputError(
@@ -393,7 +393,7 @@ def _audited(
     spent_s: float,
     notes: tuple[str, ...],
 ) -> Composition:
-    """Return the composition of a schedule, flown once more."""
+    """Return the composition of a schedule, flown again."""
     composition = compose(
         problem, itinerary, schedule, realization.member, summary, planner=planner, planning_time_s=spent_s, notes=notes
     )

@@ -58,7 +58,7 @@ def build_scenario(
     tariff : Tariff or None
         Prices of energy and pads; None: nothing is said of costs.
     zones : Airspace or None
-        Segments that are closed at all times are left out.
+        Segments that are closed at all times are omitted.
     name, timezone : str
         What people call it; IANA name of local time.
 

@@ -199,7 +199,7 @@ class KnownPads:
 def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = True) -> KnownPads:
     """Read which pads are busy: from a pad service at ``tcp:HOST:PORT``, asked once, or from a file of its answers.
 
-    What was seen longer than half an hour before the departure, or after it, is left out. An `InputError` or `LinkError` says what is
+    What was seen longer than half an hour before the departure, or after it, is omitted. An `InputError` or `LinkError` says what is
     wrong; where nobody asked for them (`asked`), a service that fails and a file that is not there are notes.
     """
     seen, notes = _seen_pads(scenario, given, asked=asked)

@@ -132,7 +132,7 @@ def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
 
 
 def spending_words(composition: Composition) -> list[str]:
-    """Return what the delivery spends, a line each; none where it is not worked out."""
+    """Return what the delivery spends, a line each; none where it is not computed."""
     energy, costs = composition.energy, composition.costs
     lines = []
     if energy is not None:

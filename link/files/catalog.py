@@ -52,7 +52,7 @@ def remember(found: Fetched, system: int, flight: Sequence[Path] = ()) -> None:
 
 
 def known_logs(folder: Path) -> list[FetchedLog]:
-    """Entries of the list in a folder; lines that make no sense are left out."""
+    """Entries of the list in a folder; lines that make no sense are omitted."""
     path = folder / NAME
     try:
         with path.open("rb") as stream:

@@ -71,7 +71,7 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    A file that is there already is gone on with where the log has grown since. An `InputError` says that it cannot be written or
+    A file that is there already is continued with where the log has grown since. An `InputError` says that it cannot be written or
     has other content, a `LinkError` that the vehicle, or the link, failed: then what has come is kept, and the same call goes on
     from there.
     """
@@ -184,7 +184,7 @@ class _Fetching:
             raise _other(self._earlier, "it is not its beginning")
 
     def _differs(self, ours: int, theirs: int | None) -> int:
-        """What to do about another checksum: once more from the beginning, then no more."""
+        """What to do about another checksum: again from the beginning, then no more."""
         if self._anew and "from the beginning" in " ".join(self._notes):
             self._part.unlink()
             raise LinkError(

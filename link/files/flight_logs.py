@@ -35,7 +35,7 @@ class LogsBefore:
 
 
 def logs_before(vehicle: Vehicle) -> LogsBefore:
-    """List the logs of a disarmed vehicle; a `LinkError` says why they are not known."""
+    """List the logs of a disarmed vehicle; a `LinkError` says why they are unknown."""
     if vehicle.armed:
         raise CommandRefusedError("list its logs", "it is armed")
     store = LogStore(vehicle)

@@ -188,7 +188,7 @@ class ReadFtp(Reading):
                 self._give_up(number)
 
     def _give_up(self, number: int) -> None:
-        """Ask once more for what is lost; it may come late all the same."""
+        """Ask again for what is lost; it may come late all the same."""
         read = self._late[number] = self._reads.pop(number)
         if self._wide is not None:
             self._wide.lost += 1

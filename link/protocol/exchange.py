@@ -21,7 +21,7 @@ Steps = Generator["Exchange", None, T]
 """A procedure: yields exchanges one after the other and returns what came of them."""
 
 FIRST_RETRY_S = 0.25
-"""What MAVLink allows for an item, while the round trip is not known."""
+"""What MAVLink allows for an item, while the round trip is unknown."""
 _MIN_RETRY_S = 0.03
 _FEW_TRIES = 6
 _UNCLEAR, _SLOWEST = 4, 16.0

@@ -39,7 +39,7 @@ class SavedSet:
     stack: str = ""
     """The autopilot that the file names, in small letters; empty where it names none."""
     of_others: int = 0
-    """Lines for other components of the vehicle (camera, gimbal), which are left out."""
+    """Lines for other components of the vehicle (camera, gimbal), which are omitted."""
 
 
 @dataclass(frozen=True, slots=True)

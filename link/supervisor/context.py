@@ -122,7 +122,7 @@ class Context:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are not known."""
+        """Latitude and longitude; None where they are unknown."""
         return self.observed.place
 
     @property

@@ -93,7 +93,7 @@ def _tell_what_differs(ctx: Context) -> None:
 
 
 def _restored_turn(ctx: Context) -> bool:
-    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is not known here."""
+    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is unknown here."""
     leg = ctx.delivery.leg
     return ctx.divert.turned and leg is not None and leg.destination != ctx.divert.station
 

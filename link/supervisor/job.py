@@ -49,7 +49,7 @@ class DeliveryJob:
     options: MissionOptions = field(default_factory=MissionOptions)
     """How missions are made, and who releases the package."""
     drag: DragModel | None = None
-    """Of the drone, for the wind by its tilt; None is not known."""
+    """Of the drone, for the wind by its tilt; None is unknown."""
     replanning: bool = True
     """Under the online policy; else the plan is flown as it is, whatever comes."""
     work: WorkPlanner | None = None

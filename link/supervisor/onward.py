@@ -56,7 +56,7 @@ class Onward:
 
 
 def after_hand_over(ctx: Context, done: str) -> After:
-    """Go on with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
+    """Continue with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
     stands = f"{done}; the drone stands disarmed with {percent(ctx.battery.soc)}"
     back = None if ctx.job.composition.way_back is None else ctx.job.composition.way_back.plan
     if back is None or ctx.conversation.stays:

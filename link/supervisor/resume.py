@@ -180,7 +180,7 @@ def _settle(ctx: Context) -> None:
 
 
 def _in_the_air(ctx: Context) -> After:
-    """Go on with a flight where the vehicle flies what we gave it."""
+    """Continue with a flight where the vehicle flies what we gave it."""
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"

@@ -42,9 +42,9 @@ MIN_HEIGHT_SHARE = 0.6
 class WindBook:
     """The wind of one delivery, from a forecast at any height.
 
-    The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
+    The rules say how wind grows with height. Where the drag of the drone is unknown, its tilt does not measure the
     wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
-    and longitude; by default it is not known. Between the sites the wind is off by the error `field`, at cruise height. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
+    and longitude; by default it is unknown. Between the sites the wind is off by the error `field`, at cruise height. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
     see `update_forecast`.
     """
 
@@ -85,7 +85,7 @@ class WindBook:
                 self._measured_at = sample.lat_deg, sample.lon_deg
 
     def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
-        """Height above the ground below; above where it took off, where the ground is not known."""
+        """Height above the ground below; above where it took off, where the ground is unknown."""
         if not (math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg)):
             return sample.height_m
         below_m = home_ground_m - self._ground_m(round(sample.lat_deg, 3), round(sample.lon_deg, 3))
@@ -181,7 +181,7 @@ class WindBook:
         return "held" if self.earlier else "forecast"
 
     def forecast(self, time_s: float, *, now: bool = False) -> WindEnsemble:
-        """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
+        """Return the forecast brought up to date, at cruise height; computed again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
             self._updated = self._update(slot_s=SLOT_S, here=self._measured_at)

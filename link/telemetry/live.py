@@ -89,7 +89,7 @@ class LiveTelemetry:
         return sample
 
     def _timely(self, message: Message, posix_s: float) -> bool:
-        """Whether the times in a message can be; one whose times cannot is left out whole."""
+        """Whether the times in a message can be; one whose times cannot is omitted whole."""
         fields = message.fields
         boot_ms = fields.get("time_boot_ms")
         if message.name == "TIMESYNC" and fields["tc1"] and fields["ts1"]:

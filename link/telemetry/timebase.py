@@ -119,7 +119,7 @@ class VehicleClock:
 
     @property
     def speed(self) -> float:
-        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is not known."""
+        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is unknown."""
         return self._ours.speed
 
     @property

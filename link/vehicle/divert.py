@@ -158,7 +158,7 @@ class Diversion:
             self._order_again()
 
     def away_m(self, sample: TelemetrySample) -> float:
-        """How far a sample is from the refuge, m; NaN where its position is not known."""
+        """How far a sample is from the refuge, m; NaN where its position is unknown."""
         if math.isnan(sample.lat_deg) or math.isnan(sample.lon_deg):
             return math.nan
         return float(distance_m(sample.lat_deg, sample.lon_deg, self.refuge.lat_deg, self.refuge.lon_deg))

@@ -29,7 +29,7 @@ _SENSORS = {
     0x80000: "second compass", 0x100000: "geofence", 0x200000: "attitude and heading", 0x400000: "terrain", 0x1000000: "logging",
     0x2000000: "battery", 0x4000000: "proximity sensor", 0x20000000: "obstacle avoidance", 0x40000000: "propulsion",
 }  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR; what is left out says nothing of health (controllers, the answer of the pre-arm checks)."""
+"""MAV_SYS_STATUS_SENSOR; what is omitted says nothing of health (controllers, the answer of the pre-arm checks)."""
 _NEEDED = 0x1 | 0x2 | 0x8 | 0x20
 """Sensors without which no delivery is flown: they must be there."""
 _SOUND = 0x1 | 0x2 | 0x4 | 0x10 | 0x20

@@ -101,7 +101,7 @@ class HealthBook:
         return instant.astimezone(self._zone).date()
 
     def _of(self, uid: int) -> list[Kept]:
-        """What is kept of a vehicle; lines that make no sense are left out."""
+        """What is kept of a vehicle; lines that make no sense are omitted."""
         if not uid:
             return []
         try:

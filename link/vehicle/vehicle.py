@@ -104,7 +104,7 @@ class Vehicle(AskedVehicle):
 
     @property
     def blocked(self) -> UploadOutcome | None:
-        """An upload after which it is not started: what the vehicle holds is not known, or it will not fly it."""
+        """An upload after which it is not started: what the vehicle holds is unknown, or it will not fly it."""
         return next(iter(self._blocked.values()), None)
 
     def _refuse_while_blocked(self, what: str) -> None:
@@ -209,7 +209,7 @@ class Vehicle(AskedVehicle):
             self.set_mode("hold")
 
     def resume(self) -> None:
-        """Go on with the mission."""
+        """Continue with the mission."""
         self._refuse_while_blocked("not resumed")
         if self.family.pauses_in_mission and self.mode == "mission":
             self.command("continue", _PAUSE, 1.0)

@@ -122,7 +122,7 @@ class UdpSocket:
         return True
 
     def write_to(self, system: int, data: bytes) -> None:
-        """Send towards one vehicle, or to all where its way is not known."""
+        """Send towards one vehicle, or to all where its way is unknown."""
         route = self._routes.get(system)
         if self._target is None and route is not None:
             self._send(data, route[0])

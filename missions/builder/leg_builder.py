@@ -128,7 +128,7 @@ class LegBuilder:
         )
 
     def heights(self, service: DroneService) -> WayHeights:
-        """Heights that a leg flies; an `InputError` says where the ground below is not known."""
+        """Heights that a leg flies; an `InputError` says where the ground below is unknown."""
         stations = (service.origin, *service.via, service.destination)
         places = [(self.place(station).lat, self.place(station).lon) for station in stations]
         least = [self.place(station).least for station in stations]
@@ -195,7 +195,7 @@ class LegBuilder:
     def leg(self, service: DroneService, *, last: bool, onward: DroneService | None = None) -> MissionDocument:
         """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers.
 
-        Where the package is released in the air it goes on with the flight `onward`, and lands where that does.
+        Where the package is released in the air it continues with the flight `onward`, and lands where that does.
         """
         ground = self.ground_m(service.origin)
         items = [*self.departure(service, ground), *self.way(service, ground)]
@@ -307,7 +307,7 @@ class LegBuilder:
         return levels
 
     def _level_within_m(self, stations: Sequence[str]) -> float:
-        """Height above sea level that clears any straight way between these stations; no height where it is not known."""
+        """Height above sea level that clears any straight way between these stations; no height where it is unknown."""
         if self.over is None:
             return -math.inf
         level = level_within_m([(self.place(one).lat, self.place(one).lon) for one in stations], self.over)

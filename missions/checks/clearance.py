@@ -133,7 +133,7 @@ def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
 
 
 def _own_clearance(leg: RouteLeg, knots: Sequence[Knot]) -> float:
-    """Least height that the mission keeps where it knows the ground; 0 where an end is not known."""
+    """Least height that the mission keeps where it knows the ground; 0 where an end is unknown."""
     if leg.landing != "land" or len(knots) < 2 or knots[1].ground_m is None or knots[-1].ground_m is None:
         return 0.0
     over = [knot.height_m - knot.ground_m for knot in knots[1:] if knot.ground_m is not None]
@@ -149,7 +149,7 @@ def _check_flight(knots: Sequence[Knot], own_m: float) -> Iterator[Finding]:
             continue
         if _is_straight(way):
             yield from _check_segment(way, own_m)
-        else:  # what lies between is not known: it must not sink below the known end before it is elsewhere
+        else:  # what lies between is unknown: it must not sink below the known end before it is elsewhere
             yield from _check_open_end(way[0], way[1])
             yield from _check_open_end(way[-1], way[-2])
     if known and known[-1] < len(knots) - 1:

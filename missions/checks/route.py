@@ -85,7 +85,7 @@ class Route:
     endless_jumps: tuple[int, ...]
     """Items that jump back forever."""
     is_cut: bool
-    """True where jumps repeat so often that the rest was left out."""
+    """True where jumps repeat so often that the rest was omitted."""
     order: tuple[int, ...] = ()
     """Numbers of the items in the order in which they are taken, jumps left out: the mission unrolled."""
 

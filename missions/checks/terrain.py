@@ -106,7 +106,7 @@ def _home_m(
 
 
 def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
-    """Sample a flight: climbs and descents straight up and down are left out; None where nothing can be said of it."""
+    """Sample a flight: climbs and descents straight up and down are omitted; None where nothing can be said of it."""
     if leg.start is None or not leg.steps or math.isnan(zero_m):
         return None
     every_m = max(over.terrain.spacing_m, 5.0)
@@ -144,7 +144,7 @@ def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | N
 
 
 def _judged(way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], over: Over) -> Iterator[Finding]:
-    """Judge a flight: what it touches, what is not known, and where it keeps less than the clearance."""
+    """Judge a flight: what it touches, what is unknown, and where it keeps less than the clearance."""
     unknown = np.flatnonzero(np.isnan(ground))
     if len(unknown):
         k = int(unknown[0])

@@ -23,7 +23,7 @@ Place = tuple[float, float]
 Via = tuple[Place, ...]
 """Latitude and longitude of the bends of a way, in the order that they are flown."""
 MAX_DETOUR = 3.0
-"""A way that bends is at most so many times as long as the straight one."""
+"""A way that bends is at most as many times as long as the straight one."""
 INSIDE_M = 3.0
 """So far inside a fence a way stays at its corners."""
 _M_PER_DEG = 111_195.0

@@ -80,7 +80,7 @@ class PadWays:
 def pad_grounds_m(pads: Sequence[Station], home_m: float | None, over: Over | None, *, level: bool) -> list[float]:
     """Return the ground of pads above the home of a mission; `level` takes unknown ground to be as high as home.
 
-    An `InputError` names every pad whose ground is not known, or says that the height of home is not.
+    An `InputError` names every pad whose ground is unknown, or says that the height of home is not.
     """
     if level:
         return [0.0 if home_m is None or pad.elevation_m is None else pad.elevation_m - home_m for pad in pads]
@@ -114,7 +114,7 @@ def pad_ways(
     rules: TransitRules,
     families: Sequence[Family],
 ) -> PadWays:
-    """Work out the ways between all points of a mission and all pads."""
+    """Compute the ways between all points of a mission and all pads."""
     items = document.mission.items
     above_terrain = rules.over is None and any(items[step.item].frame in TERRAIN_FRAMES for step in work.steps)
     highest = max((step.height_m for step in work.steps), default=0.0)
@@ -135,7 +135,7 @@ def pad_ways(
     bent = BentWays(document.fence, rules.zones, shut_ways, every=strict, places=all_places)
 
     def top_m(chain: Sequence[tuple[float, float]], least_m: float) -> float:
-        """Height that a terrain model asks for on a way that bends; NaN where the ground is not known."""
+        """Height that a terrain model asks for on a way that bends; NaN where the ground is unknown."""
         if rules.over is None:
             return least_m
         tops = [
@@ -153,7 +153,7 @@ def pad_ways(
         for number, pad in enumerate(pads):
             if rules.over is not None:
                 top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
-                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is not known
+                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is unknown
             ends = np.empty((len(places), 2, 2))
             ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
             shut = np.flatnonzero(shut_ways(ends))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work, WorkPoint
 
 EXACT_M = 1.0
-"""Acceptance radius of places where the work is left and gone on with."""
+"""Acceptance radius of places where the work is left and continued with."""
 
 
 class PartBuilder:

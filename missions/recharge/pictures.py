@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MS = 1000.0
 MAX_PICTURES = 200_000
-"""A mission that takes more is not worked out."""
+"""A mission that takes more is not computed."""
 
 
 @dataclass(frozen=True, slots=True)

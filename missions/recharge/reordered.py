@@ -77,7 +77,7 @@ class Reorderer:
         return [Turn(number) for number in range(len(self.division.units))]
 
     def reordered(self, tour: Sequence[Turn], *, events: bool = True) -> Reordered:
-        """Return the mission with its units in an order; without `events`, what happens once before and behind them is left out."""
+        """Return the mission with its units in an order; without `events`, what happens once before and behind them is omitted."""
         head = [self._written(taken) for taken in range(self.head_until)]
         head = [one for one in tidied(head) if role_of(one) != "mark" and (events or role_of(one) != "event")]
         written = list(head)

@@ -2,7 +2,7 @@
 
 The route is the one that checks judge (`missions.checks.route`): jumps followed, holds counted. Points are the items that are flown to,
 and points on straight legs between them, so that a leg that is longer than a battery can be left on the way. Where pictures are taken
-every so many metres or seconds, a leg is left half-way between two of them, and gone on with from the place of the first, so that none
+every so many metres or seconds, a leg is left half-way between two of them, and continued with from the place of the first, so that none
 is lost and none is taken twice.
 """
 
@@ -69,7 +69,7 @@ class WorkPoint:
     hinders: int | None = None
     """Number of the item for which it cannot be left here; None where it can."""
     resume_share: float = 1.0
-    """Where the leg is gone on with: at the place of the last picture, else at `share`."""
+    """Where the leg is continued with: at the place of the last picture, else at `share`."""
     next_share: float | None = None
     """Where pictures begin again that are taken every so many seconds."""
     on_ground: bool = False
@@ -133,7 +133,7 @@ def work_of(
     `only`: no other one flies it, too; else it is not left where they go different ways.
     `last_picture`: where the camera took its last picture before.
 
-    An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
+    An `InputError` says that its home is unknown, that it never ends, that a height is unknown, or that there is nothing to fly.
     """
     if mission.home is None:
         remedy = (

@@ -55,7 +55,7 @@ class Airspace:
     cruise_height_m : float
         Above the higher ground of a segment, at which flights are flown (`models.flight.rules.FlightRules`).
     max_detour : float
-        A way around zones is at most so many times as long as the straight one; at 1 there are none.
+        A way around zones is at most as many times as long as the straight one; at 1 there are none.
     authorized : frozenset of str
         Ids of zones for which an authorization was given.
     notes : tuple of Fault

@@ -29,7 +29,7 @@ class Notes:
     faults: list[Fault] = field(default_factory=list)
 
     def at(self, feature: str, line: int | None = None) -> None:
-        """Go on with another feature."""
+        """Continue with another feature."""
         self.place = replace(self.place, field=one_line(feature), line=line)
 
     def closed(self, what: str, problem: str, value: object, counted: str) -> None:

@@ -7,7 +7,7 @@ all heights, since QNH is reduced by the standard atmosphere too. The true heigh
 
 of the height A that the altimeter shows, with s the height of the place whose QNH it is: there an altimeter shows its own height at any temperature.
 
-What is not known is taken as far as it can be, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. What is known may change until the flight:
+What is unknown is taken as far as it can be, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. What is known may change until the flight:
 QNH by 6 hPa, which is what "very rapidly" means in three hours (Met Office, "Barometric pressure tendency"), and the air between ground and level by 6 degrees.
 
 Sources: ICAO Doc 7488, Manual of the ICAO Standard Atmosphere (1993); ICAO Doc 8168, volume I, part III, section 1, chapter 4 (temperature corrections; 4 % for 10 degrees).

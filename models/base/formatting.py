@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)
 """Times are rounded to one of these."""
 UNKNOWN = "unknown"
-"""What is said of a figure that is not known, or no finite number."""
+"""What is said of a figure that is unknown, or no finite number."""
 SURE = 0.25
 """A figure is rounded to a step of at least this share of how far its interval reaches."""
 

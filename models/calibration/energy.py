@@ -33,7 +33,7 @@ SMOOTH_S = 2.0
 MOTORS_ON = 0.3
 """Share of the median power, smoothed, above which the motors turn."""
 LONGEST_GAP_S = 0.5
-"""A longer pause between samples counts as so much: what happened in it is not known."""
+"""A longer pause between samples counts as so much: what happened in it is unknown."""
 MIN_MASS_SPREAD = 1.03
 """With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
 DEFAULT_KAPPA = 1.5
@@ -96,7 +96,7 @@ class EnergyFit:
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
     """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    An `InputError`, which gives its name, says that power is not known, or that the motors never ran.
+    An `InputError`, which gives its name, says that power is unknown, or that the motors never ran.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])

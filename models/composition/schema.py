@@ -262,4 +262,4 @@ class Composition(
     costs: DeliveryCosts | None = None
     """All left out where there are none."""
     way_back: WayBack | None = None
-    """Left out where it is not known."""
+    """Left out where it is unknown."""

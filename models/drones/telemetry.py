@@ -80,7 +80,7 @@ class TelemetrySample:
 
     @property
     def ground_speed_mps(self) -> float:
-        """Speed over the ground, m/s; NaN where it is not known."""
+        """Speed over the ground, m/s; NaN where it is unknown."""
         return math.hypot(self.vel_north_mps, self.vel_east_mps)
 
 

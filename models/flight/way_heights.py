@@ -72,9 +72,9 @@ class WayHeights:
     knots : tuple of Knot
         In order, straight lines between; two of one place are a climb or descent there.
     up_m, down_m : float
-        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is not known.
+        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is unknown.
     mean_above_m : float
-        Mean height above the ground below; NaN where it is not known.
+        Mean height above the ground below; NaN where it is unknown.
     along_m, ground_m, top_m, height_m : ndarray, shape (samples,)
         Distance along the way, and there: ground below, the highest in the corridor, and the height flown; empty without
         a terrain model.
@@ -83,7 +83,7 @@ class WayHeights:
     segment_m : ndarray, shape (segments,)
         Length of each segment; empty without a terrain model.
     unknown : Place or None
-        Where on the way the ground is not known, first.
+        Where on the way the ground is unknown, first.
     """
 
     knots: tuple[Knot, ...]
@@ -118,7 +118,7 @@ def way_heights(
     places : sequence of (lat, lon)
         Begin, stations overflown, end; degrees.
     ground_m : sequence of float
-        Above mean sea level, at each place; NaN where it is not known and the terrain tells it.
+        Above mean sea level, at each place; NaN where it is unknown and the terrain tells it.
     cruise_height_m : float
         Above the ground; over a terrain model its own counts.
     over : Over, optional
@@ -155,7 +155,7 @@ class SegmentHeights(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """As in `WayHeights`; NaN where the ground is not known throughout."""
+    """As in `WayHeights`; NaN where the ground is unknown throughout."""
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     low_above_m: NDArray[np.float64]
@@ -176,7 +176,7 @@ def segment_heights(
     """Heights of the segments of a network over a terrain model: those of `way_heights` for each.
 
     `lat`, `lon` and `ground_m` are those of nodes, `pairs` has begin and end of each segment, shape (segments, 2), `least` the `Least` of each
-    node, shape (nodes, 2). Both directions of a segment are worked out from one set of samples.
+    node, shape (nodes, 2). Both directions of a segment are computed from one set of samples.
     """
     ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     a, b = ends.T
@@ -205,7 +205,7 @@ class WaySteps(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is not known."""
+    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is unknown."""
     begin_m: float
     end_m: float
     """Heights at which it begins and ends, above mean sea level."""
@@ -236,7 +236,7 @@ def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
 
 
 class StraightWays(NamedTuple):
-    """Straight ways from a place to others, shape (places,) each; NaN where the ground is not known."""
+    """Straight ways from a place to others, shape (places,) each; NaN where the ground is unknown."""
 
     level_m: NDArray[np.float64]
     """Least height at which they are flown level, above mean sea level."""
@@ -270,7 +270,7 @@ def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64]
 
 
 def level_within_m(corners: Sequence[Place], over: Over) -> float:
-    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is not known."""
+    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is unknown."""
     import shapely
 
     lat, lon = np.array(corners, dtype=np.float64).T

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
-    """Ground above mean sea level at each station, metres; NaN where it is not known."""
+    """Ground above mean sea level at each station, metres; NaN where it is unknown."""
     heights = [station.elevation_m for station in stations]
     return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 

@@ -130,7 +130,7 @@ def read_rows(
 def checked_rows(
     rows: Iterable[tuple[Fault, dict[str, Any]]], required: Sequence[str], optional: Sequence[str], faults: list[Fault]
 ) -> Iterator[Row]:
-    """Yield rows of values; each field that is not known is a fault, told once."""
+    """Yield rows of values; each field that is unknown is a fault, told once."""
     known = {*required, *optional}
     told: set[str] = set()
     for place, values in rows:

@@ -32,7 +32,7 @@ FEW = 4
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
     """Return a scenario that is flown over a terrain model; an `InputError` says that it lies elsewhere.
 
-    Grounds that stations lack are filled in. What differs, what is not known, and segments that are left out for it are told in
+    Grounds that stations lack are filled in. What differs, what is unknown, and segments that are omitted for it are told in
     its warnings.
     """
     ground_m = terrain.ground_m(scenario.network.lat, scenario.network.lon)
@@ -49,7 +49,7 @@ def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
 
 
 def grounded(stations: Sequence[Station], terrain: Terrain) -> tuple[Station, ...]:
-    """Return stations, those whose ground is not known with that of the terrain model."""
+    """Return stations, those whose ground is unknown with that of the terrain model."""
     found = terrain.ground_m(np.array([one.lat for one in stations]), np.array([one.lon for one in stations]))
     return tuple(
         replace(one, elevation_m=round(float(ground), 2)) if one.elevation_m is None and np.isfinite(ground) else one
@@ -113,7 +113,7 @@ def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[st
 
 
 def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
-    """Tell of stations and segments over ground that is not known."""
+    """Tell of stations and segments over ground that is unknown."""
     missing = [network.stations[node].id for node in np.flatnonzero(np.isnan(ground_m))]
     if missing:
         some = ", ".join(missing[:4]) + (", …" if len(missing) > 4 else "")

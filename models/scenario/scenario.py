@@ -130,7 +130,7 @@ class Scenario:
     def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
         """Ensemble for a departure: the scenario's forecast, else analogue days of its record.
 
-        The days about `truth` (a local date) are left out.
+        The days about `truth` (a local date) are omitted.
         """
         if self.forecast_file is not None:
             return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
@@ -165,7 +165,7 @@ class Scenario:
         return read_region(self, files, utc(depart), hours, error=error, truth=truth)
 
     def analogues(self, depart: datetime, hours: int, truth: date | None = None) -> WindEnsemble:
-        """Ensemble of analogue days of the record; the days about `truth` (a local date) are left out."""
+        """Ensemble of analogue days of the record; the days about `truth` (a local date) are omitted."""
         exclude = () if truth is None else (truth,)
         local = utc(depart).astimezone(ZoneInfo(self.timezone))
         return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)

@@ -170,7 +170,7 @@ def checked_crs(code: str, file: str) -> str:
 
 @cache
 def crs_name(code: str) -> str:
-    """Name of a coordinate reference system by its code; the code alone where it is not known."""
+    """Name of a coordinate reference system by its code; the code alone where it is unknown."""
     import pyproj
 
     try:
@@ -181,7 +181,7 @@ def crs_name(code: str) -> str:
 
 @cache
 def vertical_unit_m(code: int) -> float | None:
-    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is not known."""
+    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is unknown."""
     import pyproj
 
     try:

@@ -73,7 +73,7 @@ class Terrain:
         return np.full(len(lat), np.nan) if patch is None else patch.interpolated_m(lat, lon)
 
     def top_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is not known throughout.
+        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is unknown throughout.
 
         Never lower than any ground within the radius; the ground of up to two cells more counts, and that of the corners of a
         square about the place.
@@ -105,7 +105,7 @@ class Terrain:
         return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
-        """Highest ground within a radius of each height of a patch; NaN where one of them is not known."""
+        """Highest ground within a radius of each height of a patch; NaN where one of them is unknown."""
         from scipy.ndimage import maximum_filter1d
 
         south_m, east_m = patch.raster.spacing_m()
@@ -114,7 +114,7 @@ class Terrain:
         if found is None:
             known = np.where(
                 np.isnan(patch.height_m), np.float32(np.inf), patch.height_m
-            )  # what is not known is the highest
+            )  # what is unknown is the highest
             for axis in (0, 1):
                 known = maximum_filter1d(known, 2 * reach[axis] + 1, axis, mode="constant", cval=np.inf)
             found = self._tops[reach] = np.where(np.isinf(known), np.float32(np.nan), known)

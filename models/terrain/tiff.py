@@ -55,7 +55,7 @@ class TiffImage:
     dtype : numpy.dtype
         Of a pixel, in the byte order of the file.
     offsets, lengths : ndarray of int, shape (tiles,)
-        Where each tile is; a length of 0 is a tile that was left out.
+        Where each tile is; a length of 0 is a tile that was omitted.
     tags : dict
         All other tags: tuples of numbers, or text.
     """
@@ -91,7 +91,7 @@ class TiffImage:
         return out
 
     def left_out(self) -> bool:
-        """Whether tiles were left out: their pixels stand for no value."""
+        """Whether tiles were omitted: their pixels stand for no value."""
         return bool((self.lengths == 0).any())
 
     def _tile(self, stream: BinaryIO, number: int, rows_left: int) -> NDArray[np.generic]:
@@ -114,7 +114,7 @@ class TiffImage:
         return self._predicted(np.frombuffer(data, np.uint8, size).reshape(rows, -1))
 
     def empty_value(self) -> float:
-        """What stands in tiles that were left out: the value of no data, else NaN; integers without one hold their least."""
+        """What stands in tiles that were omitted: the value of no data, else NaN; integers without one hold their least."""
         nodata = nodata_of(self.tags)
         if nodata is not None:
             return nodata

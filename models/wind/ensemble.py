@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
-    """Return at most so many of the numbers below `count`, evenly chosen, ascending."""
+    """Return at most as many of the numbers below `count`, evenly chosen, ascending."""
     return np.arange(count) if count <= most else (np.arange(most) * 2 + 1) * count // (2 * most)
 
 
@@ -36,7 +36,7 @@ class HourlyWeather:
     slot_s: float
     """POSIX seconds at which the first slot begins, and the length of a slot."""
     values: dict[str, NDArray[np.float64]]
-    """Shape (slots,) each, NaN where it is not known: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
+    """Shape (slots,) each, NaN where it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
     the members); ``gust_sd``: standard deviation of gusts as a share of the wind at the height of flight, the mean of places and members."""
 
     def between(self, name: str, begin_s: float, end_s: float) -> NDArray[np.float64]:

@@ -133,7 +133,7 @@ def search(world: World, start: Start, frames: Frames, candidates: Candidates, m
         marks.on_path[start.node] = True
     while True:
         f = frames.depth[0]
-        # The candidate of least rank; if a wait is not known, it is asked for and the search resumes here.
+        # The candidate of least rank; if a wait is unknown, it is asked for and the search resumes here.
         if frames.stage[f] == _FRESH and not _list(world, start, frames, f, candidates):
             return NEEDS_WAITS
         chosen = _best(world, frames, f, candidates, marks)
@@ -308,7 +308,7 @@ def _list_held(world: World, frames: Frames, f: int, candidates: Candidates, mar
 
 @compiled_lean
 def _evaluate(world: World, frames: Frames, f: int, candidates: Candidates, segment: int) -> None:
-    """Work out the flight of a candidate."""
+    """Compute the flight of a candidate."""
     stand = _stand(frames, f)
     _put(world, stand, candidates, segment, earliest(world, stand, segment))
 

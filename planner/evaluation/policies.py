@@ -68,7 +68,7 @@ class Adaptive(Protocol):
         """How to leave a stop, or None if there is no onward route."""
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """Segments to go on with over a station with pads; none: land there.
+        """Segments to continue with over a station with pads; none: land there.
 
         Time and charge are set back by a climb, as if it took off there.
         """

@@ -1,7 +1,7 @@
 """Where to leave a fixed route to change the battery, with few packs and few chargers: exact.
 
 What comes out of the drone goes to the charger that is free first, and is charged to the full; the drone waits on the pad for the pack that is
-full first. A label is an arrival: a place, a pad, when the drone can go on with a full pack, when each other pack is full, and when each
+full first. A label is an arrival: a place, a pad, when the drone can continue with a full pack, when each other pack is full, and when each
 charger is free. It is dropped where another one of the same place is no later in all of these: with that, all can be done that could be done with
 it, for on a pad one may wait. A way takes the same whenever it is begun between two changes of the wind, so that only the first take-off of each
 such piece is tried.
@@ -104,7 +104,7 @@ class _PackSearch(StopSearch):
         return None if self.best is None else self._told(*self.best)
 
     def landings(self, label: Label, position: int, pad: int) -> list[_Change]:
-        """Fly to a pad in each piece of time, and change the battery there; leave out what is no better than what is known."""
+        """Fly to a pad in each piece of time, and change the battery there; omit what is no better than what is known."""
         if not isinstance(label, _Change):
             return []
         first, last = self.windows[pad]

@@ -2,7 +2,7 @@
 
 Some turns are taken out and put in again elsewhere, whichever way round costs least by time and charge of the ways. What a new order ends at
 is bounded in a millisecond (`charging_stops.least_end`): orders are walked through on that bound, and an order that is bounded to end before
-the best known is worked out exactly, pads shared, so that every end that is told was planned. Which way of taking out is used follows from how
+the best known is computed exactly, pads shared, so that every end that is told was planned. Which way of taking out is used follows from how
 often it helped (Ropke and Pisinger, "An adaptive large neighborhood search heuristic for the pickup and delivery problem with time windows",
 Transportation Science 40, 2006).
 """

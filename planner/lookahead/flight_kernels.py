@@ -73,7 +73,7 @@ class Ways(NamedTuple):
     """Shape (slots, segments, 5). See the column names of this module; with no slots, nothing is kept."""
     lower_s: NDArray[np.float64]
     """Shape (slots, segments). The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not
-    worked out yet."""
+    computed yet."""
     fresh: NDArray[np.float64]
     """Shape (5,). Working space: a row that is not kept."""
     rows: NDArray[np.float64]
@@ -351,8 +351,8 @@ def least_time(air: SegmentWind, segment: int) -> float:
 def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
     """Least value at or below which at least `mass` lies; infinite values carry none.
 
-    `values` and `probability` have shape (members,). What is left out becomes infinite in `values`. Epsilon is small,
-    so that hardly any value is left out: the greatest, one by one, without sorting.
+    `values` and `probability` have shape (members,). What is omitted becomes infinite in `values`. Epsilon is small,
+    so that hardly any value is omitted: the greatest, one by one, without sorting.
     """
     greatest = -NEVER
     total = 0.0
@@ -362,9 +362,9 @@ def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mas
             greatest = max(greatest, values[k])
             total += probability[k]
             lightest = min(lightest, probability[k])
-    if total - lightest < mass:  # the usual case: not even the lightest member can be left out
+    if total - lightest < mass:  # the usual case: not even the lightest member can be omitted
         return greatest
-    while True:  # leave out the greatest as long as the others make up the mass
+    while True:  # omit the greatest as long as the others make up the mass
         last = 0
         for k in range(len(values)):
             if values[k] < NEVER and (values[last] == NEVER or values[k] > values[last]):

@@ -64,7 +64,7 @@ class _Taken(NamedTuple):
     time_s: float
     """On average."""
     cost: NDArray[np.float64]
-    """Without what is not known of the wind ahead."""
+    """Without what is unknown of the wind ahead."""
     doubt: NDArray[np.float64]
     """Standard deviation of that."""
     rest: NDArray[np.float64]

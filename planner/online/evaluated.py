@@ -50,7 +50,7 @@ class RollingRobust:
         return self.policy.on_ground(self.information(standing)).departure
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """Segments to go on with over a station."""
+        """Segments to continue with over a station."""
         network = self.start.network
         names = [network.stations[int(network.head[one])].id for one in rest]
         info = replace(self.information(flying), via=tuple(names[:-1]), destination=names[-1])

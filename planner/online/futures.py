@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 MAX_TABLE = 200_000
-"""Speeds of one future that are worked out at once, at most."""
+"""Speeds of one future that are computed at once, at most."""
 
 
 class SampledQueues(Mapping[int, QueuePath]):
@@ -60,7 +60,7 @@ class SampledQueues(Mapping[int, QueuePath]):
 class CarefulSpeeds:
     """Ground speeds in one member with a gust against every flight, in the first slots; see `planner.problem.speeds.Speeds`.
 
-    Of a small network all are worked out once, of a large one those that a search asks for.
+    Of a small network all are computed once, of a large one those that a search asks for.
     """
 
     def __init__(self, air: SegmentWind, member: int, slots: int, against: float) -> None:

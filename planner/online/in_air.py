@@ -138,7 +138,7 @@ class FlightDecision:
         return replace(floors, reserve=floors.reserve + self._policy.way_on_soc(self._info, station))
 
     def _outlook(self, here: Place, reach: Reach) -> tuple[Option, dict[str, Any]]:
-        """Work out time, charge at landing and wanted ground speed under the newest forecast."""
+        """Compute time, charge at landing and wanted ground speed under the newest forecast."""
         airborne = self._info
         way = reach.way(here, airborne.via, airborne.destination)
         floors = self._floors_at(airborne.destination)

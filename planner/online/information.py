@@ -140,6 +140,6 @@ class Decision:
     departure: Departure | None = None
     """How to leave, on the ground."""
     segments: tuple[int, ...] = ()
-    """Over a station: segments to go on with; none: land there."""
+    """Over a station: segments to continue with; none: land there."""
     least_soc: float | None = None
     """Charge that is enough to leave with, where the plan has another; on the ground."""

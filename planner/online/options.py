@@ -45,7 +45,7 @@ class Option:
     p_no_room: float = 0.0
     """Probability of finding no place there until it has hovered down to the reserve, wherever it could turn to meanwhile."""
     arrival_s: float = math.nan
-    """Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out."""
+    """Expected arrival of the delivery, POSIX seconds; NaN where it was not computed."""
 
     @property
     def p_below(self) -> float:

@@ -234,7 +234,7 @@ class Problem:
 
     @property
     def counts_spending(self) -> bool:
-        """Whether energy and cost of deliveries are worked out."""
+        """Whether energy and cost of deliveries are computed."""
         return self.scenario.tariff is not None or self.request.objective.beside_time
 
     @cached_property
@@ -504,7 +504,7 @@ class ExpectedWaits:
     def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
         """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.
 
-        Behind these points a row goes on with its last wait.
+        Behind these points a row continues with its last wait.
         """
         hours = math.ceil(min(max((until_s - self.start_s) / S_PER_H, 1.0), HORIZON_H))
         points = round(hours * S_PER_H / self.step_s) + 1

@@ -110,7 +110,7 @@ def landings(problem: Problem) -> NDArray[np.bool_]:
     back, undelivered = return_node(problem), undelivered_node(problem)
     free = back is None
     if free and problem.in_flight:
-        back = None  # where it came from is not known any more
+        back = None  # where it came from is unknown any more
     elif free:
         back = problem.origin
     useful = pads.copy()

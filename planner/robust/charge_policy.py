@@ -123,7 +123,7 @@ class ChargePolicy:
         and arrays of other shapes.
 
         `share` is the forecast for each member of the truth, shape (members of truth, members); the policy's own for
-        all by default. `tables` were worked out before with the same truth, flights and forecast.
+        all by default. `tables` were computed before with the same truth, flights and forecast.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)

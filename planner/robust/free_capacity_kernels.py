@@ -173,7 +173,7 @@ def next_look(
 ) -> float:
     """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over.
 
-    `entry` is the queue path of the station in `queues` and `there`; the chance is worked out again only when the number of others has changed.
+    `entry` is the queue path of the station in `queues` and `there`; the chance is computed again only when the number of others has changed.
     """
     seen = others_at(queues, there, entry, time_s)
     while True:

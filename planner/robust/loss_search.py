@@ -1,4 +1,4 @@
-"""Routes that are good for an objective beside time: label setting over stops in the mean-value problem.
+"""Routes that are good for an objective beside time: label setting over stops on average-value problem.
 
 A label is a landing: station, time, charge, and the loss so far, a weighted sum of time, energy and cost. From it the
 drone flies to any station in reach on the way that takes least time in the wind of then, charged as a `ChargePolicy` charges: enough for

@@ -5,7 +5,7 @@ flight time at several margins, and some of its members with sampled queues. Eac
 each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
 the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
 and gusts than those it was chosen in, and what is promised of it is what was counted there. Stations that may be full to
-the last holding spot are left out where another way exists: a drone that hovers lives on its reserve.
+the last holding spot are omitted where another way exists: a drone that hovers lives on its reserve.
 """
 
 from __future__ import annotations
@@ -445,7 +445,7 @@ class RobustSearch:
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None = None
     ) -> tuple[Candidate, NDArray[np.float64]]:
-        """How a route fares, and the share of runs that charge at each stop; worked out once, with what is known from `before`."""
+        """How a route fares, and the share of runs that charge at each stop; computed once, with what is known from `before`."""
         key = itinerary, runs, realizations
         if key not in self._known:
             self._known[key] = self._judged_now(itinerary, runs, realizations, before)

@@ -178,7 +178,7 @@ def fly_under(
 
         ready    r = p + F^-1(charge_to) - F^-1(s), p the time it gets a pad; not before not_before
         take-off t = first opening of the wind from r on, with the charge F(F^-1(s) + t - p)
-        where both r and the charge leave out what the station is closed after p
+        where both r and the charge omit what the station is closed after p
         landing  a = end of the flight in gusts, with e (k + c (a - t)) less
         hovering until there is a holding spot, at e c a second
 

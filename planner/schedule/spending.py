@@ -55,7 +55,7 @@ class Spending:
 
 
 def spending(problem: Problem, itinerary: Itinerary, runs: NDArray[np.float64]) -> Spending:
-    """Work out what deliveries spend, runs of shape (runs, legs, 7); legs that are not flown spend nothing."""
+    """Compute what deliveries spend, runs of shape (runs, legs, 7); legs that are not flown spend nothing."""
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
     start = np.where(flown, runs[:, :, SOC_TAKE_OFF], 0.0)
     end = np.where(flown, runs[:, :, SOC_LANDING], 0.0)

@@ -1,7 +1,7 @@
 """The typical schedule: the simulated delivery whose times are nearest to the medians.
 
 What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
-and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more
+and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown again
 without gusts and with the vehicle of the model, and the nearest of these is told.
 """
 

@@ -83,7 +83,7 @@ class FlightLog:
             self._file = None
 
     def _add(self, data: bytes) -> None:
-        """Write as long as there is room: what is no longer whole is left out."""
+        """Write as long as there is room: what is no longer whole is omitted."""
         if self._file is not None and len(data) <= self._room:
             self._room -= len(data)
             self._file.content += data

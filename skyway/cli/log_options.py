@@ -79,7 +79,7 @@ def load_named(name: str | None) -> Scenario:
 def log_forecast(
     log: Log, wind: str | None, file: Sequence[Path] | None, scenario: str | None
 ) -> tuple[Forecast | None, WindFilterSettings | None]:
-    """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is not known."""
+    """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is unknown."""
     if wind is not None:
         if file or scenario is not None:
             raise InputError("--wind excludes --forecast and --scenario", remedy="give one of them")

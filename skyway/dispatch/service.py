@@ -138,7 +138,7 @@ class Service:
         self.options.say(line)
 
     def _begun(self) -> ServiceRecord | None:
-        """Return the service that is on the desk, which is gone on with; None where there is none."""
+        """Return the service that is on the desk, which is continued with; None where there is none."""
         found = self._desk.get("service", "service")
         if found is None:
             return None

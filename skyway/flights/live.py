@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 LIVE = ".live"
 SCHEMA = "skyway.live/1"
 EVERY_S, REFUGES_S = 0.5, 10.0
-"""It is written no more often, in seconds of this computer; and where else it could land is worked out again, in those of the vehicle."""
+"""It is written no more often, in seconds of this computer; and where else it could land is computed again, in those of the vehicle."""
 MAX_BYTES = 4 * 1024 * 1024
 _MEANING = {str(state): rule.meaning for state, rule in TABLE.items()}
 

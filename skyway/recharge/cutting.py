@@ -36,7 +36,7 @@ ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
 SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""So long before a pad is gone stops may have to end, for what is not known of charging."""
+"""So long before a pad is gone stops may have to end, for what is unknown of charging."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def recharged(
 ) -> Recharged:
     """Cut a mission so that it can be flown with charges on pads on the way, and check every flight.
 
-    An `InputError` says what hinders it: a home that is not known, no pad in reach and what is lacking, an item that cannot be cut, a
+    An `InputError` says what hinders it: a home that is unknown, no pad in reach and what is lacking, an item that cannot be cut, a
     flight that an autopilot does not fly.
     """
     ready = prepared(document, pads, families, options)

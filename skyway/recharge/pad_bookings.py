@@ -120,7 +120,7 @@ class PadBookings:
 
 @contextmanager
 def desk_of(ledger: str, folder: Path, depart: str | None) -> Iterator[PadBookings]:
-    """Open a ledger for the folder that a set is written to: cut once more, it takes the place of its own bookings."""
+    """Open a ledger for the folder that a set is written to: cut again, it takes the place of its own bookings."""
     if depart is None:
         raise InputError(
             "needs --depart", field="--ledger", remedy="say when the first take-off is, with its UTC offset"

@@ -177,7 +177,7 @@ def slots_of(conditions: FlightConditions) -> Slots:
 
 
 def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeProblem:
-    """Work out what every hop of a mission takes, to its pads and back."""
+    """Compute what every hop of a mission takes, to its pads and back."""
     conditions, transit = options.conditions, options.transit
     slots = slots_of(conditions)
     at_s = slots.start_s + slots.slot_s * (np.arange(slots.length, dtype=np.float64) + 0.5)

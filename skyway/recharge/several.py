@@ -168,7 +168,7 @@ def shared_among(
 
 
 def in_windows(work: SharedWork, windows: Sequence[dict[str, tuple[Window, ...]]]) -> SharedWork:
-    """Cut what each drone does once more, with the windows of pads that it has."""
+    """Cut what each drone does again, with the windows of pads that it has."""
     shares = []
     for share, own in zip(work.shares, windows, strict=True):
         found = cut(share.ready, replace(share.found.problem.options, windows=own))

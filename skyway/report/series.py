@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.file import Record
 
 Columns = dict[str, list[Any]]
-"""Values over time by name, all of one length; None is not known."""
+"""Values over time by name, all of one length; None is unknown."""
 _TRACK = (
     "time_s", "flight", "air", "lat", "lon", "height_m", "ground_speed_mps", "power_w", "forecast_north_mps",
     "forecast_east_mps", "soc", "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m",

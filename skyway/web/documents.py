@@ -52,7 +52,7 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
-    """Return what is worked out; it ends where the browser that asked has gone, and then says so."""
+    """Return what is computed; it ends where the browser that asked has gone, and then says so."""
     working, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
     try:
         await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)

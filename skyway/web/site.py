@@ -46,7 +46,7 @@ class Site:
         return None if self.options.scenario is None else str(self.options.scenario)
 
     async def region(self) -> dict[str, Any]:
-        """Return what the map shows of the scenario; worked out once for each state of its files, so that no page waits for what is planned."""
+        """Return what the map shows of the scenario; computed once for each state of its files, so that no page waits for what is planned."""
         now = stamp(self.options.scenario)
         if self._region is None or self._region[0] != now:
             self._region = now, await self.workers.ask("region.region", self.scenario)

@@ -207,8 +207,7 @@ def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
     assert "vans.csv:2: from: is not a time (got 'noon'); hours and minutes" in skyway(*typed, "--force").err
     vans.write_text("van,lat,lon,elevation_m,from,until\nvan,47.3978,8.5450,488,0:00,0:05\n")
     assert (
-        "pads are not available when necessary, or not long enough"
-        in skyway(*typed, "--wind", "6@250", "--force").err
+        "pads are not available when necessary, or not long enough" in skyway(*typed, "--wind", "6@250", "--force").err
     )
     assert "give --pads, or --vans" in skyway("recharge", str(patrol / "patrol.plan"), "-o", str(patrol / "no")).err
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 FRESH_S = 2.0
-"""A quantity of motion older than this is not known any more."""
+"""A quantity of motion older than this is unknown any more."""
 SLOW_FRESH_S = 15.0
 """The same for what is told rarely."""
 SLOW = frozenset(

@@ -73,7 +73,7 @@ class Vehicle:
     kind: Kind = "unknown"
     """One of `KINDS`."""
     told_by: str = "the log does not state the kind of vehicle"
-    """What says so, or why it is not known."""
+    """What says so, or why it is unknown."""
     leans: bool = field(default=True, metadata=HIDDEN)
     """Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
     hover do not."""

@@ -66,7 +66,7 @@ EVENTS = {
     165: "on the bottom",
     166: "off the bottom",
 }
-"""``EV.Id``; what is left out, tuning and training, says nothing of a flight."""
+"""``EV.Id``; what is omitted, tuning and training, says nothing of a flight."""
 CRASH_CHECK, EKF_CHECK, EKF_FAILSAFE, GPS = 12, 16, 17, 11
 _SUBSYSTEMS = {
     1: "main loop",
@@ -318,7 +318,7 @@ _PARTIAL = ("EV", "ERR")
 def quantities(name: str, fields: Fields, times: NDArray[np.float64]) -> dict[str, tuple[NDArray[np.float64], Columns]]:
     """Return the series in messages of one type: times and columns, by name.
 
-    Messages of another sensor, or another core of the filter, than the one that is looked at are left out.
+    Messages of another sensor, or another core of the filter, than the one that is looked at are omitted.
     """
     speak, choose = SPOKEN[name]
     columns = speak(fields)

@@ -214,7 +214,7 @@ class EventWords:
 
 
 class EventReports:
-    """Goes through events in order, and leaves out of each report of checks what the report before had."""
+    """Goes through events in order, and omits of each report of checks what the report before had."""
 
     def __init__(self, words: EventWords) -> None:
         self._words = words

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 UNKNOWN_PATIENCE_S = 840.0
-"""What is not known may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
+"""What is unknown may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
 REPLAN_AGAIN_S = 10.0
 ARM_PATIENCE_S = 90.0
 TAKE_OFF_S = 60.0
@@ -101,7 +101,7 @@ def preflight(ctx: Context) -> After:
         if unknown:
             must_answer(ctx, "; ".join(map(str, unknown)))
         elif not wrong or any(not check.waits for check in wrong):
-            break  # else what is wrong may follow from what is not known
+            break  # else what is wrong may follow from what is unknown
         patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
         if waited_s >= patience_s:
             break
@@ -116,7 +116,7 @@ def preflight(ctx: Context) -> After:
 
 
 def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
-    """Plan again where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
+    """Plan again where another station, more charge or another hour helps; else stop: what is unknown is no reason to fly."""
     if first.verdict == "unknown":
         return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":

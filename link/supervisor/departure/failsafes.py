@@ -17,7 +17,7 @@ class Failsafes:
     """The failsafe settings of one vehicle."""
 
     values: dict[str, float] = field(default_factory=dict)
-    """By key, in our units, as they will be in the flight; one that its firmware does not have is left out."""
+    """By key, in our units, as they will be in the flight; one that its firmware does not have is omitted."""
 
     def read(self, vehicle: Vehicle, proposed: Mapping[str, float]) -> None:
         """Read them, those that are to be set (by key, in our units) as they will be."""

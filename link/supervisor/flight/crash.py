@@ -17,7 +17,7 @@ LOOK_S = 120.0
 
 
 def leans_deg(ctx: Context) -> float:
-    """How far it leans; NaN where that is not known."""
+    """How far it leans; NaN where that is unknown."""
     s = ctx.observed.sample
     if s is None:
         return math.nan
@@ -25,7 +25,7 @@ def leans_deg(ctx: Context) -> float:
 
 
 def lies(ctx: Context) -> str:
-    """How it lies, where it does not stand; nothing where it stands, or that is not known."""
+    """How it lies, where it does not stand; nothing where it stands, or that is unknown."""
     end = ctx.clock.now_s() + LOOK_S
     while leans_deg(ctx) > LIES_DEG:
         if ctx.clock.now_s() >= end:

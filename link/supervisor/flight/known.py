@@ -70,7 +70,7 @@ def _airspeed_limit(ctx: Context) -> float:
         north, east = estimate.north_mps, estimate.east_mps
     return ctx.lean.airspeed_mps(
         (float(north), float(east))
-    )  # with what the rest is worked out with: it gives the speed seen
+    )  # with what the rest is computed with: it gives the speed seen
 
 
 def _ahead(ctx: Context) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ USUAL_LEAN_DEG = 25.0
 DRAG_EXPONENT = 0.75
 """Airspeed grows with the tangent of the lean to between the half (quadratic drag) and the first power (linear)."""
 RELATIVE_SIGMA, ACROSS_MPS = 0.35, 1.5
-"""Of the airspeed at full lean where the drag is not known; and across the lean, whose direction is."""
+"""Of the airspeed at full lean where the drag is unknown; and across the lean, whose direction is."""
 
 
 def airspeed_at_lean(drag: DragModel, lean_deg: float) -> float:
@@ -69,7 +69,7 @@ class LeanWatch:
     """Watches whether a flight reaches its commanded speed, and why not."""
 
     limit_deg: float = math.nan
-    """The autopilot's greatest lean; NaN where it is not known, and then nothing is said."""
+    """The autopilot's greatest lean; NaN where it is unknown, and then nothing is said."""
     top_airspeed_mps: float = 20.0
     """The maker's."""
     limited: bool = False
@@ -136,7 +136,7 @@ class LeanWatch:
         return np.nan_to_num(thrust_acceleration(table[:, 3], table[:, 4], table[:, 5]))
 
     def measure(self) -> WindAtLimit | None:
-        """Measure the wind, where it is limited and long enough after the last time; for a drag that is not known.
+        """Measure the wind, where it is limited and long enough after the last time; for a drag that is unknown.
 
         Its error lies in the airspeed and is the same each time, so each further one counts for less.
         """

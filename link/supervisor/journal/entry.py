@@ -21,7 +21,7 @@ Place = tuple[float, float]
 class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A group of values.
 
-    A field without a default is always written, as null where it is unknown; one with a default is left out where it
+    A field without a default is always written, as null where it is unknown; one with a default is omitted where it
     has that. Reading never fails: what is missing, of another kind or beyond all bounds is unknown.
     """
 

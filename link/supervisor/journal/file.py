@@ -1,7 +1,7 @@
 """The flight journal: one JSON object per line, appended, on disk before anything is done about it.
 
 What is in it is described in ``docs/reference/journal.md``. A line is torn at most at the very end, where the program was
-killed while it wrote; such a line is left out when reading, and cut off before writing goes on.
+killed while it wrote; such a line is omitted when reading, and cut off before writing goes on.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class ReadJournal:
 
 
 def read_journal(path: Path) -> ReadJournal:
-    """Read a journal; a torn last line is left out.
+    """Read a journal; a torn last line is omitted.
 
     An `InputError` says that it is not there, is no journal, or is damaged before its end.
     """
@@ -96,7 +96,7 @@ def read_journal(path: Path) -> ReadJournal:
 class Journal:
     """Writes the journal.
 
-    With `resume` it goes on with a file that is there, its torn end cut off; otherwise the file must not exist. Where
+    With `resume` it continues with a file that is there, its torn end cut off; otherwise the file must not exist. Where
     it cannot be written, an `InputError` ends all: better no flight than one without a journal.
     """
 

@@ -27,7 +27,7 @@ class VehicleState:
 
     sample: TelemetrySample | None = None
     uid: int = 0
-    """Hardware id; 0 where it is not known."""
+    """Hardware id; 0 where it is unknown."""
     remote_id: RemoteIdWatch = field(default_factory=RemoteIdWatch)
     """Who flies it, as it broadcasts that."""
     _reboots: int = 0
@@ -76,7 +76,7 @@ class VehicleState:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are not known."""
+        """Latitude and longitude; None where they are unknown."""
         lat, lon, time_s = self._position
         if self.sample is None or self.sample.time_s > time_s + PLACE_FRESH_S:
             return None
@@ -84,7 +84,7 @@ class VehicleState:
 
 
 def flies(sample: TelemetrySample) -> bool | None:
-    """Tell whether it is in the air by most of its witnesses; None where they are even and its state is not known."""
+    """Tell whether it is in the air by most of its witnesses; None where they are even and its state is unknown."""
     witnesses = [_said(sample), _moves(sample), _draws(sample)]
     known = [one for one in witnesses if one is not None]
     up = sum(known)

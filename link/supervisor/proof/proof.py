@@ -31,7 +31,7 @@ class Proof:
     _releasing: bool = False
     """It hovers to release the package: power falls when that stands on the ground."""
     _unwatched: bool = False
-    """It was released, or is, while this program was not there: how long the package hung is not known."""
+    """It was released, or is, while this program was not there: how long the package hung is unknown."""
     _open: bool = False
     """A take-off is being weighed."""
 

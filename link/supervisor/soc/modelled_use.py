@@ -28,7 +28,7 @@ class ModelledUse:
 
     @classmethod
     def by(cls, reach: Reach) -> ModelledUse:
-        """Return that of a flight which what can be reached is worked out by."""
+        """Return that of a flight which what can be reached is computed by."""
         return cls(reach.soc_per_s, reach.power.soc_fixed(reach.rules.climb_s, reach.rules.descent_s), reach.load)
 
     @property

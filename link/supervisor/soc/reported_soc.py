@@ -24,7 +24,7 @@ TELLING = 0.008
 CONFIRMED = 0.5
 """Share of the expected fall of the voltage that confirms a loss."""
 FLAT_S, BLIND_S, GROUND_FALL_S, GROUND_RISE_S = 30.0, 130.0, 15.0, 120.0
-"""How long a report must stay: where the voltage cannot tell; where it is not known, longer than wrong values last; on the ground."""
+"""How long a report must stay: where the voltage cannot tell; where it is unknown, longer than wrong values last; on the ground."""
 FALLING_S = 15.0
 """So long after a loss a filter of the vehicle's may still be falling."""
 YOUNG_S = 120.0
@@ -67,7 +67,7 @@ class ReportedSoc:
     def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
         """Take a report with the voltage that the battery has without load; returns charge lost at once, mostly 0.
 
-        The state of charge `told` and the voltage are NaN where they are not known.
+        The state of charge `told` and the voltage are NaN where they are unknown.
         """
         if math.isfinite(open_v):
             self._volts.append((time_s, open_v))

@@ -49,7 +49,7 @@ AGAIN, AGAIN_S = 6, 300.0
 """A loss is taken back where so many voltages in a row, so long after it at most, are as before. A fall so long after a rise in flight,
 to no less than before that rise, is none."""
 FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
-"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is not known; and by which share
+"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is unknown; and by which share
 of what charge used and a change of the sag explain these may be wrong."""
 FALLS_ON_S, SURE_NOW, STEADY = 8.0, 8, 0.015
 """Not told earlier after a loss, nor by voltages that differ by more among themselves."""
@@ -84,7 +84,7 @@ class _Heard(NamedTuple):
     watts: float
     """Power."""
     load: float
-    """That of this airspeed and climb over hover, NaN where it is not known."""
+    """That of this airspeed and climb over hover, NaN where it is unknown."""
     sag_v: float
     """What was taken off."""
 
@@ -188,7 +188,7 @@ class VoltageWatch:
     ) -> float:
         """Take what the vehicle tells; returns charge found lost just now, usually 0; below 0 where it is there again.
 
-        `load` is the power at the airspeed and climb of now over that of hover, NaN where it is not known. `flies` says
+        `load` is the power at the airspeed and climb of now over that of hover, NaN where it is unknown. `flies` says
         that it is known to be in the air, whatever the current says.
         """
         if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:

@@ -104,7 +104,7 @@ def advance(ctx: Context) -> None:
 
 
 def _item(ctx: Context) -> int | None:
-    """Return the item that is flown to, in our numbering; None while that is not known, or another mission is flown."""
+    """Return the item that is flown to, in our numbering; None while that is unknown, or another mission is flown."""
     flight, s = ctx.work.flight, ctx.observed.sample
     if flight is None or s is None or not math.isfinite(s.mission_item) or ctx.vehicle.mode != "mission":
         return None
@@ -181,7 +181,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
 
 
 def _to_pad(ctx: Context, station: str, why: str) -> After:
-    """What the vehicle holds now is not known: it flies to the pad by a mission of its own, or by reposition."""
+    """What the vehicle holds now is unknown: it flies to the pad by a mission of its own, or by reposition."""
     ctx.note(WorkTurned(verified=False), f"the mission could not be changed: {why}")
     ctx.divert.to(station)
     return turn(ctx, station, State.DIVERTING)

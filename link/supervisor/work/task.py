@@ -137,7 +137,7 @@ class WorkPlanner(Protocol):
         ...
 
     def point_at(self, done: Done | None) -> int:
-        """Return the last point at which the work may be left and gone on with that is done."""
+        """Return the last point at which the work may be left and continued with that is done."""
         ...
 
     def is_done(self, span: Span, done: Done | None) -> bool:

@@ -33,7 +33,7 @@ def level_key_m(hpa: float) -> float:
 
 
 def at_heights(fields: Fields) -> tuple[Fields, list[str], list[str]]:
-    """Return fields at heights above ground alone, the names of what is left out, and notes."""
+    """Return fields at heights above ground alone, the names of what is omitted, and notes."""
     levels = sorted({-key.height_m for key in fields if key.height_m < 0.0}, reverse=True)
     ground = _ground_m(fields)
     found = {

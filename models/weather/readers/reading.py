@@ -56,7 +56,7 @@ def read_weather(
     Raises
     ------
     InputError
-        A file cannot be read, or its form is not known; it says which, and where.
+        A file cannot be read, or its form is unknown; it says which, and where.
     """
     near = time.time() if near_s is None else near_s
     known = dict(stations or {})

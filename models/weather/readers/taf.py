@@ -31,7 +31,7 @@ STATUTE_MILE_M = 1609.344
 MAX_HOURS = 48.0
 NAMED = ("TAF ", "TAF AMD ", "TAF COR ")
 NOTHING = ("NIL", "CNL")
-"""A report that was left out; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
+"""A report that was omitted; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ class TriangleGrids:
         return True
 
     def cut(self, ec: Any, handle: int, box: Box | None, file: str) -> tuple[Places, NDArray[np.int64]]:
-        """Return the places of a grid in a region, and which of its points they are; an `UnknownPlacesError` says that they are not known."""
+        """Return the places of a grid in a region, and which of its points they are; an `UnknownPlacesError` says that they are unknown."""
         told = self._told.get(_identity(ec, handle), {})
         points = int(ec.codes_get(handle, "numberOfDataPoints"))
         if len(told) < len(COORDINATES) or any(len(values) != points for values in told.values()):

@@ -223,7 +223,7 @@ class Px4(Px4Failsafes):
         return self.parameters.clamped("PD_GRIPPER_TO", 0.0, 60.0)
 
     def take_off(self, height_m: float, by: str) -> Result:
-        """Enter the take-off mode; the height is above sea level, and may be left out."""
+        """Enter the take-off mode; the height is above sea level, and may be omitted."""
         if not self.landed:
             return Result.TEMPORARILY_REJECTED
         result = self.request_mode(Mode.TAKEOFF, by)

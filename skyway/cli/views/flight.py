@@ -193,7 +193,7 @@ class FlightView:
         return found
 
     def rows(self, record: Record) -> list[tuple[str, str, str]]:
-        """Return name, expected and actual of time, charge, wind, speed and way; what is not known says so."""
+        """Return name, expected and actual of time, charge, wind, speed and way; what is unknown says so."""
         entry, now_s = Tracked.read(record.data), of.instant_s(record.time)
         expected, planned_s = entry.expected, None if self._leg is None else self._leg.planned_s
         flown = None if now_s is None or self._took_off_s is None else now_s - self._took_off_s

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 FRESH_S = 60.0
-"""So long an answer is shown again, without being worked out again, when a person turns back to its question."""
+"""So long an answer is shown again, without being computed again, when a person turns back to its question."""
 LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
 """What can be left out of the map: as it is called, and its name there."""
 

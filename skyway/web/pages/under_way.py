@@ -21,7 +21,7 @@ class UnderWay:
     client : Client
         Whose page it is; what is under way ends with it.
     again : callable
-        Begins once more what was cancelled.
+        Begins again what was cancelled.
     words : str
         Of the button that does so.
     cancelled : callable
@@ -46,12 +46,12 @@ class UnderWay:
         return task
 
     def tell(self, words: str) -> None:
-        """Tell what is being worked out, which can be cancelled from now on."""
+        """Tell what is being computed, which can be cancelled from now on."""
         self.status.tell(words)
         self._offer("Cancel", self.cancel, data_keys="escape", title="Esc")
 
     def cancel(self) -> None:
-        """End it, as a person wants; it can be begun once more."""
+        """End it, as a person wants; it can be begun again."""
         if self._task is not None:
             self.end()
             self.status.tell(f"Cancelled. {self._cancelled()}".strip())

@@ -26,7 +26,7 @@ GAP_S = 60.0
 
 
 def told(root: str, names: list[tuple[str, float]]) -> list[dict[str, Any]]:
-    """Return a row for each journal: names within the folder and when each was changed; what is no journal is left out."""
+    """Return a row for each journal: names within the folder and when each was changed; what is no journal is omitted."""
     return [row for name, changed_s in names if (row := _row(root, name, changed_s)) is not None]
 
 
@@ -59,7 +59,7 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
 
 
 def reports(root: str, names: list[str]) -> list[dict[str, str]]:
-    """Return file and title of each report that ``skyway report`` has written into a folder; other pages are left out."""
+    """Return file and title of each report that ``skyway report`` has written into a folder; other pages are omitted."""
     found = []
     for name in names:
         try:

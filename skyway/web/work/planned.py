@@ -247,7 +247,7 @@ def _charge(result: PlanResult) -> dict[str, Any]:
 
 
 def _heights(composition: Composition) -> list[dict[str, Any]]:
-    """Heights of the legs over terrain; nothing where the ground is not known below them."""
+    """Heights of the legs over terrain; nothing where the ground is unknown below them."""
     found = []
     for leg in composition.there_and_back.services:
         if leg.heights is not None:

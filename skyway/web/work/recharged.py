@@ -81,7 +81,7 @@ def places(scenario: str | None, told: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _stations(question: Cut) -> tuple[Station, ...]:
-    """Return the pads of a file, moved as they were, and new ones; of a place that was chosen the height of the ground is not known."""
+    """Return the pads of a file, moved as they were, and new ones; of a place that was chosen the height of the ground is unknown."""
     if question.pads == OF_SCENARIO:
         raise InputError("the pads of a scenario stay where they are", field="--pads", remedy="take a file of stations")
     known = {one.id: one for one in read_stations(Path(question.pads))} if question.pads else {}
