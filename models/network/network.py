@@ -14,7 +14,8 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-from skyway.models.flight.way_heights import NO_LEAST, segment_heights
+from skyway.models.flight.level_steps import NO_LEAST
+from skyway.models.flight.way_heights import segment_heights
 from skyway.models.network.bends import Bends, with_bends
 from skyway.models.network.overs import joined_pairs, with_overs
 from skyway.models.network.site_weights import SiteWeights
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.flight.way_heights import Least, Over, SegmentHeights
+    from skyway.models.flight.level_steps import Least
+    from skyway.models.flight.way_heights import Over, SegmentHeights
     from skyway.models.network.zoned import Raised
 
 

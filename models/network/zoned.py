@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.airspace.ways import Ways, chosen, columns, level_flights
 from skyway.models.base.errors import Fault
-from skyway.models.flight.way_heights import STEP_M
+from skyway.models.flight.level_steps import STEP_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
