@@ -49,7 +49,7 @@ class TcpPads(AskedPads):
             return self._answered(line)
         except OSError as error:
             self.close()
-            raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from error
+            raise PadServiceError(f"the pad service at {self.address} failed: {error.strerror or error}") from error
 
     def _answered(self, line: bytes) -> PadAnswer:
         end_s = time.monotonic() + ANSWER_S

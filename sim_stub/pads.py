@@ -184,7 +184,7 @@ class Pads:
             if vehicle is not None and shut and vehicle.charging is not None:
                 vehicle.tend()
                 vehicle.charging, customer.end_s = None, math.inf
-                vehicle.event(f"is not charged any more: {site.station.id} closes")
+                vehicle.event(f"is no longer charged: {site.station.id} closes")
             elif vehicle is not None and not shut and vehicle.battery.soc < customer.to_soc:
                 self._begin(site, customer, vehicle)
 

@@ -105,7 +105,7 @@ def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
         raise _other(path, f"{size} bytes, and {log.size_bytes} on the vehicle")
     if theirs not in (None, ours):
         raise _other(path, "another checksum")
-    return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was here already",))
+    return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was already here",))
 
 
 def _other(path: Path, differs: str) -> InputError:
@@ -172,7 +172,7 @@ class _Fetching:
                 return self._size, ours, theirs is not None, self._came, transferring_s, notes
             else:
                 begin = self._differs(ours, theirs)
-        raise LinkError(f"{self._log.name} grows faster than it can be fetched: disarm the vehicle, then try again")
+        raise LinkError(f"{self._log.name} grows faster than the download: disarm the vehicle, then try again")
 
     def _refuse_other(self, whole_bytes: int) -> None:
         """Refuse to replace a file that is not the beginning of this log: of another vehicle, or another card."""
@@ -188,14 +188,14 @@ class _Fetching:
         if self._anew and "from the beginning" in " ".join(self._notes):
             self._part.unlink()
             raise LinkError(
-                f"{self._log.name} is not what the vehicle has: its checksum is {ours:08x}, the vehicle's {theirs or 0:08x}; "
-                "nothing was kept. Is its card damaged?"
+                f"{self._log.name} differs from the vehicle's log: its checksum is {ours:08x}, the vehicle's {theirs or 0:08x}; "
+                "nothing was kept. Check its card"
             )
         self._anew = True
         if self._earlier is not None:
             self._part.unlink()
             raise _other(self._earlier, "it is not its beginning")
-        self._notes.append("its checksum differed; it was fetched again from the beginning")
+        self._notes.append("its checksum differed; downloaded again from the beginning")
         self._part.unlink()
         return 0
 
@@ -219,9 +219,9 @@ class _Fetching:
                     if offset + SAMPLE_BYTES <= there
                 )
             if same:
-                self._notes.append(f"went on after {bytes_text(there)}")
+                self._notes.append(f"resumed after {bytes_text(there)}")
                 return there
-        self._notes.append("an earlier part was of another log; it was fetched from the start")
+        self._notes.append("an earlier part belonged to another log; downloaded from the start")
         return 0
 
     def _sample(self, offset: int) -> bytes:
@@ -268,7 +268,7 @@ class _Fetching:
         theirs = self._store.crc32(self._log, pieces.end)
         self._size, self._lied = pieces.end, True
         if theirs is None:
-            raise LinkError(f"{self._log.name}: {problem}; without a checksum nothing says that it is whole")
+            raise LinkError(f"{self._log.name}: {problem}; without a checksum its completeness is unknown")
         self._notes.append(f"the vehicle reported a wrong size: {problem}")
 
     def _tell(self, end: int) -> None:

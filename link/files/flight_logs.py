@@ -55,7 +55,7 @@ def fetch_added(
     of which recordings and which journal (`flight`) they are.
     """
     if vehicle.armed:
-        tell("log not fetched: the vehicle is armed; skyway logs fetch, once it is not")
+        tell("log not fetched: the vehicle is armed; run skyway logs fetch when it is disarmed")
         return []
     found: list[Fetched] = []
     try:
@@ -64,7 +64,7 @@ def fetch_added(
         added = _added(store.logs(), before)
         store.end()
         if not added:
-            tell("log not fetched: the vehicle has written none since before the flight; is logging off?")
+            tell("log not fetched: the vehicle has no new log since the flight; check whether logging is on")
         for log in added:
             try:
                 one = fetch(store, log, folder, progress=_Progress(log, tell, vehicle.connection.clock.now_s))

@@ -43,8 +43,8 @@ class Nak(IntEnum):
 
 
 ERRORS = {
-    1: "it failed", 2: "its file system failed", 3: "a size that it does not take", 4: "the file is not open", 5: "too many files are open",
-    6: "the end of the file", 7: "it does not know this request", 8: "the file exists", 9: "the file is protected", 10: "no such file",
+    1: "it failed", 2: "its file system failed", 3: "a size that it does not accept", 4: "the file is not open", 5: "too many files are open",
+    6: "the end of the file", 7: "it does not support this request", 8: "the file exists", 9: "the file is protected", 10: "no such file",
 }  # fmt: skip
 """Error codes in words."""
 

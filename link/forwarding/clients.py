@@ -324,5 +324,5 @@ def open_endpoint(text: str, signing: Callable[[], Signing | None]) -> Endpoint:
     except InputError as error:
         raise InputError([replace(fault, field="--forward") for fault in error.faults]) from None
     except LinkLostError as error:
-        problem = one_line(str(error)).replace("; is the vehicle on?", "; nobody listens there")
+        problem = one_line(str(error)).replace("; is the vehicle on?", "; no program listens there")
         raise LinkLostError(f"--forward: {problem}") from error

@@ -173,7 +173,7 @@ class Forwarder:
         client.garbage_bytes = 0
         self._muted = {one: until for one, until in self._muted.items() if now_s < until}
         self._muted[client] = now_s + _MUTED_S
-        what = "sends nothing that is MAVLink" + (" signed with our key" if self._signs else "")
+        what = "does not send MAVLink" + (" signed with our key" if self._signs else "")
         self._noted.take(
             client, None, "garbage", None, f"client {client.name} {what}: it is ignored", now_s, fold_s=60.0
         )
@@ -206,11 +206,11 @@ class Forwarder:
     ) -> bool:
         """Whether a packet is our own, an echo, or in the name of a vehicle."""
         if self._to_clients.holds(frame, now_s):
-            said = f"client {client.name} sends back what it was sent (a loop of routers): its echoes are dropped"
+            said = f"client {client.name} echoes packets (a loop of routers): its echoes are dropped"
         elif self._is_vehicle(sender[0], message, now_s):
             said = f"client {client.name} speaks as vehicle {sender[0]}: those packets are dropped"
         elif sender == self.own:
-            said = f"client {client.name} has our system and component id, {sender[0]} and {sender[1]}: give it another"
+            said = f"client {client.name} uses our system and component id, {sender[0]} and {sender[1]}: change its id"
         else:
             return False
         self._noted.take(client, None, "impersonates", None, said, now_s, fold_s=60.0)
@@ -226,7 +226,7 @@ class Forwarder:
         if sender not in client.speakers:
             if len(client.speakers) >= _MAX_SENDERS:
                 return
-            said = f"client {client.name} is there (system {sender[0]}, component {sender[1]})"
+            said = f"client {client.name} joined (system {sender[0]}, component {sender[1]})"
             self._noted.take(client, sender, "joined", None, said, now_s, fold_s=60.0)
         client.speakers[sender] = now_s
 

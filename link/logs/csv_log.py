@@ -179,7 +179,7 @@ class CsvLog:
             (f"{back} rows are earlier than their predecessors; the predecessors' times are used",) if back else ()
         )
         if not self._absolute:
-            doubts += ("the times are relative: they count from the start of the log",)
+            doubts += ("the times are relative to the start of the log",)
         self.summary = LogSummary(
             format="csv",
             messages=count,
@@ -245,7 +245,7 @@ class CsvLog:
         time = next((name for name in _TIME_NAMES if name in header), None)
         if time is None or not known:
             remedy = "give a mapping with --columns, see docs/how-to/replay.md"
-            raise InputError(Fault("has no columns that are known as telemetry", str(self._path), 1, remedy=remedy))
+            raise InputError(Fault("has no known telemetry columns", str(self._path), 1, remedy=remedy))
         return LogColumns(
             time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None
         )

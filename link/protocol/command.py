@@ -16,7 +16,7 @@ RESULTS = {
     0: "accepted",
     1: "not now, try again",
     2: "denied",
-    3: "it does not know this command",
+    3: "it does not support this command",
     4: "it failed",
     5: "in progress",
     6: "cancelled",

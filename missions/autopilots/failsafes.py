@@ -52,7 +52,7 @@ class Failsafes(ABC):
     def by_itself(self, values: Mapping[str, float]) -> list[str]:
         """Return what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
         if not values:
-            return ["what it does by itself is unknown: its failsafe parameters could not be read"]
+            return ["its behaviour without commands is unknown: its failsafe parameters could not be read"]
         return [
             f"link to skyway lost: {self.without_us(values)}",
             f"remote control lost: {self._without_pilot(values)}",
@@ -62,7 +62,7 @@ class Failsafes(ABC):
     def when_left(self, values: Mapping[str, float]) -> str:
         """Say in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
         if not values:
-            return "what it does then is unknown: its failsafe parameters could not be read"
+            return "its behaviour then is unknown: its failsafe parameters could not be read"
         return f"{self.without_us(values)}; {self.battery_first(values)}"
 
     def finishes_alone(self, values: Mapping[str, float]) -> bool | None:

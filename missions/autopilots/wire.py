@@ -86,7 +86,7 @@ def _integer(value: int | None, scaled: bool, number: int) -> int:  # noqa: FBT0
         return 0
     plain = value if scaled else round(value / E7)
     if abs(plain) > _INT32_MAX:
-        raise InputError("is too large for the wire", field=f"item {number}", value=value)
+        raise InputError("is too large for MAVLink", field=f"item {number}", value=value)
     return plain
 
 

@@ -160,8 +160,8 @@ def armed_mission(composition: Composition, dialect: Family, options: MissionOpt
     if not pads:
         return export
     warning = (
-        f"the vehicle stays ARMED at {pads}, propellers turning beside people for the whole hold, and leaves by the"
-        " clock whatever its state of charge"
+        f"the vehicle stays ARMED at {pads}, with propellers turning beside people for the whole hold, and takes off by the"
+        " clock at any state of charge"
     )
     return replace(export, warnings=(warning, *export.warnings))
 

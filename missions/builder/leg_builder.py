@@ -88,7 +88,7 @@ class LegBuilder:
         if known is None:
             raise InputError(
                 Fault(
-                    "the height of the ground is unknown, so heights above it cannot be given",
+                    "the ground height is unknown, so heights above it cannot be computed",
                     field=f"stations[{station}].elevation_m",
                     remedy=f"add elevation_m to the station, or give --elevation {station}=METRES",
                 )
@@ -135,8 +135,8 @@ class LegBuilder:
         ground_m = [self.ground_m(station) for station in stations]
         found = way_heights(places, ground_m, self.cruise_height_m, self.over, least)
         if found.unknown is not None:
-            problem = f"leg {service.origin} to {service.destination}: the ground is not known"
-            remedy = "a void of the terrain model, or beyond it: give a model that covers the leg"
+            problem = f"leg {service.origin} to {service.destination}: the ground height is unknown"
+            remedy = "give a terrain model that covers the leg: there is a void, or the leg leaves the model"
             raise InputError(Fault(problem, field="terrain", value=place_text(*found.unknown), remedy=remedy))
         return found
 

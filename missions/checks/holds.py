@@ -25,7 +25,9 @@ def check_energy(route: Route, legs: Sequence[LegEnergy], conditions: FlightCond
     """Judge the energies of a mission: payload, wind, reserve, holds."""
     drone = conditions.drone
     if conditions.payload_kg > drone.max_payload_kg:
-        message = f"a package of {conditions.payload_kg:g} kg, and the {drone.name} lifts {drone.max_payload_kg:g} kg"
+        message = (
+            f"the package has {conditions.payload_kg:g} kg, but the {drone.name} lifts {drone.max_payload_kg:g} kg"
+        )
         yield Finding("error", None, "payload", message, "use another vehicle")
     for leg in legs:
         yield from _wind(leg, conditions)
@@ -50,7 +52,7 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             f"{_which_wind(conditions)}the commanded ground speed needs {speed_text(-leg.least_airspeed_margin_mps)} more"
             f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower"
         )
-        yield Finding("warning", leg.worst_item, "speed-not-held", message, "order a lower ground speed")
+        yield Finding("warning", leg.worst_item, "speed-not-held", message, "command a lower ground speed")
 
 
 def _which_wind(conditions: FlightConditions) -> str:
@@ -74,7 +76,7 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
         message = f"ends at {percent(leg.soc_end)} charge, below the reserve of {percent(reserve)}"
         yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter route")
     elif leg.p_reserve < 1.0 - EPSILON:
-        message = f"keeps the reserve of {percent(reserve)} with probability {probability(leg.p_reserve, 1)} only"
+        message = f"keeps the reserve of {percent(reserve)} only with probability {probability(leg.p_reserve, 1)}"
         yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
 
 

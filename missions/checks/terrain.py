@@ -99,7 +99,7 @@ def _home_m(
         return (ground if said is None else said), []
     if math.isnan(ground) or abs(said - ground) <= DIFFER_M:
         return said, []
-    message = f"home is at {height_text(said)} by the file, and the ground there at {height_text(ground)} by the terrain model: the terrain model counts"  # fmt: skip
+    message = f"home is at {height_text(said)} in the file, but the ground there is at {height_text(ground)} in the terrain model, which is used"  # fmt: skip
     feet = abs(said * 0.3048 - ground) <= DIFFER_M or abs(said - ground * 0.3048) <= DIFFER_M
     remedy = "is one of them in feet?" if feet else "correct the height of home, or the terrain model"
     return ground, [Finding("warning", None, "home-off-terrain", message, remedy)]

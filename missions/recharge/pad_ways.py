@@ -85,15 +85,15 @@ def pad_grounds_m(pads: Sequence[Station], home_m: float | None, over: Over | No
     if level:
         return [0.0 if home_m is None or pad.elevation_m is None else pad.elevation_m - home_m for pad in pads]
     known = [pad.elevation_m if pad.elevation_m is not None else _terrain_m(pad, over) for pad in pads]
-    remedy = "give it, or --terrain, or say --level-ground where the ground is level"
+    remedy = "give it, or --terrain, or --level-ground if the ground is level"
     faults = [
         Fault(f"the ground height of pad {pad.id} is unknown", field="elevation_m", remedy=remedy)
         for pad, ground in zip(pads, known, strict=True)
         if ground is None
     ]
     if home_m is None:
-        remedy = "give --home-elevation, or --terrain, or say --level-ground where the ground is level"
-        faults.insert(0, Fault("the height of the mission's home above the sea is unknown", remedy=remedy))
+        remedy = "give --home-elevation, or --terrain, or --level-ground if the ground is level"
+        faults.insert(0, Fault("the height of the mission's home above sea level is unknown", remedy=remedy))
     if faults or home_m is None:
         raise InputError(faults)
     return [float(ground or 0.0) - home_m for ground in known]

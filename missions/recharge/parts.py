@@ -40,7 +40,7 @@ class PartBuilder:
     def __init__(self, work: Work, ways: PadWays, rules: TransitRules, family: Family) -> None:
         self.work, self.ways, self.rules, self.family = work, ways, rules, family
         if work.mission.home is None:
-            raise ValueError("a mission without a home has no parts")
+            raise ValueError("a mission without a home cannot be cut")
         self.home = work.mission.home
         self.step_of: dict[int, Step] = {step.taken: step for step in work.steps}
         first = work.steps[1].taken if len(work.steps) > 1 else len(work.route.order)
@@ -283,7 +283,7 @@ def completed(mission: Mission, *, lands: bool, takes_off_m: float | None) -> tu
         )
         # numbers of items that jumps lead to count from before
         items = [takeoff, *(_later(item) for item in items)]
-        notes.append("there was no TAKEOFF: one was put first")
+        notes.append("there was no TAKEOFF: one was added")
     if not lands:
         items.append(MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION))
         notes.append("the mission ended in the air: it returns to launch")

@@ -132,7 +132,7 @@ class _Divider:
 
     def division(self) -> Division:
         if len([leg for leg in self.work.route.legs if leg.steps]) > 1:
-            return Division((), ("it lands on the way: all stays in its order",))
+            return Division((), ("it lands on the way: its order is kept",))
         fixed = [self._reason(number) for number in range(self.count)]
         units: list[Unit] = []
         begin = 0
@@ -148,12 +148,12 @@ class _Divider:
                 here = units[-1] if units and units[-1].group == group else None
                 if here is not None and (self._keys(here.first) != self._keys(first) or self._adds(here)):
                     group += 1
-                    self._keep(f"from item {self._item(first)} on other things are ordered than before")
+                    self._keep(f"from item {self._item(first)} on the commanded state differs")
                 unit = Unit(first, last, group, self._is_reversible(first, last))
                 if self._adds(unit) and units and units[-1].group == group:
                     group += 1
                     unit = replace(unit, group=group)
-                    self._keep(f"item {self._item(first)} and what follows orders what could not be taken back")
+                    self._keep(f"item {self._item(first)} and the following items command irreversible actions")
                 units.append(unit)
             begin = end + 1
             if end < self.count and end not in (0, self.count - 1):
@@ -228,7 +228,7 @@ class _Divider:
                 found[-1] = (found[-1][0], led_out)
                 found.append((led_in, last))
             else:
-                why = "an order waits there" if waits else "between them lies a place that may lead around something"
+                why = "a command waits there" if waits else "a waypoint between them may lead around an obstacle"
                 self._keep(f"items {self._item(before)} and {self._item(first)} stay together: {why}")
                 found[-1] = (found[-1][0], last)
         first, last = found[-1]

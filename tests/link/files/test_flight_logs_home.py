@@ -106,7 +106,7 @@ def test_an_armed_vehicle_is_left_in_peace(tmp_path):
     with pytest.raises(CommandRefusedError):
         logs_before(hangar.craft)
     assert hangar.fetch(before, tmp_path) == []
-    assert hangar.told == ["log not fetched: the vehicle is armed; skyway logs fetch, once it is not"]
+    assert hangar.told == ["log not fetched: the vehicle is armed; run skyway logs fetch when it is disarmed"]
 
 
 @pytest.mark.parametrize("fault", ["log-stall", "log-gone", "link-loss"])

@@ -299,7 +299,7 @@ def test_what_cannot_be_cut_is_told_in_one_line():
     assert "there are no pads" in told(far, [replace(pad("barn", -50, 0), pads=0)])
     assert "ground height of pad barn is unknown" in told(far, [replace(pad("barn", -50, 0), elevation_m=None)])
     flat = replace(far, home=Home(far.home.point, None))
-    assert "height of the mission's home above the sea is unknown" in told(flat, [pad("barn", -50, 0)])
+    assert "height of the mission's home above sea level is unknown" in told(flat, [pad("barn", -50, 0)])
     landing = [at(0, 300), do(Command.DO_LAND_START), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
     assert "item 2 (DO_LAND_START) cannot be cut" in told(
         mission_of(landing), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25)
