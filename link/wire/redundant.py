@@ -132,7 +132,7 @@ class RedundantTransport:
     def _echo(self, radio: Radio) -> None:
         radio.echoes += 1
         if radio.echoes == 1:
-            self._notes.append(f"radio {radio.name} sends back what it is sent: its echoes are dropped")
+            self._notes.append(f"radio {radio.name} echoes packets: its echoes are dropped")
 
     def _new(self, radio: Radio, frame: bytes, now_s: float) -> bool:
         """Whether a frame is to be taken: the first of copies, and of other channels those of the radio in use."""

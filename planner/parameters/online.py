@@ -197,7 +197,7 @@ class OnlineParameters(Parameters):
     airspeed_shares: tuple[float, ...] = parameter(
         (0.8, 0.9, 1.1), "multiples of the planned airspeed that are compared with it", 0.1, 10
     )
-    min_airspeed_mps: float = parameter(8.0, "minimum airspeed", 0.1, 100, unit="m/s")
+    min_airspeed_mps: float = parameter(8.0, "minimum airspeed that is considered", 0.1, 100, unit="m/s")
     never_s: float = parameter(
         172_800.0,
         "extra delivery time of an option without a known route to the destination",

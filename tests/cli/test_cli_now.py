@@ -296,12 +296,12 @@ def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
     assert told_now(world) == ([], "no current wind: none.txt does not exist")
     now = datetime.now(UTC)
     pads = PadOptions().known(world, now, for_now=True)
-    assert (pads.busy, pads.notes) == ({}, (f"no pads of now: {tmp_path / 'none.jsonl'} is not there",))
+    assert (pads.busy, pads.notes) == ({}, (f"no current pads: {tmp_path / 'none.jsonl'} does not exist",))
     assert PadOptions().known(world, now, for_now=False) is None
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     pads = PadOptions().known(replace(world, observed_pads=f"tcp:127.0.0.1:{port}"), now, for_now=True)
-    assert pads.notes[0].startswith(f"no pads of now: the pad service at tcp:127.0.0.1:{port} fails")
+    assert pads.notes[0].startswith(f"no current pads: the pad service at tcp:127.0.0.1:{port} fails")
 
 
 def test_a_broken_file_of_now_is_an_error(tmp_path):

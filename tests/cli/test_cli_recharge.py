@@ -232,7 +232,7 @@ def test_another_order_is_told_with_its_bound_written_and_found_again(skyway, tm
     answer = skyway(*map(str, typed), "--reorder", "-o", str(out))
     assert answer.code == 0
     assert "of 4 parts moved or reversed" in answer.out
-    assert "no order ends before" in answer.out
+    assert "lower bound for any order" in answer.out
     assert "none lost, none twice" in answer.out
     told = json.loads((out / "recharge.json").read_text())["order"]
     assert 0.0 < told["bound_s"] <= told["end_s"] < told["before_s"]

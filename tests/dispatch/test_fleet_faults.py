@@ -80,7 +80,7 @@ def test_a_dispatcher_that_was_held_up_beyond_its_lease_takes_it_again(tmp_path)
         run.stop()
     status = nothing_is_forgotten(run)
     assert {state for state, _ in status.orders.values()} == {"delivered"}
-    assert "taken again" in run.said()
+    assert "takes it again" in run.said()
 
 
 def test_a_database_that_is_restarted_is_waited_for(tmp_path):

@@ -53,7 +53,7 @@ def test_every_station_is_asked_once_and_an_unknown_one_is_told():
     with served(status) as address:
         found, notes = snapshot(address, ["a", "gone", "b"])
     assert [(one.station, one.busy) for one in found] == [("a", 2), ("b", 2)]
-    assert notes == [f"the pad service at {address} told of 2 of 3 stations: no station 'gone' here"]
+    assert notes == [f"the pad service at {address} reported 2 of 3 stations: no station 'gone' here"]
 
 
 def test_a_service_that_dawdles_is_left_at_the_deadline():
@@ -64,7 +64,7 @@ def test_a_service_that_dawdles_is_left_at_the_deadline():
     with served(slowly) as address:
         found, notes = snapshot(address, [str(number) for number in range(50)], within_s=0.15)
     assert 1 <= len(found) < 50
-    assert f"told of {len(found)} of 50 stations within 0.15 s" in notes[0]
+    assert f"reported {len(found)} of 50 stations within 0.15 s" in notes[0]
 
 
 @pytest.mark.parametrize("reply", [b"", b"{}\n", b"[" * 100_000 + b"\n", b"\xff\n", b"null\n"])

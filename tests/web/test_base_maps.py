@@ -97,7 +97,7 @@ def test_what_is_no_base_map_is_refused_with_its_reason(tmp_path):
         (tmp_path / f"b.{ending}").write_bytes(b"nonsense")
         (tmp_path / f"e.{ending}").write_bytes(b"")
     refused = {
-        tmp_path / "b.mbtiles": "is no MBTiles file", tmp_path / "b.pmtiles": "is no PMTiles file", tmp_path / "e.pmtiles": "is no PMTiles file",
+        tmp_path / "b.mbtiles": "is not an MBTiles file", tmp_path / "b.pmtiles": "is not a PMTiles file", tmp_path / "e.pmtiles": "is not a PMTiles file",
         tmp_path / "none.pmtiles": "no such file", tmp_path: "no such file", mbtiles(tmp_path / "c.mbtiles", b"text"): "neither pictures nor",
         pmtiles(tmp_path / "c.pmtiles", b"text"): "neither pictures nor", mbtiles(tmp_path / "l.mbtiles", PICTURE + bytes(MAX_BYTES)): "neither",
         pmtiles(tmp_path / "z.pmtiles", PICTURE, tile_compression=Compression.ZSTD): "compressed in a way",

@@ -124,7 +124,7 @@ def test_what_goes_wrong_is_one_line(fault, tmp_path):
 def test_no_new_log_is_told(tmp_path):
     hangar = Hangar("px4")
     assert hangar.fetch(logs_before(hangar.craft), tmp_path) == []
-    assert "written none" in hangar.told[0]
+    assert "has no new log" in hangar.told[0]
 
 
 def test_a_file_in_the_way_keeps_no_other_from_coming(tmp_path):

@@ -235,10 +235,10 @@ def takes_our_id(shared, there):
     [
         (flood, "floods the link"),
         (short_packets, "200 packets a second"),
-        (garbage, "nothing that is MAVLink"),
-        (echo, "sends back what it was sent"),
+        (garbage, "does not send MAVLink"),
+        (echo, "echoes packets"),
         (takes_the_vehicles_id, "speaks as vehicle 1"),
-        (takes_our_id, "has our system and component id"),
+        (takes_our_id, "uses our system and component id"),
     ],
 )
 def test_a_bad_client_is_told_in_one_line_and_the_link_goes_on_as_before(deed, told, shared):

@@ -111,7 +111,7 @@ def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, argument
         ("half.tlog", b"\x00\x05\x0a\xfd\x09", "no valid message"),
         ("half.bin", b"\xa3\x95", "no valid message"),
         ("half.ulg", b"ULog\x01\x12", "header is damaged or truncated"),
-        ("half.csv", b"time_s,ro", "no columns that are known"),
+        ("half.csv", b"time_s,ro", "no known telemetry columns"),
         ("header.csv", b"time_s,roll_rad\n", "no valid message"),
         ("picture.tlog", b"\x89PNG\r\n\x1a\n", "no valid message"),
         ("picture.png", b"\x89PNG\r\n\x1a\n", "not a known flight log format"),

@@ -312,7 +312,7 @@ def test_danish_buffers_are_kept_about_points_and_outlines(tmp_path):
         (b"\x00\x01", "is not text: byte 0 is NUL"),
         (b"{", "is not JSON"),
         (b"hello world", "is not an airspace file"),
-        (b"<html></html>", "root element: is no KML"),
+        (b"<html></html>", "root element: is not KML"),
         (b'<!DOCTYPE x [<!ENTITY a "b">]><kml>&a;</kml>', "has a document type"),
         (b'{"type": "FeatureCollection", "features": 3}', "features: must be a list"),
         (b"AC P\n*", "geometry: has no coordinates"),

@@ -94,9 +94,9 @@ def test_metars_tell_the_bounds_of_the_region(tmp_path):
 @pytest.mark.parametrize(
     ("told", "said"),
     [
-        ("Q9999", "no such pressure"),
-        ("dry", "no pressure.*Q1013"),
-        ("Q1013,x", "no pressure"),
+        ("Q9999", "is impossible at sea level"),
+        ("dry", "is not a pressure.*Q1013"),
+        ("Q1013,x", "is not a pressure"),
         ("metar=none.txt", "none.txt"),
     ],
 )
