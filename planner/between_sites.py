@@ -62,7 +62,7 @@ class BetweenSites:
 
 
 def between_sites(answer: RobustAnswer) -> BetweenSites | None:
-    """How a robust plan fares there; None where the forecast is of no record, which has errors of its own."""
+    """How a robust plan performs between the wind sites; None for forecasts from a record, which has errors of its own."""
     problem, policy = answer.policy.problem, answer.policy
     if not record_days(problem.ensemble):
         return None

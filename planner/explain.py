@@ -87,17 +87,17 @@ class WaitAndSee:
 
     @property
     def gap(self) -> float:
-        """How much longer the plan takes, as a share of the bound."""
+        """Excess time of the plan over the bound, as a share of the bound."""
         return self.plan_s / self.bound_s - 1.0
 
     @property
     def careful_gap(self) -> float | None:
-        """How much longer it takes than who must keep the reserve, as a share of that bound."""
+        """Excess time over the bound for those who must keep the reserve, as a share of that bound."""
         return None if self.careful_s is None else self.plan_s / self.careful_s - 1.0
 
 
 def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
-    """What the plan would do otherwise: how much more or less it charges at each stop, by what is known there."""
+    """Range of charges: how much more or less the plan charges at each stop, depending on the information there."""
     schedule, weight = answer.out_of_sample.schedule, answer.out_of_sample.weight
     network = answer.policy.problem.network
     found = []
@@ -188,7 +188,7 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
 
 
 def wait_and_see(answer: RobustAnswer, *, careful: bool = False) -> WaitAndSee | None:
-    """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
+    """Lower bound for the delivery time: the exact planner with each member and queue known; None without a route.
 
     `careful` computes `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
     (`RobustParameters.reasons_s`).
@@ -268,5 +268,5 @@ class RobustGain:
 
 
 def robust_gain(robust: PlanResult, other: PlanResult) -> RobustGain:
-    """Compare a robust plan with one that is flown as it stands."""
+    """Compare a robust plan with one that is flown without changes."""
     return RobustGain(robust, other, later(other.outcome, robust.outcome))

@@ -156,7 +156,7 @@ def compare(
     time_limit_s: float = math.inf,
     parameters: PlannerParameters = USUAL,
 ) -> list[Comparison]:
-    """Put the same request to several planners; a planner without an answer says why."""
+    """Solve the same request with several planners; those without an answer give the reason."""
     answers = []
     for name in planners:
         try:
@@ -171,13 +171,13 @@ def compare(
 
 
 def as_planned_by(planner: str, request: Request) -> Request:
-    """Return a request with an objective that a planner knows: of those that plan for the time alone, least mean."""
+    """Return a request with an objective the planner supports: for those that minimise only time, the minimum mean."""
     alone = planner != ROBUST and request.objective.beside_time
     return replace(request, objective=Objective()) if alone else request
 
 
 def check_objective(scenario: Scenario, request: Request, planner: str) -> None:
-    """Refuse an objective that a planner does not know, and costs where nothing is said of them."""
+    """Refuse an objective that a planner does not support, and costs where the scenario has no prices."""
     objective = request.objective
     if objective.beside_time and planner != ROBUST:
         remedy = f"the planner {ROBUST} takes every objective; {planner} plans for the time alone"

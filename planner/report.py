@@ -59,7 +59,7 @@ def plan_report(
     flown_runs: int = 0,
     told: Callable[[int, int, float], None] | None = None,
 ) -> PlanReport:
-    """Compute what is told of a plan; the bound, alternatives and reasons are searches of their own.
+    """Compute the report of a plan; the bound, alternatives and reasons are searches of their own.
 
     With `flown_runs` so many deliveries are simulated as `fly` decides them, and `told` how far that is (`planner.evaluation.as_flown`).
     An `InputError` says that this cannot be done for this plan.
@@ -94,7 +94,7 @@ class ComparisonReport:
 
 
 def comparison_report(answers: Sequence[Comparison]) -> ComparisonReport:
-    """Compute what is told of a comparison."""
+    """Compute the report of a comparison."""
     results = [one.result for one in answers if one.result is not None]
     robust = next((one for one in results if one.robust is not None), None)
     others = [

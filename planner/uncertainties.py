@@ -54,7 +54,7 @@ class Uncertainty:
 
 
 def uncertainties(result: PlanResult) -> list[Uncertainty]:
-    """What the promise of a robust plan rests on, what would gain most first; empty for plans of other planners."""
+    """Assumptions behind the promise of a robust plan, the most valuable to improve first; empty for plans of other planners."""
     answer = result.robust
     if answer is None:
         return []
@@ -71,7 +71,7 @@ def uncertainties(result: PlanResult) -> list[Uncertainty]:
 
 
 def not_counted(result: PlanResult) -> list[str]:
-    """What the promise of a robust plan does not count; the wind between the sites of a record is told by itself (`planner.between_sites`)."""
+    """Effects outside the promise of a robust plan; wind between the sites of a record is reported separately (`planner.between_sites`)."""
     if result.robust is None:
         return []
     between = (
@@ -154,7 +154,7 @@ def _wind_source(wind: WindEnsemble) -> str:
 
 
 def record_days(wind: WindEnsemble) -> int:
-    """How many days of a record the members are; 0 where they are none."""
+    """Number of days of a record that the members are; 0 where they are not from a record."""
     try:
         return len([date.fromisoformat(label) for label in wind.labels])
     except ValueError:

@@ -76,7 +76,7 @@ def plan_there_and_back(scenario: Scenario, request: Request, compose: Compose) 
 
 
 def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
-    """Return a delivery with its way back; a `NoWayBackError` says that there is none."""
+    """Return a delivery with its way back. Raises a `NoWayBackError` if there is none."""
     problem, c = result.problem, result.composition
     request = problem.request
     stations = problem.network.stations

@@ -46,7 +46,7 @@ class DemoOptions:
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
-    """Plan, calibrate, fly and report, in virtual time on one thread; an `InfeasibleError` where there is no plan."""
+    """Plan, calibrate, fly and report, in virtual time on one thread. Raises an `InfeasibleError` where there is no plan."""
     from skyway.calibration_flight import drag_of
     from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
     from skyway.models.composition.file import save

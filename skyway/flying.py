@@ -94,7 +94,7 @@ def refuse_closed(scenario: Scenario, destination: str) -> None:
 
 
 def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
-    """Files of zones that are named, else those that a plan was made with; an `InputError` says that these are not there."""
+    """Named files of zones, else those of the plan. Raises an `InputError` if one is missing."""
     from skyway.models.airspace.pressure import split_pressure
 
     files = named or [Path(one) for one in composition.zones]
@@ -239,7 +239,7 @@ SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits"
 
 
 def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
-    """Tell a record of the journal as a plain line, its time in a zone; None for those that a person need not see."""
+    """Describe a record of the journal in a line, its time in a zone; None for those that a person need not see."""
     from skyway.link.supervisor.journal.entries import Tracked
 
     at_s = of.instant_s(record.time)

@@ -59,7 +59,7 @@ class KnownWind:
 def observed_winds(
     scenario: Scenario, given: Sequence[str], depart: datetime, *, missing_ok: bool = False
 ) -> Observations:
-    """Read observed winds as handed over: typed, files, and journals of ``skyway fly`` (``.jsonl``).
+    """Read observed winds: typed, files, and journals of ``skyway fly`` (``.jsonl``).
 
     An `InputError` has what is wrong. With `missing_ok` a file that is not there is a note.
     """
@@ -269,7 +269,7 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
 
 
 def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: Sequence[str]) -> PlanResult:
-    """Return a plan that tells what it is conditioned on."""
+    """Return a plan that names its conditions."""
     if not conditions and not notes:
         return result
     plan = result.composition
@@ -279,7 +279,7 @@ def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: 
 
 
 def told_conditions(conditions: Sequence[Condition]) -> list[str]:
-    """Tell people what a plan, or a forecast, is conditioned on."""
+    """Describe the conditions of a plan or a forecast."""
     return [
         *_told_winds([one for one in conditions if one.kind == "wind"]),
         *_told_pads([one for one in conditions if one.kind == "pads"]),

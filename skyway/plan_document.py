@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def plan_document(report: PlanReport) -> dict[str, object]:
-    """Return a plan for machines: the composition, and what was asked for beside it."""
+    """Return a plan for machines: the composition, and the requested extras."""
     found: dict[str, object] = to_json(report.result.composition)
     if report.bound is not None:
         told = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}

@@ -156,7 +156,7 @@ class Pads:
     pads: str | None = None
 
     def known(self, scenario: Scenario, depart: datetime, *, for_now: bool) -> KnownPads | None:
-        """Return what is known of the pads; None where nothing was handed over."""
+        """Return the known state of the pads; None where none was given."""
         from skyway.now import pads_now
 
         if self.pads is not None:
@@ -219,7 +219,7 @@ def avoiding(scenario: Scenario, names: Sequence[str]) -> Scenario:
 def with_pads(
     asked: tuple[Scenario, Request], conditions: Conditions, pads: Pads
 ) -> tuple[tuple[Scenario, Request], KnownPads | None]:
-    """Return what is asked, with what is known of the pads now."""
+    """Return the request, with the known state of the pads now."""
     scenario, request = asked
     busy = pads.known(scenario, request.state.time, for_now=conditions.for_now)
     if busy is not None:
@@ -238,7 +238,7 @@ def solve(
     busy: KnownPads | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> PlanResult:
-    """Plan with the wind that was asked for; `progress` is called with sequences evaluated and the best time, see `planner.plan.plan`."""
+    """Plan with the chosen wind; `progress` is called with sequences evaluated and the best time, see `planner.plan.plan`."""
     from skyway.now import with_conditions
     from skyway.planner.plan import plan
 

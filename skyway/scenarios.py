@@ -16,7 +16,7 @@ BUILT_IN = "builtin:newyork"
 
 
 def load_scenario(path: Path | None) -> Scenario:
-    """Read the scenario named, or the built-in one, which ``newyork`` names where there is no such folder."""
+    """Read the named scenario, or the built-in one, which ``newyork`` names unless such a folder exists."""
     from skyway.missions.examples import NEW_YORK
     from skyway.models.scenario.file import read_scenario
 

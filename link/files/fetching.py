@@ -47,7 +47,7 @@ class Fetched:
 
     @property
     def verified_by(self) -> str:
-        """How it was found to be the same."""
+        """Method by which the copy was verified."""
         return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle reports no checksum)"
 
     @property

@@ -35,7 +35,7 @@ class LogsBefore:
 
 
 def logs_before(vehicle: Vehicle) -> LogsBefore:
-    """List the logs of a disarmed vehicle; a `LinkError` says why they are unknown."""
+    """List the logs of a disarmed vehicle. Raises a `LinkError` if they cannot be listed."""
     if vehicle.armed:
         raise CommandRefusedError("list its logs", "it is armed")
     store = LogStore(vehicle)
@@ -49,7 +49,7 @@ def logs_before(vehicle: Vehicle) -> LogsBefore:
 def fetch_added(
     vehicle: Vehicle, before: LogsBefore | None, folder: Path, flight: Sequence[Path], tell: Callable[[str], None]
 ) -> list[Fetched]:
-    """Fetch what a delivery has added to the logs aboard: new ones, and those that have grown; without `before` the latest.
+    """Fetch the logs that a delivery has added on the vehicle: new ones, and those that have grown; without `before` the latest.
 
     Nothing that goes wrong is raised: `tell` takes a line about each log, and about what is missing. The list beside the logs says
     of which recordings and which journal (`flight`) they are.

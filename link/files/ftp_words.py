@@ -71,13 +71,13 @@ class FtpMessage(NamedTuple):
 
 
 def payload(sequence: int, op: Op, *, session: int = 0, offset: int = 0, size: int = 0, data: bytes = b"") -> bytes:
-    """Payload of a request; `size` is how many bytes are asked for, or that of the data."""
+    """Payload of a request; `size` is the number of bytes requested, or that of the data."""
     head = _HEAD.pack(sequence & 0xFFFF, session, op, len(data) if data else size, 0, 0, offset)
     return (head + data).ljust(_PAYLOAD_BYTES, b"\0")
 
 
 def read_payload(given: bytes) -> FtpMessage | None:
-    """Read the payload of a message; None where it says that it has more data than fit."""
+    """Read the payload of a message; None where it claims more data than fit."""
     sequence, session, op, size, asked, complete, offset = _HEAD.unpack_from(given)
     if size > DATA_BYTES:
         return None

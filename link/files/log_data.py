@@ -102,7 +102,7 @@ class EndLogs(Question):
         super().__init__(target, "LOG_REQUEST_END")
 
     def begin(self, now_s: float) -> None:
-        """Say it twice: one may be lost."""
+        """Send the request twice: one may be lost."""
         for _ in range(2):
             self.ask()
         self.next_s = now_s

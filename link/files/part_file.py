@@ -26,7 +26,7 @@ class Pieces:
         self._waiting_bytes = 0
 
     def put(self, offset: int, data: bytes) -> int:
-        """Take a piece; returns how many of its bytes are new. An `OSError` says that it cannot be written."""
+        """Store a piece; returns how many of its bytes are new. Raises an `OSError` if it cannot be written."""
         last = offset + len(data)
         if not data or last <= self.end or self._waiting_bytes > _AHEAD_BYTES < offset - self.end:
             return 0

@@ -40,7 +40,7 @@ class WideWindow:
         self._trying, self._failed, self._held = True, 0, 0
 
     def learn(self, now_s: float, came_bytes: int, round_s: float, least_s: float) -> float:
-        """Take what has come until now, and how long answers take, and took at least; returns how many reads to have under way."""
+        """Take the data received so far, and the usual and minimum answer times; returns how many reads to keep in flight."""
         took_s = now_s - self._begun_s
         if took_s < max((1.0 if self._fresh else ROUNDS) * round_s, LEAST_S):
             return self.window

@@ -239,7 +239,7 @@ class _Stream:
         return True
 
     def read(self) -> bytes | None:
-        """What has come; None where it has gone."""
+        """Bytes received; None where the client has gone."""
         if self.socket is None:
             return None
         try:

@@ -117,7 +117,7 @@ class Forwarder:
             client.put(frame)
 
     def came_back(self, frame: bytes, now_s: float) -> bool:
-        """Whether a frame from the vehicles' side is one that a client had us pass on."""
+        """Whether a frame from the vehicles' side is an echo of one that a client had us pass on."""
         return self._to_vehicles.holds(frame, now_s)
 
     def _lives_with_client(self, system: int, now_s: float) -> bool:

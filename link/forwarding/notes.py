@@ -61,7 +61,7 @@ class Notes:
         *,
         fold_s: float = _FOLD_S,
     ) -> None:
-        """Keep a note; what goes on, or is tried again, is noted once, and of what is refused in any number only the first."""
+        """Keep a note; a lasting or repeated event is noted once, and of frequent refusals only the first."""
         key = (client.name, sender, what, ordered)
         last = self._told.get(key)
         if len(self._told) > _MAX_TOLD:

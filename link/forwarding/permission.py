@@ -71,7 +71,7 @@ _HEARTBEAT_STREAMS = frozenset((1, 3, 4))
 
 
 def effect(message: Message, ours: Collection[int] = ()) -> Effect:
-    """Tell what a message of another station does; `ours` are the ids of messages whose rate we keep."""
+    """Return the effect of a message of another station; `ours` are the ids of messages whose rate we keep."""
     name = message.name
     if name in _READS:
         return Effect.READ

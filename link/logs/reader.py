@@ -116,7 +116,7 @@ def format_of(path: Path) -> str:
 
 
 def open_log(path: Path, columns: LogColumns | None = None) -> Log:
-    """Open and index a log of any format; an `InputError` says that the file cannot be read, or is no log."""
+    """Open and index a log of any format. Raises an `InputError` if the file cannot be read, or is not a log."""
     found = FORMATS[format_of(path)]
     reader: Callable[..., Log] = load(found.reader)
     return reader(path, columns) if found.takes_columns else reader(path)

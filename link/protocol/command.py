@@ -60,7 +60,7 @@ class Command(Question):
         """MAV_RESULT; None for silence."""
 
     def ask(self) -> None:
-        """Give it; a COMMAND_LONG says how often it was given."""
+        """Send it; a COMMAND_LONG carries the number of attempts."""
         super().ask()
         if self.place is None:
             self.outbox[-1][1]["confirmation"] = min(self._tries, 255)

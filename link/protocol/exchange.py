@@ -61,7 +61,7 @@ class RoundTrip:
             self._slower = min(self._slower * 2.0, _SLOWEST)
 
     def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
-        """How long to wait for an answer before asking again; longer with each `attempt` after the first few.
+        """Time to wait for an answer before repeating the request; longer with each `attempt` after the first few.
 
         An answer may be `spreads` later than usual; few where asking too early costs nothing but a packet.
         """

@@ -76,7 +76,7 @@ def check_ending(path: Path) -> None:
 
 
 def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], stack: str, system: int) -> str:
-    """Return what stands in the file of a set, as the ending of its name says; values that are no number as comments."""
+    """Return the text of the file of a set, in the format of its suffix; values that are not numbers as comments."""
     check_ending(path)
     tabbed = path.suffix.lower() in QGROUNDCONTROL
     lines = [*(f"# {line}" for line in head), f"# Stack: {stack}", "#"]
@@ -94,12 +94,12 @@ def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], 
 
 
 def value_text(value: float, kind: int) -> str:
-    """Every digit of a value: whole numbers have up to ten, 32-bit floats are told apart by nine."""
+    """A value with all digits: whole numbers have up to ten, 32-bit floats need nine."""
     return str(int(value)) if is_whole(kind) and math.isfinite(value) and value == int(value) else f"{value:.9g}"
 
 
 def read_set(path: Path) -> SavedSet:
-    """Read a set; an `InputError` lists the lines that are no parameters, or that contradict each other."""
+    """Read a set. Raises an `InputError` that lists lines that are not parameters, or contradict each other."""
     first: dict[str, tuple[int, float]] = {}
     faults = []
     of_others = 0

@@ -188,7 +188,7 @@ class ReadParameters(Exchange):
             self._ask(now_s)
 
     def tick(self, now_s: float) -> None:
-        """End a round: what was asked for and has not come was lost, or is not there."""
+        """End a round: requested values that did not arrive were lost, or do not exist."""
         if now_s >= min(self._heard_s + GIVE_UP_S, self._begun_s + _LONGEST_S):
             self.finish()
             return
@@ -277,7 +277,7 @@ class ParameterCheck:
 
     @property
     def to_set(self) -> float | None:
-        """What to set it to; None where nothing is to be set."""
+        """Value to set; None where nothing is to be set."""
         if self.ok or self.wanted.value is None or self.actual is None or not self.wanted.believes(self.actual):
             return None
         if self.wanted.rule == "bits":
@@ -286,7 +286,7 @@ class ParameterCheck:
 
     @property
     def problem(self) -> str:
-        """What is wrong with it, with the remedy; empty where it will do."""
+        """The problem with its remedy; empty where there is none."""
         wanted = self.wanted
         if self.ok:
             return ""

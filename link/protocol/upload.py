@@ -83,7 +83,7 @@ class Upload(Exchange):
         self._busy = self._listed = False
 
     def begin(self, now_s: float) -> None:
-        """Say how many items there are."""
+        """Send the number of items."""
         self._begun_s = self.heard_s = self._moved_s = now_s
         self._count(now_s)
 

@@ -128,7 +128,7 @@ def encode(part: Part, family: Family, current: int = 0) -> tuple[WireItem, ...]
 
 
 def decode(items: Sequence[WireItem], kind: MissionKind, family: Family) -> Part:
-    """Take something from the wire; an `InputError` says that the items make no fence, or no rally points."""
+    """Decode a received list. Raises an `InputError` if the items do not form a fence, or rally points."""
     if kind is MissionKind.MISSION:
         return family.from_wire(items)
     return fence_from_wire(items) if kind is MissionKind.FENCE else rally_from_wire(items)

@@ -61,7 +61,7 @@ class Thinned(Generic[Rows]):
             self._parts, self._kept, self._stride = [whole], len(whole), 2 * self._stride
 
     def rows(self) -> Rows:
-        """What was kept."""
+        """The rows kept."""
         return self._kind.joined(self._parts)
 
 

@@ -70,7 +70,7 @@ class Leg:
 
     @property
     def time_s(self) -> float:
-        """How long it has lasted."""
+        """Its duration so far."""
         return self.end_s - self.start_s
 
     def add(self, time_s: float, row: NDArray[np.float64]) -> None:

@@ -121,7 +121,7 @@ class Player:
 
     @property
     def ended(self) -> bool:
-        """Whether it stands at the end it plays towards; an empty log has ended."""
+        """Whether it has reached the end in its direction of play; an empty log has ended."""
         if not math.isfinite(self.source.start_s):
             return True
         return self.position_s >= self.source.end_s if self.speed >= 0.0 else self.position_s < self.source.start_s

@@ -86,7 +86,7 @@ class Replay:
 
 
 def choose_system(summary: LogSummary, system: int | None) -> int | None:
-    """Return the vehicle to look at: the one asked for, else the first that gave telemetry.
+    """Return the vehicle to replay: the requested one, else the first that sent telemetry.
 
     An `InputError` says that it gave no telemetry in this log.
     """
@@ -267,7 +267,7 @@ class _Told:
                 self._notice(Notice(event.time_s, "mission", event.text))
 
     def add(self, notices: list[Notice]) -> None:
-        """Pass on what the monitors noticed, and before each what the vehicle had said by then."""
+        """Pass on the monitors' findings, and before each the vehicle's messages up to then."""
         for one in notices:
             self.until(one.time_s)
             if one.event and len(self._events) < MAX_EVENTS:

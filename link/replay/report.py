@@ -182,7 +182,7 @@ def instant(found: Replay, time_s: float) -> Instant:
 def replay_report(
     found: Replay, prediction: Prediction | None = None, parameters: dict[str, str] | None = None
 ) -> ReplayReport:
-    """Compute everything that is told of a replay; unknown numbers are None."""
+    """Compute the report of a replay; unknown numbers are None."""
     summary = found.summary
     return ReplayReport(
         format=summary.format,

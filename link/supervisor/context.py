@@ -83,23 +83,23 @@ class Context:
     proof: Proof = field(default_factory=Proof)
 
     def policy(self) -> OnlinePolicy:
-        """Make what decides on the ground and in the air, and tells what can be reached."""
+        """Build the policy that decides on the ground and in the air, and computes reachable stations."""
         m = self.job
         return OnlinePolicy(m.scenario, self.request, m.parameters, drag=m.drag)
 
     @property
     def request(self) -> Request:
-        """What is asked now: the delivery, or from the target on what follows it."""
+        """The current request: the delivery, or from the target on the flight after it."""
         onward = self.delivery.onward
         return self.job.request if onward is None else onward.request(self.job.request)
 
     @property
     def work(self) -> WorkProgress:
-        """How far the work is, where work is flown."""
+        """Progress of the work, where the drone flies a mission."""
         return self.delivery.work
 
     def delivers_at(self, station: str | None) -> bool:
-        """Whether the package is to be handed over at a station."""
+        """Whether the package is to be delivered at a station."""
         hands_over = self.job.hands_over and self.job.work is None
         return hands_over and self.delivery.onward is None and station == self.job.request.destination
 
@@ -132,12 +132,12 @@ class Context:
 
     @property
     def remote_id(self) -> RemoteIdWatch:
-        """Who flies, as it is broadcast."""
+        """Identity of the operator, as broadcast."""
         return self.observed.remote_id
 
     @property
     def stands_in_air(self) -> bool:
-        """Whether it was told to stop on its way: by a person, or for another aircraft."""
+        """Whether it was told to hover on its way, by a person or for another aircraft."""
         return self.conversation.paused or self.give_way.holds
 
     def here_station(self) -> str | None:
@@ -222,7 +222,7 @@ class Context:
         return self.journal.write(self.state, entry, reason, flight=self.delivery.flight)
 
     def tell(self, line: str) -> None:
-        """Say something to the operator."""
+        """Send a message to the operator."""
         self.operator.tell(line)
 
     def say(self, entry: Entry, reason: str) -> None:

@@ -24,7 +24,7 @@ WORDS = "go (take control, continue the delivery), land (land where it is) or le
 
 
 def holding(ctx: Context) -> After:
-    """Command nothing; watch, record, and go on only on the operator's word."""
+    """Command nothing; monitor, record, and continue only on the operator's word."""
     ctx.conversation.forget()
     if ctx.link.resting:  # what it does now is seen in seconds, not when it rests
         request_telemetry(ctx)

@@ -65,7 +65,7 @@ def after_hand_over(ctx: Context, done: str) -> After:
 
 
 def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
-    """Go on after a package that could not be handed over, or was lost: with it where that was asked for, else without."""
+    """Continue after a package could not be delivered, or was lost: with it where that was requested, else without."""
     way = ctx.job.composition.way_back
     plan = None if way is None else way.undelivered if loaded else way.plan
     if plan is None or ctx.conversation.stays:
@@ -77,7 +77,7 @@ def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
 
 
 def package_goes_on(ctx: Context, why: str) -> str:
-    """Have the package go on from the air: to where it was to go if it could not be handed over, else back; returns where."""
+    """Divert the package in the air: to its destination for undelivered packages, else back; returns where."""
     way = ctx.job.composition.way_back
     goal = ctx.job.composition.origin if way is None or way.undelivered is None else way.undelivered.destination
     onward = Onward(goal, loaded=True, delivered=False, leave_s=ctx.now_s)
@@ -155,7 +155,7 @@ def arrived(ctx: Context, onward: Onward) -> After:
 
 
 def another_pad(ctx: Context, known: Information) -> bool:
-    """Take the nearest pad that is free where the planned one is not, if any pad will do; says whether it did.
+    """Switch to the nearest free pad where the planned one is occupied, if any pad will do; returns whether it did.
 
     Of those that half more than the flight takes in still air is enough for, above the reserve: the policy decides whether it is flown.
     """

@@ -131,7 +131,7 @@ def _number(value: float | None) -> float:
 
 
 def resume(ctx: Context, who: Identity) -> After:
-    """Find the vehicle where it is, and go on from there: never upload or start what was flown already."""
+    """Locate the vehicle and continue from there: never upload or start again what was flown already."""
     if ctx.observed.is_another(who.uid):
         return (
             State.STOPPED,
@@ -143,7 +143,7 @@ def resume(ctx: Context, who: Identity) -> After:
 
 
 def take_up(ctx: Context) -> After:
-    """Tell from the vehicle itself where the delivery stands."""
+    """Determine the stage of the delivery from the vehicle itself."""
     if not ctx.on_ground and not ctx.in_air:
         _settle(ctx)
     if ctx.in_air:

@@ -192,7 +192,7 @@ class Status:
     """The state before a lost link or a hold."""
 
     def enter(self, after: State, now_s: float) -> None:
-        """Enter the next state; an `OffTableError` says that the table has no way there."""
+        """Enter the next state. Raises an `OffTableError` if the table does not allow it."""
         check(self.state, after)
         aside = (State.LOST_LINK, State.HOLDING)
         if self.state not in aside or after not in aside:

@@ -162,7 +162,7 @@ class BootTimes:
         return newest_s - _BACK_S <= boot_s <= newest_s + _LATE_S + _SPEEDUP * max(posix_s - heard_s, 0.0)
 
     def utc_believed(self, utc_s: float, boot_s: float) -> bool:
-        """Whether the UTC of a vehicle is taken: once told, another is not until it has been told for long."""
+        """Whether a UTC of the vehicle is accepted: after the first, a different one only once it has been reported for long."""
         offset_s = utc_s - boot_s
         if math.isnan(self._offset_s) or abs(offset_s - self._offset_s) <= _OFFSET_S:
             self._offset_s, self._offsets = offset_s, 0

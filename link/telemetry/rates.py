@@ -71,7 +71,7 @@ class RateKeeper:
         return tuple(self._checks.values())
 
     def want(self, rates_hz: Mapping[int, float], now_s: float) -> None:
-        """Take over what has just been asked for."""
+        """Take over the rates just requested."""
         if rates_hz == self.wanted_hz:  # the vehicle has taken these rates again, without our corrections
             self._asked_hz = dict(rates_hz)
             self._rounds.clear()

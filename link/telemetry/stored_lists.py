@@ -42,7 +42,7 @@ class StoredLists:
     _next: int = 0
 
     def forget(self, kind: str) -> None:
-        """Take whatever is there next as what was before: an order of ours changes it."""
+        """Accept the next ids as the known ones: an order of ours changes the list."""
         if kind in KINDS:
             self._lists[KINDS.index(kind)] = _List()
 

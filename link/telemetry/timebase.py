@@ -114,7 +114,7 @@ class VehicleClock:
 
     @property
     def boot_s(self) -> float:
-        """Newest time since boot that it has told, s."""
+        """Newest reported time since boot, s."""
         return self._newest_boot_s
 
     @property
@@ -129,7 +129,7 @@ class VehicleClock:
 
     @property
     def base(self) -> TimeBase:
-        """Where times come from."""
+        """Source of the times."""
         if self._theirs.seen:
             doubt = "its clock and its time since boot differ in speed (a simulation): time since boot is used"
             return TimeBase("the vehicle's time since boot, started at its clock (SYSTEM_TIME)", doubts=(doubt,))

@@ -29,7 +29,7 @@ class VehicleTime:
         self._known = False
 
     def posix_s(self) -> float:
-        """POSIX seconds of now, by the vehicle."""
+        """The vehicle's present time, POSIX seconds."""
         sample = self._vehicle.live.sample
         wall = self._clock.now_s()
         if sample is not None and sample.time_s != self._sample_s and self._vehicle.live.clock.base.absolute:

@@ -78,7 +78,7 @@ class Diversion:
         self._closest_m, self._closer_s = math.inf, math.nan
 
     def begin(self) -> None:
-        """Tell it where to go.
+        """Send it to its refuge.
 
         A `CommandRefusedError` says that it will not, with its reason; a `VehicleTimeoutError` that it did not answer,
         though asked several times: it may not have heard.
@@ -112,7 +112,7 @@ class Diversion:
         return mode != self._before or time_s > self._order_s + _SETTLE_S
 
     def hear(self, sample: TelemetrySample) -> DivertState:
-        """Go on by what the vehicle tells now; returns the state.
+        """Continue by the vehicle's latest report; returns the state.
 
         A `LinkError` says that an order was refused, or not answered.
         """
@@ -158,7 +158,7 @@ class Diversion:
             self._order_again()
 
     def away_m(self, sample: TelemetrySample) -> float:
-        """How far a sample is from the refuge, m; NaN where its position is unknown."""
+        """Distance of a sample from the refuge, m; NaN where its position is unknown."""
         if math.isnan(sample.lat_deg) or math.isnan(sample.lon_deg):
             return math.nan
         return float(distance_m(sample.lat_deg, sample.lon_deg, self.refuge.lat_deg, self.refuge.lon_deg))

@@ -76,7 +76,7 @@ class Vibration:
 
 
 def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[HealthItem]:
-    """Ask a vehicle for everything; `flown` is how it shook on its last flight, as far as that is known.
+    """Check all of a vehicle's health; `flown` is its vibration on the last flight, as far as known.
 
     A `VehicleTimeoutError` says that it no longer answers.
     """
@@ -106,7 +106,7 @@ def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str,
 
 
 def sensors(told: Mapping[str, Any] | None) -> HealthItem:
-    """Judge the sensors, by SYS_STATUS: each that is switched on is healthy, and those that are needed are there."""
+    """Check the sensors by SYS_STATUS: each enabled one is healthy, and required ones are present."""
     if told is None:
         return HealthItem("sensors", "unknown", "the vehicle does not report it (SYS_STATUS)")
     present, enabled, healthy = (
@@ -140,7 +140,7 @@ def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
 
 
 def calibrations(places: Sequence[Calibration], values: Mapping[str, float]) -> Iterator[HealthItem]:
-    """Judge the calibrations: one for every sensor that is used, and at least one of each kind."""
+    """Check the calibrations: one for every sensor in use, and at least one of each kind."""
     for sensor in Counter(place.sensor for place in places):
         mine = [place for place in places if place.sensor == sensor]
         known = [place for place in mine if place.identified in values]
@@ -189,7 +189,7 @@ def receiver(told: Mapping[str, Any] | None) -> HealthItem:
 
 
 def cells(told: Mapping[str, Any] | None) -> HealthItem:
-    """Judge how far the cells of the battery are apart, by BATTERY_STATUS: told singly, or shared out evenly, or not at all."""
+    """Check the spread of the battery's cells by BATTERY_STATUS: reported singly, shared out evenly, or not at all."""
     if told is None:
         return HealthItem("battery cells", "unknown", "the vehicle does not report it (BATTERY_STATUS)", needed=False)
     if fault := int(told.get("fault_bitmask", 0)):

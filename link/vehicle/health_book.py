@@ -77,7 +77,7 @@ class HealthBook:
         )
 
     def last_flight(self, uid: int) -> Vibration | None:
-        """How a vehicle shook on its last flight; None where none was watched."""
+        """Vibration of a vehicle on its last flight; None where none was monitored."""
         flights = [one for one in self._of(uid) if isinstance(one, ShakeKept)]
         return Vibration(flights[-1].worst_mps2, flights[-1].clips) if flights else None
 

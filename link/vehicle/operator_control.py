@@ -41,7 +41,7 @@ def allows_takeover(peer: Peer) -> bool:
 
 
 def may_command(peer: Peer, system: int) -> bool:
-    """Whether a station may give orders, as far as the vehicle says."""
+    """Whether a station may give orders, as far as the vehicle reports."""
     told = _status(peer)
     return told is None or told["gcs_main"] in (0, system) or system in told["gcs_secondary"]
 

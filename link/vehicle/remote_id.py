@@ -47,7 +47,7 @@ class ModuleStatus:
 
 
 def module_status(peer: Peer, now_s: float) -> ModuleStatus:
-    """Tell what is known of the module of a vehicle at a time of the connection's clock."""
+    """Return the known status of a vehicle's module at a time of the connection's clock."""
     told = {name: found for name in (MODULE, ARM_STATUS) if (found := peer.beside.get(name)) is not None}
     fresh = {name: message for name, (at_s, message) in told.items() if now_s <= at_s + SILENT_S}
     if ARM_STATUS in fresh:

@@ -80,7 +80,7 @@ class Rejected:
 
     @property
     def untrusted(self) -> int:
-        """Those that somebody else may have sent."""
+        """Frames that another sender may have forged."""
         return self.unsigned + self.forged + self.replayed + self.elsewhere
 
     @property

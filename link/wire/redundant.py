@@ -178,7 +178,7 @@ class RedundantTransport:
         self.used, self._better_since_s = radio, math.inf
 
     def write(self, data: bytes) -> None:
-        """Send by the radio in use; the others get what keeps their way open, and tells them that we are here."""
+        """Send by the radio in use; the others get just enough to keep their path open and announce us."""
         self._sent.append(data)
         for radio in self.radios:
             if radio is self.used or self._is_heartbeat(data):

@@ -58,7 +58,7 @@ class SerialLine:
         return None
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         early = time.monotonic() < self._tried_s + _AGAIN_S
         if self._descriptor is None and (early or self._open() is not None):
             time.sleep(min(timeout_s, _AGAIN_S))

@@ -55,7 +55,7 @@ class Transport(Protocol):
 
 
 def open_transport(address: Address) -> Transport:
-    """Open what a connection string says.
+    """Open the transport that a connection string names.
 
     An `InputError` says that the address is taken or unknown, or that the device cannot be opened; a `LinkLostError`
     that nobody answers there.
@@ -222,7 +222,7 @@ class TcpClient(_Stream):
             self._dialled = None
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         if self._socket is None:
             self._dial(timeout_s)
             return b""
@@ -274,7 +274,7 @@ class TcpServer(_Stream):
         self._heard_s = 0.0
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         waiting = [self._listener] if self._socket is None else [self._listener, self._socket]
         ready, _, _ = select.select(waiting, [], [], timeout_s)
         data = b""

@@ -131,5 +131,5 @@ def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
 
 
 def no_such_command(item: MissionItem) -> str:
-    """Say that an autopilot has no such command; of one without a name here, that no version we know has it."""
+    """Describe that an autopilot has no such command; for an unnamed one, that no version we know has it."""
     return f"it has no {item.name}" if isinstance(item.command, Command) else f"no known version has {item.name}"

@@ -128,7 +128,7 @@ class LegBuilder:
         )
 
     def heights(self, service: DroneService) -> WayHeights:
-        """Heights that a leg flies; an `InputError` says where the ground below is unknown."""
+        """Flight heights of a leg. Raises an `InputError` where the ground below is unknown."""
         stations = (service.origin, *service.via, service.destination)
         places = [(self.place(station).lat, self.place(station).lon) for station in stations]
         least = [self.place(station).least for station in stations]
@@ -193,7 +193,7 @@ class LegBuilder:
         return [replace(above, command=Command.NAV_TAKEOFF), above]
 
     def leg(self, service: DroneService, *, last: bool, onward: DroneService | None = None) -> MissionDocument:
-        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers.
+        """Return one leg as a separate mission, heights above the ground at its take-off; the last one delivers.
 
         Where the package is released in the air it continues with the flight `onward`, and lands where that does.
         """
@@ -256,7 +256,7 @@ class LegBuilder:
         return MissionDocument(self.mission(items, home or self.home(station)))
 
     def delivery(self) -> list[MissionItem]:
-        """What follows the landing at the target: release and disarm."""
+        """Items after the landing at the target: release and disarm."""
         return [*self.release(), *self.dialect.disarm()]
 
     def release(self) -> list[MissionItem]:

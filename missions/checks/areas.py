@@ -63,7 +63,7 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
 
 
 def fence_shapes(fence: Geofence, *, every: bool) -> tuple[shapely.Geometry | None, shapely.Geometry | None]:
-    """Return where a fence lets a vehicle be, and where not; None for either where it says nothing."""
+    """Return the areas that a fence allows and prohibits; None for either where it has none."""
     import shapely
 
     inside = [_shape(area) for area in fence.areas if area.inclusion]

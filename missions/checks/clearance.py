@@ -114,7 +114,7 @@ def next_ground_m(mission: Mission, leg: RouteLeg) -> float:
 
 
 def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
-    """Ground of the landing, where its altitude says so: many files carry any altitude there.
+    """Ground height of the landing, where its altitude gives it: many files carry an arbitrary altitude there.
 
     Below zero it can be nothing else; above, only where the vehicle comes down to it from straight above.
     """

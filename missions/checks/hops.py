@@ -43,7 +43,7 @@ class Hops(NamedTuple):
 def hop_times(
     hops: Hops, conditions: FlightConditions, elapsed_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Fly hops, each by itself, in every wind.
+    """Fly hops, each separately, in every wind.
 
     Parameters
     ----------

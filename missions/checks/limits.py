@@ -65,7 +65,7 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
 
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
-    """Tell rally points that lie far from every place of the route, with the distance."""
+    """Report rally points far from every place of the route, with the distance."""
     steps, rally = route.steps, document.rally.points
     if not steps or not rally:
         return

@@ -60,7 +60,7 @@ class RouteLeg:
     """So many steps are flown with it, where it is released in the air."""
 
     def payloads_kg(self, payload_kg: float) -> list[float]:
-        """Package that is carried on the way to each step, of one that is aboard at the start."""
+        """Package carried on the way to each step, if one is on board at the start."""
         with_it = len(self.steps) if self.released_after is None else self.released_after
         return [payload_kg] * with_it + [0.0] * (len(self.steps) - with_it)
 

@@ -69,7 +69,7 @@ def check_terrain(
 def homes_m(
     mission: Mission, route: Route, over: Over, stations: Sequence[Station]
 ) -> tuple[list[float], list[Finding]]:
-    """How high above the sea each flight counts its heights from, NaN where nothing says so; and what is to be told of it."""
+    """Height above the sea of each flight's home, NaN where it is not given; and notes on it."""
     findings: list[Finding] = []
     homes: list[float] = []
     near = NearStations(stations)

@@ -187,7 +187,7 @@ def dumps_mission(document: MissionDocument) -> str:
 
 
 def dumps_fence(document: MissionDocument) -> str:
-    """Return the text of the fence, as Mission Planner keeps it in a file of its own."""
+    """Return the text of the fence in Mission Planner's separate file."""
     return _dumps(document.mission.home, fence_items.from_fence(document.fence))
 
 

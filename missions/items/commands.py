@@ -180,6 +180,6 @@ def command_of(number: int) -> int:
 
 
 def command_name(number: int) -> str:
-    """What people call a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
+    """Common name of a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
     command = _COMMANDS.get(number)
     return f"MAV_CMD {number}" if command is None else command.name

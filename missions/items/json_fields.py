@@ -89,7 +89,7 @@ class JsonField:
         return value
 
     def quantity(self, *, least: float = -math.inf, positive: bool = False) -> float:
-        """Take a setting that must be there and be a finite number, not below `least`."""
+        """Read a required setting, a finite number not below `least`."""
         value = self.number()
         if math.isnan(value):
             raise self.fault("is missing: a number is needed")

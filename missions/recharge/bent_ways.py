@@ -52,7 +52,7 @@ class BentWays:
         self.bends = Bends(replace(Airspace.of_polygons(names, areas), max_detour=MAX_DETOUR)) if areas else None
 
     def to(self, places: NDArray[np.float64], goal: Place) -> list[Via | None]:
-        """Return the bends of the ways from places (latitude, longitude) to one; None where there is no way."""
+        """Return the bends of the ways from places (latitude, longitude) to one; None where no way exists."""
         if self.bends is None or not len(places):
             return [None] * len(places)
         found = self.bends.to_one(places, goal)

@@ -207,7 +207,7 @@ def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: Fli
 
 
 def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
-    """Hops from every pad to where the work of every point goes on, until it is as far as the point; likewise ordered."""
+    """Hops from every pad to where the work of every point resumes, until it is as far as the point; likewise ordered."""
     at = [work.at(point.step, point.resume_share) for point in work.points]
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
     hops = _hops(here, heights, ways, ways.back_level_m, ways.back_via, rules, conditions, back=True)

@@ -60,7 +60,7 @@ class PartBuilder:
         return self._of(items, None if span.begin is None else span.begin[1])
 
     def reaches(self, span: Span) -> tuple[Done | None, ...]:
-        """Return of each item of a flight how far the work is done when it is reached; None where it is no place of the work."""
+        """Return for each item of a flight the progress of the work when it is reached; None where it is not a place of the work."""
         if span.only_moves:
             return (None,) * len(self.flight(span).items)
         return tuple(done for _, done in self._items(span))
@@ -251,7 +251,7 @@ class PartBuilder:
 
 
 def orders_off(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
-    """Return the orders that stop what some items begin and no order ends by itself: pictures, video, spraying; each once."""
+    """Return the orders that stop actions which some items start and no order ends: pictures, video, spraying; each once."""
     found: dict[tuple[int, float], MissionItem] = {}
     for item in items:
         off: MissionItem | None = None

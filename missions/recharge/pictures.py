@@ -54,12 +54,12 @@ def ordered(item: MissionItem, before: Taking) -> Taking:
 
 
 def restarts(item: MissionItem) -> bool:
-    """Whether an item lets pictures go on that another one stopped."""
+    """Whether an item resumes pictures that another one stopped."""
     return item.command == Command.DO_TRIGGER_CONTROL and item.param1 == 1.0
 
 
 def takes_one(item: MissionItem) -> bool:
-    """Whether an item takes a picture where it stands."""
+    """Whether an item takes a picture at its place."""
     if item.command == Command.DO_SET_CAM_TRIGG_DIST:
         return item.param1 > 0.0 and item.param3 == 1.0
     if item.command == Command.IMAGE_START_CAPTURE:

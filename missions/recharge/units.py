@@ -85,7 +85,7 @@ def nothing_runs(held: Mapping[str, MissionItem]) -> bool:
 
 
 def lasting(held: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
-    """Return the states that must be the same wherever a unit is flown; speeds of steps are told apart."""
+    """Return the states that must be the same wherever a unit is flown; speeds of steps are distinguished."""
     return {
         key: item
         for key, item in held.items()

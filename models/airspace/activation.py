@@ -68,7 +68,7 @@ class Window:
         return begin_s, end_s
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield what of it lies between two times."""
+        """Yield its parts between two times."""
         day = datetime.fromtimestamp(from_s, self.zone).date() - timedelta(days=2)
         last = datetime.fromtimestamp(until_s, self.zone).date()
         length = timedelta(days=1) if self.end_s <= self.begin_s else timedelta()
@@ -95,7 +95,7 @@ class Period:
     windows: tuple[Window, ...] = ()
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield what of it lies between two times."""
+        """Yield its parts between two times."""
         begin_s, end_s = max(self.begin_s, from_s), min(self.end_s, until_s)
         if begin_s > end_s:
             return
@@ -157,7 +157,7 @@ def _window_text(window: Window) -> str:
 
 
 def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> float | None:
-    """When one of `SUN_EVENTS` is at a place on a day of a clock, POSIX seconds; None where the sun has none that day.
+    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None where it does not occur that day.
 
     A `ModuleNotFoundError` says that astral (extra ``weather``) is not installed.
     """
@@ -209,7 +209,7 @@ def instant_s(text: str, zone: tzinfo = UTC) -> float | None:
 
 
 def days_of(words: Sequence[object]) -> frozenset[int] | None:
-    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is no day."""
+    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is not a day."""
     days: set[int] = set()
     for word in words or ("",):
         name = str(word or "").strip().title()[:3]

@@ -185,7 +185,7 @@ class Airspace:
     def holding(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], climbed: Ways | None = None
     ) -> dict[int, Zone]:
-        """Closed zone by the number of each place that lies in one at any time, its border included: at any height, or where it is climbed."""
+        """Closed zone by the number of each place within one at any time, its border included: at any height, or where it is climbed."""
         way, volume = self.hits(at_any_height(lat, lon, lat, lon) if climbed is None else climbed)
         pairs = zip(way[::-1].tolist(), volume[::-1].tolist(), strict=True)
         return {place: self.zones[self.volumes[one][0]] for place, one in pairs if self.closed[one]}

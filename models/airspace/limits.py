@@ -146,7 +146,7 @@ def _refused(text: str, notes: Notes, none: Limit, *, ceiling: bool) -> Limit:
 
 
 def in_order(floor: Limit, ceiling: Limit, notes: Notes) -> tuple[Limit, Limit]:
-    """Return floor and ceiling; where the ceiling lies below the floor neither counts, and that is noted."""
+    """Return floor and ceiling; where the ceiling is below the floor both are ignored, with a note."""
     if ceiling.datum == floor.datum and ceiling.value_m < floor.value_m:
         notes.closed("ceiling", "lies below the floor", f"{floor} to {ceiling}", "counted as ground to unlimited")
         return GROUND, NO_CEILING

@@ -56,7 +56,7 @@ class AirspaceFile:
 
 
 def inspect_airspace(path: Path) -> AirspaceFile:
-    """Read an airspace file of any form, with its faults; an `InputError` says that it is none.
+    """Read an airspace file of any form, with its faults. Raises an `InputError` if it is not one.
 
     The pressure of the day may follow its name (`split_pressure`): flight levels lie by it.
     """

@@ -85,7 +85,7 @@ def level_ways(
     level_m: ArrayLike,
     grounds_m: tuple[ArrayLike, ArrayLike],
 ) -> Ways:
-    """Return level ways at heights above sea level, over the least and the greatest ground below each; NaN counts as any height."""
+    """Return level ways at heights above sea level, over the lowest and the highest ground below each; NaN counts as any height."""
     anywhere = at_any_height(*places)
     level, low, high = (
         np.broadcast_to(np.asarray(one, dtype=np.float64), anywhere.lat1.shape) for one in (level_m, *grounds_m)

@@ -37,7 +37,7 @@ class Address:
 
 
 def resolve(address: Address, kind: int) -> tuple[int, Any]:
-    """Return family and socket address of a host, for a kind of socket; an `InputError` where there is no such host."""
+    """Return family and socket address of a host, for a kind of socket. Raises an `InputError` for an unknown host."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except OSError as error:

@@ -73,7 +73,7 @@ class Entry:
         return f"{self.low:g} or more" if math.isinf(self.high) else f"{self.low:g} to {self.high:g}"
 
     def fault(self, value: object) -> Fault | None:
-        """What is wrong with a value, or None."""
+        """The problem with a value, or None."""
         if isinstance(self.default, bool):
             return None if isinstance(value, bool) else Fault("is not true or false", field=self.name, value=value)
         numbers = value if isinstance(self.default, tuple) and isinstance(value, tuple) else (value,)
@@ -87,7 +87,7 @@ class Entry:
         return None
 
     def parsed(self, text: str) -> Value:
-        """Return the value that a text stands for; an `InputError` where that is none, or out of range."""
+        """Return the value of a text. Raises an `InputError` if it is not one, or out of range."""
         value: Any = text
         try:
             if isinstance(self.default, bool):

@@ -64,7 +64,7 @@ class PowerRecord:
         return sum(self.energy_j.values())
 
     def predicted_j(self, model: EnergyModel) -> float:
-        """Energy that a model says these phases take."""
+        """Modelled energy of these phases."""
         return sum(model.power_w(self.mass_kg, phase) * self.time_s[phase] for phase in PHASES)
 
 
@@ -79,7 +79,7 @@ class EnergyFit:
 
     @property
     def belief(self) -> EnergyBelief:
-        """What these flights say of others of the same drone."""
+        """What these flights imply for others of the same drone."""
         return EnergyBelief.calibrated(self.left_out_error)
 
     @property
@@ -125,7 +125,7 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
 
 
 def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:
-    """Fit a model, ``endurance`` or ``momentum``, to flights, at least one, and to each of them without it.
+    """Fit a model, ``endurance`` or ``momentum``, to one or more flights, and again without each of them.
 
     It is written for the masses and the battery of the drone; the air density is that during the flights.
     """

@@ -190,7 +190,7 @@ class Stop:
 
     @property
     def leave(self) -> datetime:
-        """When the drone takes off again."""
+        """Time of the next take-off."""
         return self.arrive + timedelta(seconds=self.wait_s + self.recharge_s + self.hold_s)
 
 
@@ -372,7 +372,7 @@ class Composition:
 
     @property
     def there_and_back(self) -> Composition:
-        """All flights as one chain, those of the way back after those of the delivery; itself where there is no way back.
+        """All flights as one chain, the way back after the delivery; itself where there is no way back.
 
         The time at the target is a stop. Of what is not a flight or a stop it says what the delivery does.
         """

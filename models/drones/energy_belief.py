@@ -174,7 +174,7 @@ class EnergyBelief:
         return replace(self, sd_between=self.leg_sd)
 
     def times(self, load: float) -> EnergyBelief:
-        """Return the same belief about a model that says `load` times less."""
+        """Return the same belief about a model with values `load` times lower."""
         return replace(
             self, mean_ratio=load * self.mean_ratio, sd_between=load * self.sd_between, sd_within=load * self.sd_within
         )

@@ -28,5 +28,5 @@ class Clearance:
 
     @property
     def radius_m(self) -> float:
-        """How far from the way ground and obstacles count."""
+        """Distance from the way within which ground and obstacles count."""
         return 0.5 * self.corridor_width_m + self.position_error_m

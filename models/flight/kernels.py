@@ -123,7 +123,7 @@ def speed_in(air: SegmentWind, segment: int, north: float, east: float) -> float
 
 @compiled_lean
 def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> float:
-    """Ground speed over a segment in one slot of one member; 0 where the wind, or a zone, lets nobody fly it."""
+    """Ground speed over a segment in one slot of one member; 0 where the wind, or a zone, prevents a flight."""
     if air.shut[slot, air.shut_of[segment]]:
         return 0.0
     north, east = wind_on(air, member, slot, segment)

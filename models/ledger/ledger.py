@@ -103,7 +103,7 @@ class Ledger(ABC):
             return self.from_db(self.rows(f"SELECT {self.NOW}")[0][0])
 
     def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
-        """Take the lease of a holder for a time; a `FencedError` says that another process has it.
+        """Take the lease of a holder for a time. Raises a `FencedError` if another process has it.
 
         One that has run out is taken over with all its bookings: what its former owner still tries is refused.
         """
@@ -124,7 +124,7 @@ class Ledger(ABC):
         return Lease(holder, owner, int(taken[0][0]), self.from_db(taken[0][1]))
 
     def renew(self, lease: Lease, ttl_s: float = 60.0) -> Lease:
-        """Keep a lease for so long from now; a `FencedError` says that it is lost."""
+        """Keep a lease for so long from now. Raises a `FencedError` if it is lost."""
         _check_ttl(ttl_s)
         sql = (
             f"UPDATE lease SET expires = {self._later()} WHERE holder = ? AND token = ? AND expires > {self.NOW} "
@@ -167,7 +167,7 @@ class Ledger(ABC):
         return found[0]
 
     def check(self, lease: Lease) -> None:
-        """Refuse what is done under a lease that is no longer the newest, or has run out."""
+        """Refuse actions under a lease that is no longer the newest, or has run out."""
         token, owner, expires, alive = self._lease(lease.holder)
         if token != lease.token:
             raise FencedError(one_line(f"the lease of {lease.holder} (token {lease.token}) went to {owner}"))

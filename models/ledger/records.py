@@ -83,7 +83,7 @@ class Hold:
 
     @property
     def name(self) -> str:
-        """What its holder calls the itinerary; see `itinerary_of`."""
+        """The holder's name for the itinerary; see `itinerary_of`."""
         return self.itinerary.removeprefix(f"{self.holder}: ")
 
 

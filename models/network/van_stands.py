@@ -50,7 +50,7 @@ class _Read:
 
 
 def read_van_stands(path: Path, depart_s: float | None = None) -> tuple[VanStand, ...]:
-    """Read the stands of vans, in order of van and time; `depart_s` is the first take-off, POSIX, where it is known.
+    """Read the stands of vans, in order of van and time; `depart_s` is the first take-off, POSIX, where known.
 
     An `InputError` has every fault: times that are reversed or overlap, a van that could not drive so fast, instants where nobody
     said when the first take-off is.

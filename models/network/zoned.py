@@ -45,7 +45,7 @@ class Raised(NamedTuple):
 
 
 def raised(stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Raised:
-    """Return how much higher segments between places with least heights are flown: as `models.flight.way_heights` has it."""
+    """Return how much higher segments between places with minimum heights are flown: see `models.flight.way_heights`."""
     least, ground_m = least_of(stations), ground_of(stations)
     first, last = (ground_m[pairs[:, end]] for end in (0, 1))
     usual = np.maximum(first, last) + cruise_height_m
@@ -58,7 +58,7 @@ def raised(stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_
 
 
 def raised_ways(ways: Ways, stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Ways:
-    """Return ways between nodes, those between places with least heights as high as these ask for."""
+    """Return ways between nodes, those between places with minimum heights raised to these."""
     if least_of(stations) is None:
         return ways
     found, ground_m = raised(stations, pairs, cruise_height_m), ground_of(stations)

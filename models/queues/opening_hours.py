@@ -48,7 +48,7 @@ class OpeningHours:
 
     @classmethod
     def parse(cls, text: str) -> OpeningHours:
-        """Read opening hours; an `InputError` says what is wrong."""
+        """Read opening hours. Raises an `InputError` with the problem."""
         if text.strip() == ALWAYS:
             return cls(((0, 7 * DAY_MIN),))
         of_day: dict[int, list[tuple[int, int]]] = {}
@@ -166,7 +166,7 @@ class Closures:
         return total
 
     def past(self, begin_s: NDArray[np.float64], end_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """When it has been open since some times for as long as from these to others."""
+        """Time by which it has been open for the span between two times, starting from other ones."""
         found = np.broadcast_to(end_s, np.broadcast(begin_s, end_s).shape).astype(np.float64)
         for begin, end in self.closed_s.tolist():
             inside = (end > begin_s) & (begin < found)

@@ -121,7 +121,7 @@ def sample_many(
     busy: int | None,
     free_s: Sequence[float] = (),
 ) -> PackedPaths:
-    """Sample many paths of one station at once, from a stream of its own, made from the seed and its index.
+    """Sample many paths of one station at once, from a separate stream seeded by the seed and its index.
 
     Arguments as of `sample_sets`, which samples paths that are named one by one; `count` of them here hang together: where
     nobody has seen the pads (`busy` is None), the numbers of drones that they begin with are drawn evenly from the

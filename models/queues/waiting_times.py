@@ -196,7 +196,7 @@ def station_queue(
 
 
 def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
-    """Probabilities of 0, 1, 2, … drones at a station that nobody has seen, at the beginning of an hour of UTC.
+    """Probabilities of 0, 1, 2, … drones at an unobserved station, at the beginning of an hour of UTC.
 
     They are computed once for each hour, load and number of pads, and are read-only. The station begins with the long
     run of the week's mean load and lives through the load of the hours before, until it has forgotten that
@@ -210,7 +210,7 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
 
 
 def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArray[np.float64]:
-    """Probabilities of no more than 0, 1, 2, … drones at a station that nobody has seen, at any time; see `settled`."""
+    """Probabilities of at most 0, 1, 2, … drones at an unobserved station, at any time; see `settled`."""
 
     def found() -> NDArray[np.float64]:
         queue = station_queue(load, station, pads, start_s, 1)

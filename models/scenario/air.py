@@ -58,7 +58,7 @@ def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin
 
 
 def air_notes(drone: Drone, forecast: WindEnsemble, begin_s: float) -> list[str]:
-    """Tell what the air does to the flights of a drone, and which cold is not counted."""
+    """Describe the effect of the air on the flights of a drone, and which cold is not counted."""
     density = drone.energy_model.air_density_kg_m3
     more = drone.energy_model.power_w(drone.mass_kg) / drone.energy_model.in_air(AIR_DENSITY_KG_M3).power_w(
         drone.mass_kg

@@ -30,7 +30,7 @@ FEW = 4
 
 
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
-    """Return a scenario that is flown over a terrain model; an `InputError` says that it lies elsewhere.
+    """Return a scenario with a terrain model. Raises an `InputError` if the model covers another region.
 
     Grounds that stations lack are filled in. What differs, what is unknown, and segments that are omitted for it are told in
     its warnings.

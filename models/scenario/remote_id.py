@@ -36,7 +36,7 @@ class RemoteId:
         return bool(self.operator_id or self.self_id or math.isfinite(self.lat_deg))
 
     def changed(self, operator_id: str | None, self_id: str | None, place: tuple[float, float] | None) -> RemoteId:
-        """Return it with what was typed in its place; an `InputError` says what cannot be broadcast."""
+        """Return it with the typed values in place. Raises an `InputError` if they cannot be broadcast."""
         found = self
         if operator_id is not None:
             found = replace(found, operator_id=broadcast_id(operator_id, "--operator-id"))

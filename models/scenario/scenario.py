@@ -143,7 +143,7 @@ class Scenario:
 
     @property
     def has_forecast(self) -> bool:
-        """Whether it names forecasts of its own."""
+        """Whether it names its own forecasts."""
         return self.forecast_file is not None or bool(self.forecast_files)
 
     def forecast_from(
@@ -155,7 +155,7 @@ class Scenario:
         error: str | Path | None = None,
         truth: date | None = None,
     ) -> WindEnsemble:
-        """Ensemble for a departure from weather files of any form; a folder stands for its files.
+        """Ensemble for a departure from weather files of any form; a folder means all its files.
 
         `error` names a file with the error of such forecasts by lead time. Where they end, the record goes on. One file of our own (CSV) is for the
         scenario's wind sites, at the height of their instruments.
@@ -200,7 +200,7 @@ class Scenario:
 
     @cached_property
     def field_error(self) -> FieldError:
-        """How far the wind at cruise height between the sites may be from what is interpolated, by the record where it has several."""
+        """Error of the interpolated wind at cruise height between the sites, by the record where it has several."""
         found = FieldError() if self.history is None else FieldError.of(self.history)
         rules = self.rules
         return found.at_height(height_factor(rules.cruise_height_m, self.measured_at_m, rules.wind_profile_exponent))

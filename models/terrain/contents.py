@@ -82,7 +82,7 @@ class ObstacleContents:
 
 
 def terrain_contents(text: str) -> TerrainContents:
-    """Read all of a terrain file; an `InputError` says what is wrong with it."""
+    """Read all of a terrain file. Raises an `InputError` with its problem."""
     raster = read_raster(text)
     south, west, north, east = raster.bounds()
     least, greatest, voids = np.inf, -np.inf, 0

@@ -25,7 +25,7 @@ SEA_LEVEL = ("EGM96", "EGM2008", "mean sea level")
 
 
 def split_name(text: str) -> tuple[Path, list[str]]:
-    """File of a name, and what is said of it behind ``@``."""
+    """File of a name, and its suffix after ``@``."""
     parts = text.split("@")
     said: list[str] = []
     while len(parts) > 1:
@@ -38,12 +38,12 @@ def split_name(text: str) -> tuple[Path, list[str]]:
 
 
 def with_folder(said: Sequence[str], folder: Path) -> list[str]:
-    """Return what is said of a file, geoid grids by their place in a folder."""
+    """Return the settings of a file, geoid grids by their place in a folder."""
     return [GEOID + str(folder / word.removeprefix(GEOID)) if word.startswith(GEOID) else word for word in said]
 
 
 def read_raster(text: str) -> Raster:
-    """Read one terrain file, with what its name says of it; an `InputError` says what is wrong."""
+    """Read one terrain file, with the settings in its name. Raises an `InputError` with its problem."""
     path, said = split_name(text)
     if not path.exists():
         raise InputError("no such file", str(path), remedy=_meant(path))
@@ -84,7 +84,7 @@ def _over_geoid(raster: Raster, path: Path) -> Raster:
 
 
 def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terrain:
-    """Read what terrain and obstacle files say of themselves; heights are read when they are asked for.
+    """Read the headers of terrain and obstacle files; heights are read on demand.
 
     An `InputError` lists every file that cannot be read, or of which a height says nothing about the ground below a leg.
     """
@@ -117,7 +117,7 @@ def _obstacles(files: Sequence[str], faults: list[Fault]) -> list[Obstacles]:
 
 
 def read_named(files: Sequence[str]) -> Terrain:
-    """Read terrain models and obstacles named together, told apart by what they are."""
+    """Read terrain models and obstacles named together, distinguished by their contents."""
     standing = [text for text in files if Path(text).suffix.lower() in (".csv", ".geojson", ".json")]
     return read_terrain([text for text in files if text not in standing], standing)
 
@@ -140,7 +140,7 @@ def _fine_enough(raster: Raster) -> Raster:
 
 
 def datum_note(raster: Raster) -> str | None:
-    """What a person should know of the vertical datum of a file; None where it counts from mean sea level, or is converted to it."""
+    """Note on the vertical datum of a file; None where it is mean sea level, or is converted to it."""
     name = Path(raster.file).name
     if raster.datum == "unknown":
         return (

@@ -61,7 +61,7 @@ class _Pixels:
 
 
 def read_geotiff(path: Path) -> Raster:
-    """Read what a GeoTIFF says of itself; an `InputError` says what is missing or not read, and the remedy."""
+    """Read the header of a GeoTIFF. Raises an `InputError` with what is missing or unsupported, and the remedy."""
     file = str(path)
     try:
         with path.open("rb") as stream:

@@ -40,7 +40,7 @@ def is_hgt(path: Path) -> bool:
 
 
 def read_hgt(path: Path) -> Raster:
-    """Read a tile; its name tells where it lies. An `InputError` says what is wrong."""
+    """Read a tile; its name gives its position. Raises an `InputError` with its problem."""
     file = str(path)
     tile = _Tile(path)
     found = NAME.match(Path(tile.member).name) or NAME.match(path.name)
@@ -82,7 +82,7 @@ class _Tile:
 
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns, which the size tells."""
+        """Rows and columns, from the size of the file."""
         size = self.path.stat().st_size if self._is_plain else len(self._unpacked)
         if size not in _SHAPES:
             sizes = " or ".join(f"{known:,}" for known in _SHAPES)

@@ -72,7 +72,7 @@ class Obstacles:
         return len(self.names)
 
     def tops_m(self, points: NDArray[np.int64], ground_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tops above mean sea level of some points over the ground there: the higher where both are told; infinite where unknown."""
+        """Tops above mean sea level of some points over the ground there: the higher where both are given; infinite where unknown."""
         top = np.fmax(self.amsl_m[points], ground_m + self.agl_m[points])
         return np.where(np.isnan(top), np.inf, top)
 

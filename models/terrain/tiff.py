@@ -114,7 +114,7 @@ class TiffImage:
         return self._predicted(np.frombuffer(data, np.uint8, size).reshape(rows, -1))
 
     def empty_value(self) -> float:
-        """What stands in tiles that were omitted: the value of no data, else NaN; integers without one hold their least."""
+        """Content of omitted tiles: the value of no data, else NaN; for integers without one their minimum."""
         nodata = nodata_of(self.tags)
         if nodata is not None:
             return nodata
@@ -169,7 +169,7 @@ def _unpacked_bits(data: bytes, size: int) -> bytes:
 
 
 def nodata_of(tags: dict[int, tuple[float, ...] | str]) -> float | None:
-    """Value that stands for no height, from GDAL's tag; None where none is told."""
+    """Value that marks missing heights, from GDAL's tag; None without the tag."""
     text = tags.get(42113)
     try:
         return float(text.strip()) if isinstance(text, str) else None
@@ -178,7 +178,7 @@ def nodata_of(tags: dict[int, tuple[float, ...] | str]) -> float | None:
 
 
 def read_tiff(stream: BinaryIO, file: str) -> TiffImage:
-    """Read how the first image of a TIFF file is stored; an `InputError` says what cannot be read, and the remedy."""
+    """Read how the first image of a TIFF file is stored. Raises an `InputError` with what is unsupported, and the remedy."""
     reader = _Reader(stream, file)
     tags, following = reader.directory(reader.begin())
     for _ in range(64):  # overviews, which are not wanted, and masks, which would be missed

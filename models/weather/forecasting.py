@@ -50,7 +50,7 @@ FADE_S = 6 * 3600.0
 
 
 def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadError = PUBLISHED) -> WindEnsemble:
-    """Make the wind over a region of all that can be planned with; an `InputError` says why it cannot."""
+    """Make the wind over a region from all usable weather files. Raises an `InputError` if that is impossible."""
     used, notes = _newest(weathers, region)
     slot_s = min(
         min(max(one.step_s if one.step_s == one.step_s else 3600.0, SHORTEST_SLOT_S), LONGEST_SLOT_S) for one in used
@@ -164,7 +164,7 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
 
 
 def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> None:
-    """Raise an `InputError` where a series cannot be planned with at some places, at whatever time."""
+    """Raise an `InputError` where a series cannot be used for planning at some places, at any time."""
     if one.form == "METAR":
         raise InputError(
             "is an observation, not a forecast",

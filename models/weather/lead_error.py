@@ -96,7 +96,7 @@ PUBLISHED = LeadError(
 
 
 def read_lead_error(path: Path) -> LeadError:
-    """Read a file of errors, as ``skyway weather verify -o`` writes it; an `InputError` says what is wrong with it."""
+    """Read a file of errors, as ``skyway weather verify -o`` writes it. Raises an `InputError` with its problem."""
     remedy = "write one with skyway weather verify FORECAST --observed FILE -o FILE.json"
     text = read_text(path, max_bytes=MAX_BYTES)
     try:

@@ -84,7 +84,7 @@ class LeadScore:
 
 
 def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], exponent: float) -> Pairs:
-    """Compare each issue with what was observed in its time; an `InputError` says that nothing fits."""
+    """Compare each issue with the observations in its time. Raises an `InputError` if none match."""
     seen = sorted(observed, key=lambda one: one.time_s)
     where = np.array([(one.lat_deg, one.lon_deg) for one in seen]).reshape(-1, 2)
     places, number = np.unique(where, axis=0, return_inverse=True)

@@ -87,7 +87,7 @@ class Box:
         )
 
     def holds(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each place lies in it."""
+        """Whether each place is inside."""
         middle, half = 0.5 * (self.west + self.east), 0.5 * (self.east - self.west)
         apart = np.abs(np.mod(lon - middle + 180.0, 360.0) - 180.0)
         return np.asarray((lat >= self.south) & (lat <= self.north) & (apart <= half))
@@ -129,7 +129,7 @@ class Places:
 
     @cached_property
     def box(self) -> Box | None:
-        """Where they lie; None where that is unknown."""
+        """Bounds of the places; None where they are unknown."""
         known = np.isfinite(self.lat) & np.isfinite(self.lon)
         return Box.around(self.lat[known], self.lon[known]) if known.any() else None
 
@@ -226,7 +226,7 @@ class Weather:
         return float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else math.nan
 
     def needs_wind(self) -> None:
-        """Raise an `InputError` that says why no wind can be planned with, where that is so."""
+        """Raise an `InputError` with the reason if no wind can be planned with."""
         if self.wind_heights_m:
             return
         has = {key.quantity for key in self.fields}

@@ -63,7 +63,7 @@ class AsFlown:
 
     @property
     def on_the_ground(self) -> int:
-        """Deliveries that stayed at a station, since no later hour of the forecast let them go on."""
+        """Deliveries that stayed at a station, because no later hour of the forecast allowed a take-off."""
         return int((self.flown.ending == GAVE_UP).sum())
 
 

@@ -215,7 +215,7 @@ class _Run:
     def flight(
         self, policy: Adaptive, stop_label: _StopLabel, way: Departure, begun: tuple[float, float, float]
     ) -> tuple[Leg, NDArray[np.float64]]:
-        """Fly, asking the policy over each station with pads; `begun` is (pad, take-off, charge)."""
+        """Fly, with a decision of the policy over each station with pads; `begun` is (pad, take-off, charge)."""
         problem, air = self.problem, self.problem.air
         pad_s, off, charge = begun
         disturbance = self.realizations.disturbance(problem.drone)

@@ -57,7 +57,7 @@ class Policy(Protocol):
     """A policy: decides at every stop from the information there, without knowledge of the truth."""
 
     def decide(self, standing: Standing) -> Leg | None:
-        """The next leg and the stop before it, or None if there is no onward route."""
+        """Return the next leg and the stop before it, or None if there is no onward route."""
 
 
 @runtime_checkable
@@ -65,7 +65,7 @@ class Adaptive(Protocol):
     """Decides at every stop, again at each new wind measurement there, and over stations on the way."""
 
     def leave(self, standing: Standing) -> Departure | None:
-        """How to leave a stop, or None if there is no onward route."""
+        """Return how to leave a stop, or None if there is no onward route."""
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
         """Segments to continue with over a station with pads; none: land there.

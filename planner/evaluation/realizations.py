@@ -127,7 +127,7 @@ class Realizations:
         return float(energy[run, leg % energy.shape[1]])
 
     def disturbance(self, drone: Drone, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
-        """What kernels need to know of some runs with a drone."""
+        """Kernel inputs for some runs with a drone."""
         return Disturbance(
             self.queue[runs],
             self.energy(drone)[runs],
@@ -249,7 +249,7 @@ def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]
 
 
 def season_days(scenario: Scenario, request: Request, count: int, *, seed: int = 0) -> tuple[date, ...]:
-    """Days of the request's season drawn to be held out, at least the planning horizon apart; fewer where no more fit."""
+    """Draw held-out days of the request's season, at least the planning horizon apart; fewer where no more fit."""
     from datetime import date as date_
 
     labels = held_out_forecast(scenario, request, ()).labels

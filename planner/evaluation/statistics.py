@@ -86,7 +86,7 @@ class DayBootstrap:
         return Estimate(found.value, max(found.low, 0.0), min(found.high, 1.0))
 
     def quantile(self, values: NDArray[np.float64], q: float) -> Estimate:
-        """Least value at or below which a share q of the runs lies; NaN runs are omitted."""
+        """Smallest value at or below which a share q of the runs lies; NaN runs are omitted."""
         known = np.flatnonzero(np.isfinite(values))
         if not len(known):
             return Estimate(math.nan)

@@ -237,7 +237,7 @@ class _Ways:
         return rows, wanted
 
     def first_columns(self) -> NDArray[np.bool_]:
-        """Choose the ways to begin with: the shortest ones from and to each unit, and all that are no ways."""
+        """Choose the initial columns: the shortest ways from and to each unit, and all that are not ways."""
         chosen = np.ones(len(self.heads) + EXTRA, dtype=bool)
         if not self.apart:
             return chosen
@@ -250,7 +250,7 @@ class _Ways:
         return chosen
 
     def cuts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return rows of ways into sets of units that are come to too rarely: at least one of them is flown."""
+        """Return rows of ways into sets of units that are entered too rarely: at least one of them is flown."""
         if not self.apart or self.units < 2:
             return []
         from scipy.sparse import csr_array

@@ -55,7 +55,7 @@ class Stretch:
 
     @property
     def least(self) -> Stretch:
-        """The stretch with the least that each hop takes in any slot."""
+        """The stretch with the minimum of each hop over all slots."""
         hops = (self.work_s, self.work_soc, self.to_s, self.to_soc, self.from_s, self.from_soc)
         work_s, work_soc, to_s, to_soc, from_s, from_soc = (one.min(axis=0, keepdims=True) for one in hops)
         return Stretch(work_s, work_soc, to_s, to_soc, from_s, from_soc, self.can_leave)
@@ -86,12 +86,12 @@ class FreeOrder:
 
     @property
     def units(self) -> int:
-        """How many units there are."""
+        """Number of units."""
         return len(self.groups)
 
     @cached_property
     def least(self) -> FreeOrder:
-        """The same with the least that each hop takes in any slot: what bounds are made of."""
+        """The same with the minimum of each hop over all slots, for bounds."""
         hops = self.pads.hops
         pads = hops._replace(
             **{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"}
@@ -122,7 +122,7 @@ class FreeOrder:
 
     @cached_property
     def price_s(self) -> float:
-        """Seconds of charging that a battery's charge costs at least."""
+        """Charging time per unit of modelled SoC at the fastest rate, s."""
         tau_soc, tau_s = fastest(self.pads.curves)
         return float(self.pads.mean_ratio * (tau_s[1] - tau_s[0]) / (tau_soc[1] - tau_soc[0]))
 

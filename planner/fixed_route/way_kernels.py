@@ -53,7 +53,7 @@ class Hops(NamedTuple):
 def way(
     hops: Hops, slots: Slots, left_at: int, pad: int, until: int, to_pad: int, time_s: float
 ) -> tuple[float, float, float]:
-    """Seconds and SoC of a way that is begun at a time, and for how many seconds more it takes as much.
+    """Time in s and SoC of a way that starts at a time, and for how many more seconds both stay the same.
 
     It begins at `pad`, work having been left at `left_at`, or at `NOWHERE` at the start of the route; it ends on `to_pad`, with the
     work done as far as position `until`, or at `NOWHERE` at the end of the route.
@@ -91,7 +91,7 @@ def way(
 def pieces_of(
     hops: Hops, slots: Slots, left_at: int, pad: int, until: int, to_pad: int, from_s: float, to_s: float
 ) -> NDArray[np.float64]:
-    """Pieces (t0, t1, seconds, SoC) of a way by its take-off from `from_s` to `to_s`, sorted; gaps are times nobody takes off at.
+    """Pieces (t0, t1, seconds, SoC) of a way by its take-off from `from_s` to `to_s`, sorted; nobody takes off in the gaps.
 
     Left out are take-offs after which a later one arrives no later: a drone that waits has more charge, too.
 

@@ -105,7 +105,7 @@ class DepartureGate:
         )  # fmt: skip
 
     def p_turned(self, step: Step) -> float:
-        """Probability that a watched leg which is begun as a step says is turned before the first station where it can land."""
+        """Probability that a watched leg flown as a step prescribes turns back before the first station where it can land."""
         sure, reach, taken = self._leg(step)
         for_charge = float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
         if not self._info.measures_wind:
@@ -199,7 +199,7 @@ class DepartureGate:
         return float(reach.p_below(soc, flown.soc[:, None], self._reserve, flown.doubt[:, None])[0])
 
     def later(self, step: Step) -> float | None:
-        """How much later a leg can be begun by the forecast, s; None where never."""
+        """Delay until a leg can start according to the forecast, s; None where it never can."""
         for wait_s in self._policy.parameters.later_s:
             gated = self.check(step, self._info.time_s + wait_s)
             if gated.soc is not None:

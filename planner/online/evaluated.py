@@ -40,13 +40,13 @@ class RollingRobust:
 
     @cached_property
     def policy(self) -> OnlinePolicy:
-        """What is flown."""
+        """The policy flown."""
         p = self.start
         request = replace(p.request, drone=p.drone.id)
         return OnlinePolicy(p.scenario, request, p.parameters, errors=self.errors)
 
     def leave(self, standing: Standing) -> Departure | None:
-        """How to leave a stop."""
+        """Decision how to leave a stop."""
         return self.policy.on_ground(self.information(standing)).departure
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
@@ -57,7 +57,7 @@ class RollingRobust:
         return self.policy.in_air(info).segments
 
     def information(self, standing: Standing) -> Information:
-        """What is known at a stop, or over a station."""
+        """Information available at a stop, or over a station."""
         belief, p = self.errors.energy_of(self.start.drone), self.start.parameters
         for ratio in standing.energy_ratios:
             belief = belief.learnt(ratio, 1.0, 0.0)

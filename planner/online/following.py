@@ -110,7 +110,7 @@ class Following:
 
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:
-        """Where a drone can count on a place to land and a pad to wait for, shape (nodes,)."""
+        """Times from which a drone can expect room to land and a pad to wait for, shape (nodes,)."""
         return likely_free(self.problem, self.problem.epsilon / self.parameters.commitments, self._away_s)
 
     @cached_property
@@ -229,7 +229,7 @@ class Following:
 
     @cached_property
     def new_wind_s(self) -> float:
-        """When the wind is measured again."""
+        """Time of the next wind measurement."""
         return float(slot_end(self.problem.air, slot_of(self.problem.air, self.problem.depart_s)))
 
     def _charged_s(self, future: Future, charge: float) -> float:

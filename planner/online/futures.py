@@ -125,11 +125,11 @@ class Future:
         return self._flights[segments]
 
     def lands_s(self, segments: tuple[int, ...], off_s: float) -> float:
-        """When a flight lands that takes off at a time, POSIX seconds; never where it is not flyable."""
+        """Touch-down of a flight that takes off at a time, POSIX seconds; never where it cannot be flown."""
         return float(table_land(self.flight(segments), np.arange(len(segments)), off_s))
 
     def slowed(self, segments: tuple[int, ...], off_s: float) -> float:
-        """How much longer its gust makes the cruise of a flight that takes off at a time, as a share."""
+        """Relative lengthening by its gust of the cruise of a flight that takes off at a time."""
         table = self.flight(segments)
         slot = int(table_slot(table, off_s))
         usual = table.speed_mps[slot]
@@ -161,7 +161,7 @@ def draw_futures(p: Problem, known: Known, belief: EnergyBelief, count: int) -> 
 
 
 def flight_in(future: Future, segments: tuple[int, ...], off_s: float, slots: int) -> tuple[float, float]:
-    """When a flight takes off and lands that may be held for some slots of wind: (take-off, touch-down)."""
+    """Take-off and touch-down of a flight that may be delayed by some slots of wind."""
     table = future.flight(segments)
     for _ in range(slots + 1):
         down = future.lands_s(segments, off_s)

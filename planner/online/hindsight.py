@@ -46,10 +46,10 @@ class Turning(Protocol):
     """How probably watched legs are turned (`planner.online.departure_gate`)."""
 
     def p_turned(self, step: Step) -> float:
-        """Probability that a leg which is begun as a step says is turned before the first station where it can land."""
+        """Probability that a leg flown as a step prescribes turns back before the first station where it can land."""
 
     def charges(self, step: Step) -> list[float]:
-        """Charges worth a thought, for they are turned with little probability."""
+        """Charges worth considering, because flights with them rarely turn back."""
 
 
 class Hindsight(Following):
@@ -90,12 +90,12 @@ class Hindsight(Following):
         self._closed: set[int] = set()
 
     def sure_of(self, segments: tuple[int, ...]) -> int:
-        """How many segments it is to the first station on the way with pads and likely room; 0: there is none."""
+        """Number of segments to the first station on the way with pads and likely room; 0 if there is none."""
         head = self.problem.network.head
         return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
     def choose(self, turning: Turning | None = None) -> Step:
-        """The step with the least expected arrival; without segments it is to land here or, on the ground, to stay.
+        """The step with the earliest expected arrival; without segments it lands here or, on the ground, stays.
 
         `turning` tells how probably a watched flight is turned before it can land; by default it is where it breaks the reserve.
         """

@@ -54,7 +54,7 @@ class Option:
 
     @property
     def risk(self) -> float:
-        """What is to be small where nothing keeps the reserve: landings below it, those that `HALF` and `EMPTY` weigh more among them."""
+        """Quantity to minimise where no option keeps the reserve: landings below it, weighted more by `HALF` and `EMPTY`."""
         return self.p_below + HALF * self.p_half + EMPTY * self.p_empty
 
     def with_room(self, no_place: Callable[[float, float], float], soc_per_s: float, floors: Floors) -> Option:
@@ -130,7 +130,7 @@ def other_airspeeds(
 def other_stations(
     reach: Reach, here: Place, names: Sequence[str], time_s: float, soc: float, floors: Floors
 ) -> list[Option]:
-    """Return the outcome of flying straight to stations that no zone lies before."""
+    """Return the outcome of flying straight to stations without a zone in between."""
     index = reach.network.index
     nodes = np.array([index[name] for name in names], dtype=np.int64)
     nodes = nodes[reach.clear(here, nodes, time_s)] if len(nodes) else nodes

@@ -211,7 +211,7 @@ class OnlinePolicy:
         return self._staying(info, seen, closed)
 
     def keep_to_plan(self, info: Information, *, charged: bool = False) -> Decision:
-        """Return what to do at a station under a plan that is not to be left: leave as it says, with more charge where the leg needs it, or stop.
+        """Return the action at a station under a plan that must be followed: leave as planned, with more charge where the leg needs it, or stop.
 
         What it says of charging here is done once; `charged` says that it was.
         """

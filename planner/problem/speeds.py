@@ -28,7 +28,7 @@ class Speeds(Protocol):
 
     @property
     def slots(self) -> int:
-        """How many there are."""
+        """Number of slots."""
 
     def over(self, first: int, last: int, segments: NDArray[np.int64]) -> NDArray[np.float64]:
         """Speeds over some segments in slots from the first to the last, shape (slots, segments); 0 where closed."""

@@ -33,6 +33,6 @@ class Candidate:
         return tuple(int(head[leg.segments[-1]]) for leg in self.policy.itinerary)
 
     def order(self) -> tuple[float, ...]:
-        """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
+        """Sort key of candidates: arrival, then keeping the reserve, then the objective."""
         least = self.policy.problem.parameters.robust.min_arrival
         return self.outcome.p_arrive < least, self.unsafe, *self.loss

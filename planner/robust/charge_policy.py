@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
-    """What a drone of a problem knows at every stop; see `planner.robust.information_kernels.Known`.
+    """Information of a problem's drone at every stop; see `planner.robust.information_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
     Estimation", 1986, eq. 3.28), but is wider: see `RobustParameters.bandwidth`.

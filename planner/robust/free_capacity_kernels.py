@@ -127,7 +127,7 @@ def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 @compiled_lean
 def expected(per_s: NDArray[np.float64], begin_s: float, end_s: float) -> float:
-    """Expected number of events from one time to another, at the rate of each hour, shape (hours,); the last one's goes on.
+    """Expected number of events between two times, at the rate of each hour, shape (hours,); the last rate continues.
 
     Times are seconds from the beginning of the first hour, which may not be after either.
 

@@ -82,7 +82,7 @@ def energy_belief_after(known: Known, seen: float, legs: int) -> tuple[float, fl
 def residuals(
     known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How much the wind measured in slot `first` is more than each member says, shape (members, sites).
+    """Wind measured in slot `first` minus that of each member, shape (members, sites).
 
     r_m, towards north and east, m/s; 0 where nobody measures. The measured wind has shape (sites,).
     """

@@ -115,7 +115,7 @@ class LossSearch:
         self._least = self._least_left_s()
 
     def routes(self, count: int) -> Iterator[Itinerary]:
-        """Yield so many routes at most, the least loss first."""
+        """Yield at most so many routes, in order of increasing loss."""
         p = self.problem
         begin = Landing(p.origin, p.depart_s, p.soc, 0.0, 0, None, 0)
         heap: list[tuple[float, int, Landing]] = [(0.0, 0, begin)]

@@ -102,7 +102,7 @@ class RobustSearch:
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
 
     def solve(self) -> RobustAnswer:
-        """Search; a `NoRouteError` says that there is no route even without margin."""
+        """Search for the best route. Raises a `NoRouteError` if there is no route even without margin."""
         candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
         try:
             return self._first_to_finish(candidates)
@@ -439,7 +439,7 @@ class RobustSearch:
         return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
     def judged(self, itinerary: Itinerary) -> Candidate:
-        """How a route fares in the deliveries in which routes are compared first."""
+        """Performance of a route in the deliveries used for the first comparison."""
         return self._judged(itinerary, self.parameters.screen_runs, self.parameters.screen_members)[0]
 
     def _judged(

@@ -310,7 +310,7 @@ class _Audit:
         )
 
     def proven(self, arrival_s: float) -> None:
-        """Compare with what a search that has perfect information says of its answer: the arrival, and the reserve kept."""
+        """Compare with the answer of a search with perfect information: the arrival, and the reserve kept."""
         composition, problem = self.composition, self.problem
         last = len(composition.services)
         self._near(last, "arrival of the search, POSIX s", arrival_s, composition.arrive.timestamp(), TIME_TOLERANCE_S)

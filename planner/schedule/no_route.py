@@ -205,7 +205,7 @@ def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, b
 
 
 def nothing_in_reach(problem: Problem) -> str:
-    """Say how far the next station is from a target without pads, and how far the drone flies."""
+    """Report the distance from a target without pads to the next station, and the drone's range."""
     network, here = problem.network, problem.destination
     reach_m = flight_range_m(problem)
     able = landings(problem)
@@ -225,7 +225,7 @@ def nothing_in_reach(problem: Problem) -> str:
 
 
 def no_room(problem: Problem) -> NoRouteError:
-    """Refuse a destination at which nobody who comes within the forecast can land."""
+    """Refuse a destination where nobody who arrives within the forecast can land."""
     start, goal = (problem.network.stations[node].id for node in (problem.origin, problem.destination))
     busy = problem.request.state.busy_pads.get(goal)
     there = "" if busy is None else f" behind the {busy} drones that are there now"

@@ -37,7 +37,7 @@ class Runs:
 
     @property
     def sets(self) -> int:
-        """How many sets of queues there are."""
+        """Number of sets of queues."""
         return int(self.queue.max()) + 1
 
 

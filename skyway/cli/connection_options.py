@@ -63,12 +63,12 @@ class Line:
 
     @property
     def addresses(self) -> list[str]:
-        """Where the vehicle is reached."""
+        """Connection strings of the vehicle."""
         return self.connect or [DEFAULT_CONNECT]
 
     @contextmanager
     def opened(self) -> Iterator[Connection]:
-        """Open the connection; everything on it is recorded, and forwarded where that is asked for."""
+        """Open the connection; everything on it is recorded, and forwarded where requested."""
         from skyway.link.forwarding.permission import Permission
         from skyway.link.protocol.opening import open_connection, read_key
 

@@ -52,7 +52,7 @@ ObstacleFiles = Annotated[list[str] | None, typer.Option("--obstacles", help=OBS
 
 
 def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:
-    """Say in one line on stderr that the input has warnings, and which command tells them.
+    """Print on stderr that the input has warnings, and which command shows them.
 
     Those of the built-in scenario are nothing that a person could mend.
     """
@@ -82,7 +82,7 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
 
 
 def say_written(*paths: Path | None) -> None:
-    """Say on standard error which files were written."""
+    """Print on standard error which files were written."""
     for path in paths:
         if path is not None:
             typer.echo(f"wrote {path}", err=True)

@@ -57,7 +57,7 @@ class Seen:
         return TrafficRule(OnTraffic(self.traffic), TrafficLimits(away_m, height_m))
 
     def remote_id(self, own: RemoteId) -> RemoteId:
-        """Return who flies: as a scenario says, with what was typed in its place."""
+        """Return the operator's identity: from the scenario, overridden by typed options."""
         place = None
         if self.operator_at is not None:
             place = _pair(self.operator_at, "--operator-at", "LAT,LON, such as 40.7392,-73.9756")

@@ -34,7 +34,7 @@ class NotThereError(LinkError):
 
 
 def cache_folder() -> Path:
-    """Where byte ranges of files that never change are kept."""
+    """Cache folder for byte ranges of files that never change."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
     return Path(base) / "skyway" / "weather"
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def keep_vibration(context: Context, watch: VibrationWatch) -> None:
-    """Keep how the vehicle shook on a flight, for the check before its next; what cannot be written is told."""
+    """Keep the vibration of a flight, for the check before the next; reports a failure to write it."""
     shook, book = watch.end(), context.job.health
     if shook is None or book is None:
         return

@@ -104,7 +104,7 @@ def requests_at(orders: Path) -> Path:
 
 
 def read_live(path: Path) -> Live:
-    """Read what a flight tells; an `InputError` says that it is not there, or is something else."""
+    """Read the state of a flight. Raises an `InputError` if the file is missing, or something else."""
     try:
         return _DECODER.decode(read_bytes(path, max_bytes=MAX_BYTES))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -113,7 +113,7 @@ def read_live(path: Path) -> Live:
 
 @contextmanager
 def live_file(orders: Path | None) -> Iterator[LiveFile | None]:
-    """Tell of a flight in ``FILE.live`` beside its orders, to the end; None where no orders are taken from a file."""
+    """Publish a flight in ``FILE.live`` beside its orders, to the end; None where no orders are taken from a file."""
     if orders is None:
         yield None
         return
@@ -137,7 +137,7 @@ class LiveFile:
         self._written_s = -math.inf
 
     def doing(self, what: str) -> None:
-        """Tell what is being done before there is a journal."""
+        """Publish the current activity before there is a journal."""
         self.live.doing = what
         self._write()
 
@@ -163,7 +163,7 @@ class LiveFile:
             self._write()
 
     def tick(self, ctx: Context) -> None:
-        """Take what is known of the delivery now."""
+        """Take the latest state of the delivery."""
         self._context = ctx
         self.live.journal = ctx.journal.path.name
         if time.monotonic() < self._written_s + EVERY_S:
@@ -198,7 +198,7 @@ class LiveFile:
             live.refuges = refuges(ctx)
 
     def end(self, problem: str) -> None:
-        """Tell that the program has ended, and why where it was no regular end."""
+        """Publish the end of the program, with the reason where it was not regular."""
         live = self.live
         live.ended, live.problem, live.offered, live.question = True, problem, [], None
         if self._context is not None:
@@ -252,7 +252,7 @@ def _wind(ctx: Context) -> dict[str, Any]:
 
 
 def refuges(ctx: Context) -> list[dict[str, Any]]:
-    """Where else it could land now, and with what, by the newest forecast; who stands there is not asked."""
+    """Other possible landing places now, with the charge there, by the newest forecast; their present queues are not requested."""
     known = information(ctx, FlightMemory(), {})
     if known is None:
         return []

@@ -100,7 +100,7 @@ def resumed(words: Sequence[str], journal: Path) -> list[str]:
 
 
 def start(words: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
-    """Start a command of skyway that ends when it has done its work, whatever becomes of us; it prints into a file."""
+    """Start a command of skyway that outlives this process, until its work is done; it prints into a file."""
     try:
         with open(output, "ab", opener=_plain) as file:
             return subprocess.Popen(  # noqa: S603  our own command, its words as a list

@@ -67,7 +67,7 @@ class Recharged:
 
     @property
     def told(self) -> tuple[Flight, ...]:
-        """Flights of the first autopilot: figures are told of these."""
+        """Flights of the first autopilot, to which all figures refer."""
         return next(iter(self.flights.values()))
 
 
@@ -213,7 +213,7 @@ def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:
 
 
 def packs_needed(found: Recharged) -> int:
-    """Return how many batteries it takes so that a full one lies ready at every change, each charged as soon as it is out."""
+    """Return how many batteries are needed so that a full one is ready at every change, each charged as soon as it is out."""
     curve = found.problem.options.conditions.drone.charging_curve()
     ready: list[float] = []
     packs = 1
@@ -228,7 +228,7 @@ def packs_needed(found: Recharged) -> int:
 
 
 def cuts_of(plan: ChargingPlan) -> tuple[Cut, ...]:
-    """Return the places at which the work is left, with the pads that are landed on before it goes on."""
+    """Return the places at which the work is interrupted, with the landing pads before it resumes."""
     found: list[Cut] = []
     for stop in plan.stops:
         if found and found[-1].point == stop.position:

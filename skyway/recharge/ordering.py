@@ -146,7 +146,7 @@ def told(tables: OrderTables | None) -> tuple[str, ...]:
 
 
 def pictures_off_m(before: Work, after: Sequence[Work]) -> float:
-    """Return how far the farthest picture is from where it was, whatever their order; infinite where one is lost, or taken twice."""
+    """Return the largest distance of a picture from its original place, in any order; infinite where one is lost, or taken twice."""
     if len(before.pictures) != sum(len(work.pictures) for work in after):
         return math.inf
     if not before.pictures:

@@ -120,7 +120,7 @@ class PadBookings:
 
 @contextmanager
 def desk_of(ledger: str, folder: Path, depart: str | None) -> Iterator[PadBookings]:
-    """Open a ledger for the folder that a set is written to: cut again, it takes the place of its own bookings."""
+    """Open a ledger for the folder that a set is written to: cutting again replaces its earlier bookings."""
     if depart is None:
         raise InputError(
             "needs --depart", field="--ledger", remedy="say when the first take-off is, with its UTC offset"
@@ -162,7 +162,7 @@ def free_windows(
 def stays_within(
     found: Recharged, pads: Sequence[Station], free: Sequence[Sequence[tuple[Window, int]]]
 ) -> list[tuple[Stay, Window]]:
-    """Return the stays of a cut mission on numbered pads, each with the window that it lies in; pads by their place in `pads`."""
+    """Return the stays of a cut mission on numbered pads, each with its window; pads by their place in `pads`."""
     place_of = {pad.id: place for place, pad in enumerate(pads)}
     stays = []
     for stop in found.plan.stops:

@@ -55,7 +55,7 @@ class Prepared:
 
     @property
     def by(self) -> Family | None:
-        """Who reads it; None where neither the file nor who cuts it says."""
+        """Autopilot that reads it; None where neither the file nor the caller names one."""
         return self.families[0] if self.only else family_of(self.document.mission.firmware)
 
     def work(self, options: RechargeOptions) -> Work:
@@ -74,7 +74,7 @@ class Prepared:
 def prepared(
     document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
 ) -> Prepared:
-    """Complete a mission, and find out who flies it and where it can land; an `InputError` says what hinders it."""
+    """Complete a mission, and determine its drone and possible landings. Raises an `InputError` with the obstacle."""
     given = len(document.mission.items)
     mission, notes = _whole(document.mission, families, options)
     document = replace(document, mission=mission)

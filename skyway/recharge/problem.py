@@ -120,7 +120,7 @@ class RechargeProblem:
         return found or ((0, NEVER),)
 
     def route(self, sure_ratio: float) -> FixedRoute:
-        """Return the route that is begun with charge for so many times what the model says of each flight.
+        """Return the route with so many times the modelled charge of each flight.
 
         Its pads are those of `usable`.
         """
@@ -253,7 +253,7 @@ def pool_of(options: RechargeOptions) -> PackPool | None:
 
 
 def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
-    """Return what a flight takes at most with all but the probability that is allowed, over what the model says.
+    """Return the charge of a flight at the allowed failure probability, over the model's.
 
     Manoeuvres have the share of it that they have of some work; without that, none.
     """
@@ -262,7 +262,7 @@ def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
 
 
 def sure_of(belief: EnergyBelief, epsilon: float, turns: float) -> float:
-    """Return what a flight takes at most with all but some probability, over what the model says; `turns` is the share of manoeuvres in that."""
+    """Return the charge of a flight at some failure probability, over the model's; `turns` is the share of manoeuvres in that."""
     if not math.isfinite(epsilon):
         return 1.0
     low = high = belief.quantile(1.0 - epsilon)
@@ -290,7 +290,7 @@ def _share_of_turns(work: Work, conditions: FlightConditions) -> float:
 
 
 def surer(sure_ratio: float, least: float, options: RechargeOptions) -> float:
-    """Return what a flight must have charge for, where one keeps the reserve with a probability of `least` only."""
+    """Return the charge factor of a flight whose reserve holds only with a probability of `least`."""
     belief = options.conditions.drone.energy_belief
     lacks = belief.quantile(1.0 - options.epsilon) / belief.quantile(min(max(least, LEAST_P), 1.0 - options.epsilon))
     return sure_ratio * min(max(lacks, MORE_SURE), MOST_MORE)

@@ -93,7 +93,7 @@ class SharedWork:
 
     @property
     def end_s(self) -> float:
-        """When all have ended by the plan."""
+        """Time at which all have ended by the plan."""
         return max(share.found.plan.end_s for share in self.shares)
 
 

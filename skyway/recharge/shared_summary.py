@@ -95,7 +95,7 @@ class DronesSummary:
 
 
 def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
-    """Return what is told of shared work, each drone simulated in the same winds as the others."""
+    """Return the summary of shared work, each drone simulated in the same winds as the others."""
     runs = [simulated(share.found, drone=number) for number, share in enumerate(work.shares)]
     ends_s = np.max([one.ends_s for one in runs], axis=0)
     kept = np.all([one.kept for one in runs], axis=0)

@@ -100,7 +100,7 @@ class RechargeSummary:
 
 
 def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
-    """Return what is told of a cut mission; `files` has the names by autopilot, one for each flight."""
+    """Return the summary of a cut mission; `files` has the names by autopilot, one for each flight."""
     problem, plan = found.problem, found.plan
     conditions = problem.options.conditions
     cut_of = [cut for cut in found.cuts for _ in cut.pads]

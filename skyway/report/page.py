@@ -77,7 +77,7 @@ def _section(title: str, content: str) -> str:
 
 
 def rows(head: Sequence[str], body: Iterable[Sequence[str]], kinds: str) -> str:
-    """Return a table; `kinds` says of each column whether it has numbers (n), times (t) or words (w)."""
+    """Return a table; `kinds` gives for each column numbers (n), times (t) or words (w)."""
     lines = [
         "<tr>"
         + "".join(f'<td class="{kind}">{safe(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))

@@ -18,7 +18,7 @@ _MAX_ROWS = 1000
 
 
 def radios_seen(records: tuple[Record, ...]) -> list[RadioSeen]:
-    """Return each radio, in the order in which they were first told."""
+    """Return each radio, in the order of first appearance."""
     found: dict[str, Measured] = {}
     for at_s, record in of.timed(records):
         entry = record.entry(entries.RadioMeasured)
@@ -100,7 +100,7 @@ def radio_rows(document: FlightReport) -> list[tuple[str, ...]]:
 
 
 def remote_id_line(document: FlightReport) -> str:
-    """Say whether it was broadcast who flew."""
+    """Return whether the operator's identity was broadcast."""
     found = document.remote_id
     if found is None:
         return "Remote ID: not in the journal."

@@ -79,7 +79,7 @@ class LegWind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def series_of(records: tuple[Record, ...]) -> Series:
-    """Return the courses that a journal tells."""
+    """Return the time series in a journal."""
     track: list[dict[str, Any]] = []
     truth: list[dict[str, Any]] = []
     for at_s, record in of.timed(records):

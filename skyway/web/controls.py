@@ -137,7 +137,7 @@ class Status(ui.element):
         self.classes("status").props("role=status")
 
     def tell(self, words: str, *, wrong: bool = False) -> None:
-        """Tell something, in place of what was told before."""
+        """Show a text, in place of the last one."""
         self.classes(replace="status wrong" if wrong else "status")
         say(self, words)
 

@@ -189,7 +189,7 @@ def _logs(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/report")
     async def report(request: Request) -> Response:
-        """A report to be kept, made of a journal or as it lies in the folder: it is never shown as a page of ours."""
+        """A report to save, made from a journal or as found in the folder: it is never shown as a page of ours."""
         kept = request.query_params.get("file", "")
         try:
             if kept and not kept.lower().endswith(REPORTS):

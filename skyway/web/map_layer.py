@@ -47,7 +47,7 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
         self.run_method("set", parts)
 
     def load(self, name: str, url: str) -> None:
-        """Let the browser fetch a part by itself."""
+        """Let the browser fetch a part separately."""
         self.run_method("load", name, url)
 
 

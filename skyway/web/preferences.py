@@ -46,12 +46,12 @@ class Preferences:
 
     @property
     def speed_factor(self) -> float:
-        """What a speed in m/s is multiplied by."""
+        """Factor for speeds in m/s."""
         return _SPEEDS[self.speed]
 
     @property
     def height_factor(self) -> float:
-        """What a height in metres is multiplied by."""
+        """Factor for heights in metres."""
         return _FEET_PER_M if self.height == "ft" else 1.0
 
     def zone(self, timezone: str) -> tzinfo:

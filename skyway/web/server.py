@@ -55,7 +55,7 @@ class ServeOptions:
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
     def checked(self) -> ServeOptions:
-        """Return the same, or raise an `InputError` that says what is not safe or not there."""
+        """Return the same, or raise an `InputError` with what is unsafe or missing."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
         if self.scenario is not None and not self.scenario.is_dir():

@@ -53,7 +53,7 @@ class Site:
         return self._region[1]
 
     def start(self) -> None:
-        """Start the processes; the first one loads its libraries and the scenario while nobody waits."""
+        """Start the processes; the first one loads its libraries and the scenario in the background."""
         self.workers.start(self.scenario)
 
     def stop(self) -> None:

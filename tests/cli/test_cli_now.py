@@ -301,7 +301,7 @@ def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     pads = PadOptions().known(replace(world, observed_pads=f"tcp:127.0.0.1:{port}"), now, for_now=True)
-    assert pads.notes[0].startswith(f"no current pads: the pad service at tcp:127.0.0.1:{port} fails")
+    assert pads.notes[0].startswith(f"no current pads: the pad service at tcp:127.0.0.1:{port} failed")
 
 
 def test_a_broken_file_of_now_is_an_error(tmp_path):

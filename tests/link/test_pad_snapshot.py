@@ -76,7 +76,7 @@ def test_nonsense_is_one_clear_error(reply):
 def test_no_service_and_another_kind_of_address_are_refused():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    with pytest.raises(PadServiceError, match="fails"):
+    with pytest.raises(PadServiceError, match="failed"):
         snapshot(f"tcp:127.0.0.1:{port}", ["a"])
     with pytest.raises(InputError, match="not an address of pads"):
         snapshot("udpin:127.0.0.1:5790", ["a"])

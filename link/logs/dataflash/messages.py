@@ -130,7 +130,7 @@ _FAILSAFES = (5, 6, 7, 8, 9, 17, 20, 23, 26, 27, 28, 29, 31)
 
 
 def error_text(kind: Kind, subsystem: int, code: int) -> str:
-    """What a message ERR means."""
+    """Meaning of a message ERR."""
     name = _SUBSYSTEMS.get(subsystem, f"subsystem {subsystem}")
     known = _CODES.get((subsystem, code))
     if known is not None:

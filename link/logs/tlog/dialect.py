@@ -43,7 +43,7 @@ def crc_extras() -> NDArray[np.int16]:
 
 
 def name_of(number: int) -> str:
-    """Return the name of a message type; ``UNKNOWN_`` and its id where it is unknown, as pymavlink says it."""
+    """Return the name of a message type; ``UNKNOWN_`` and its id where it is unknown, like pymavlink."""
     kind = _all_types().get(number)
     return f"UNKNOWN_{number}" if kind is None else str(kind.msgname)
 

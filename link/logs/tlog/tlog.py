@@ -91,7 +91,7 @@ class ScanState:
 def read_frames(
     path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
 ) -> Iterator[Frames]:
-    """Read the messages of a log chunk by chunk, of at least 64 kB.
+    """Read the messages of a log in chunks of at least 64 kB.
 
     They begin at the stamp before a frame; 0 is the start of the log. `memory` is what the parser remembers where it
     begins; it is filled with the counts of what was skipped. An `InputError` says that the file cannot be read.

@@ -184,7 +184,7 @@ class EventWords:
         return number in self._known
 
     def is_check(self, number: int) -> bool:
-        """Whether an event is a line of a report of checks, in which what lasts stands each time."""
+        """Whether an event is a line of a report of checks, which repeats lasting conditions each time."""
         return self.describes(number) and self._known[number][0] in _CHECKS and not self.is_summary(number)
 
     def text(self, number: int, arguments: bytes) -> str:
@@ -223,7 +223,7 @@ class EventReports:
         self._reporting = False
 
     def hear(self, number: int, arguments: bytes) -> tuple[str, bool]:
-        """Take an event; returns what is to be told, empty: nothing, and whether it is a line of a report."""
+        """Take an event; returns the text to report, empty for none, and whether it is a line of a report."""
         if self._words.is_summary(number):
             self._reporting = number == REPORT_BEGINS
             if self._reporting:

@@ -36,11 +36,11 @@ class Commander:
     """Since when, by the clock of this computer."""
 
     def restore(self, holder: Person | None) -> None:
-        """Bring back what a journal says."""
+        """Restore command from a journal."""
         self.holder, self.asker = holder, None
 
     def refuse(self, said: Said) -> str:
-        """Return why somebody may not order anything; nothing where they may."""
+        """Return why somebody may not give orders; empty where they may."""
         if self.holder is None:
             return "nobody has command: press Take command first"
         if self.holder.id != said.who:
@@ -74,7 +74,7 @@ class Commander:
         return True, f"{person.name} asks {self.holder.name} for command, who has {duration(SILENT_S)} to keep it"
 
     def overdue(self, now_s: float) -> str:
-        """Give command to the one who asks where nobody has answered; returns what happened, or nothing."""
+        """Give command to the asker where nobody has answered in time; returns what happened, or nothing."""
         if self.asker is None or self.holder is None or now_s < self.asked_s + SILENT_S:
             return ""
         before, self.holder, self.asker = self.holder, self.asker, None

@@ -19,7 +19,7 @@ DEFERRED = ("pause", "go", "divert", "return", "land", UNDELIVERED)
 
 
 def offered(ctx: Context) -> tuple[str, ...]:
-    """Return the words that can be said now; each station that it can be sent to with a word of its own."""
+    """Return the words that the operator may type now; one for each station the drone can be sent to."""
     from skyway.link.pads import ManualPads
 
     talk = ctx.conversation

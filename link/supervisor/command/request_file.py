@@ -50,7 +50,7 @@ _DECODER = msgspec.json.Decoder(Request)
 
 
 def request(path: Path, wanted: Request) -> None:
-    """Append a request; it is on the disk when this returns. An `InputError` says that it cannot be written."""
+    """Append a request; it is on disk when this returns. Raises an `InputError` if it cannot be written."""
     line = msgspec.json.encode(wanted) + b"\n"
     try:
         handle = os.open(path, _APPENDED, 0o600)

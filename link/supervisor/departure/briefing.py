@@ -39,7 +39,7 @@ class Checklist:
         return check
 
     def waits(self, reason: str, left_s: float) -> None:
-        """Say from time to time what is waited for, and how long still."""
+        """Print from time to time the reason for a wait, and how long it still lasts."""
         now = self._ctx.clock.now_s()
         if now < self._reminded_s + REMIND_S:
             return
@@ -49,7 +49,7 @@ class Checklist:
 
 
 def brief(ctx: Context, leg: Leg) -> None:
-    """Tell everything that a take-off is decided by: the flight, wind, diverts, parameters, and what happens by itself."""
+    """Print the basis of a take-off decision: flight, wind, diverts, parameters, and automatic actions."""
     first = ctx.delivery.flight == 0
     alone = ctx.vehicle.family.failsafes.by_itself(ctx.failsafes.values)
     changes = ctx.parameters.proposed

@@ -188,7 +188,7 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
 
 
 def ready(ctx: Context) -> After:
-    """Ask before the take-off where that was asked for."""
+    """Ask for confirmation before the take-off, where that was requested."""
     leg = ctx.delivery.leg
     if leg is None:
         return State.PREFLIGHT, "preparing the leg again"

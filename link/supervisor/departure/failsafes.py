@@ -26,7 +26,7 @@ class Failsafes:
 
 
 def left_words(ctx: Context) -> str:
-    """Say what the vehicle does when it is left to itself now."""
+    """Return what the vehicle does if we now stop commanding it."""
     if ctx.on_ground:
         return "it stands disarmed on the ground"
     if ctx.vehicle.mode != "mission":

@@ -84,7 +84,7 @@ def _look_again(ctx: Context) -> str:
 
 
 def information(ctx: Context) -> Information:
-    """What is known where the drone stands."""
+    """Information available at the drone's station."""
     station = _look_again(ctx)
     busy: dict[str, int] = {}
     behind, plan = 0, ctx.delivery.plan

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
-    """Return whether the drone was found healthy today, and what was found; None where nobody asks for it.
+    """Return whether the drone was found healthy today, and the findings; None where no check is configured.
 
     A `VehicleTimeoutError` says that it does not answer.
     """

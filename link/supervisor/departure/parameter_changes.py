@@ -82,12 +82,12 @@ class ParameterChanges:
             self.ours.pop(told.name, None)
 
     def words(self) -> str:
-        """What is still changed, for a person."""
+        """The remaining changes, in words."""
         return ", ".join(f"{name} {self.ours[name]:g} (before: {value:g})" for name, value in self.before.items())
 
 
 def changes_of(records: Iterable[Record]) -> ParameterChanges:
-    """Return what a journal says is still changed on the vehicle."""
+    """Return the parameters that are still changed on the vehicle, according to a journal."""
     found = ParameterChanges()
     found.follow(records)
     return found
@@ -123,7 +123,7 @@ def _set(ctx: Context, one: ParameterChange) -> None:
 
 
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
-    """Give a disarmed vehicle back the values it had; returns why that could not be done for all, or nothing.
+    """Restore the parameters of a disarmed vehicle; returns why some could not be restored, or nothing.
 
     One that has neither its old value nor ours was changed by somebody else, and is left. `tell` takes name,
     ``restored`` or ``released``, a sentence and the value that it has now; `changes` is not modified here.
@@ -167,7 +167,7 @@ def _same(one: float, other: float) -> bool:
 
 
 def restore_at_end(ctx: Context) -> None:
-    """Restore at the end of a delivery, where the vehicle stands disarmed; in the air its failsafes stay as they are."""
+    """Restore parameters at the end of a delivery, if the vehicle is disarmed on the ground; in the air its failsafes stay as they are."""
     changes = ctx.parameters
     if not changes.before:
         return
@@ -202,7 +202,7 @@ def _count(number: int) -> str:
 
 
 def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
-    """Say what is to be changed, a line each."""
+    """List the changes to be made, one a line."""
     if not settings:
         return []
     after = "restored at the end" if restored else "not restored"

@@ -58,7 +58,7 @@ class GiveWay:
     _tried_s: float = -math.inf
 
     def bars(self, ctx: Context) -> Aircraft | None:
-        """Return the aircraft for which it must not take off; None where there is none, or traffic is only told."""
+        """Return the aircraft that prohibits a take-off; None where there is none, or traffic is only reported."""
         if ctx.job.traffic.action is OnTraffic.TELL:
             return None
         near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
@@ -147,7 +147,7 @@ class GiveWay:
         ctx.say(GaveWay(action="go", waited_s=waited_s), f"the sky is clear after {duration(waited_s)}{stays}")
 
     def overrule(self) -> None:
-        """Note that a person has it fly on, whatever is near."""
+        """Record that a person orders it to fly on in spite of traffic."""
         self.overruled, self.holds = self.overruled or self.holds, False
 
     def end(self) -> None:

@@ -21,7 +21,7 @@ SUDDEN_S = 15.0
 
 
 def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> Information | None:
-    """What is known in the air; None while the position or the charge is not."""
+    """Information available in the air; None while the position or the charge is unknown."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None or not math.isfinite(ctx.battery.soc):
         return None

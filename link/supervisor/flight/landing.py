@@ -25,7 +25,7 @@ PLACE_S = 90.0
 
 
 def after_landing(ctx: Context) -> After:
-    """Find out where it stands, learn what the flight took, and go on from there."""
+    """Locate the drone after a landing, learn from the energy used, and continue from there."""
     leg = ctx.delivery.leg
     ctx.vehicle.watch_lists(watched=False)
     ctx.conversation.end_flight()

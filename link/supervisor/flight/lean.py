@@ -163,7 +163,7 @@ class LeanWatch:
         return float(np.hypot(*(self._velocity - np.array(wind))))
 
     def said(self, commanded_mps: float) -> str:
-        """What limits it, in words."""
+        """The limiting factor, in words."""
         return (
             f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground instead of the "
             f"commanded {speed_text(commanded_mps)}"

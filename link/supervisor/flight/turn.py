@@ -123,7 +123,7 @@ def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoRet
 
 
 def land_here(ctx: Context) -> After:
-    """Land where it is; told again until it does."""
+    """Land at the present position; repeats the order until it does."""
     told_s = -math.inf
     while True:
         if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:

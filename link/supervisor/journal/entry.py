@@ -60,7 +60,7 @@ class Entry(Part, frozen=True, kw_only=True):
 
     @classmethod
     def event(cls) -> str:
-        """What kind of record it makes."""
+        """Type of its record in the journal."""
         return str(cls.__struct_config__.tag)
 
 

@@ -18,7 +18,7 @@ class Winds(Part, frozen=True, kw_only=True):
     sector_share: Share = None
 
     def words(self) -> str | None:
-        """Return it in the words that every wind is told in; None where it is unknown."""
+        """Return the wind in words; None where it is unknown."""
         found = summary_from({name: getattr(self, name) for name in self.__struct_fields__})
         return None if found is None else str(found)
 

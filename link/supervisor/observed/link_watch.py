@@ -41,7 +41,7 @@ class LinkWatch:
     _told: str = ""
 
     def is_new(self, missing: str) -> bool:
-        """Whether the operator has not yet been told that this is missing; from now on he has."""
+        """Whether the operator has not yet been told that this is missing; marks it as told."""
         new, self._told = missing != self._told, missing
         return new
 
@@ -68,7 +68,7 @@ def ask(ctx: Context, question: Callable[[], T]) -> T:
 
 
 def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
-    """Say what was not answered, or is not told; the link is lost (a `Turn`) where nothing else is answered either."""
+    """Report an unanswered request or a missing message; the link is lost (a `Turn`) where nothing else is answered either."""
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
         ctx.say(LinkNote(), f"{what}; asking again")

@@ -37,11 +37,11 @@ class RemoteIdWatch:
             self._sender.end()
 
     def status(self, ctx: Context) -> ModuleStatus:
-        """Tell what the module is heard to be."""
+        """Report the status that the module broadcasts."""
         return module_status(ctx.vehicle.peer, ctx.vehicle.connection.clock.now_s())
 
     def watch(self, ctx: Context) -> None:
-        """Tell when the module comes, goes, or changes what it lacks."""
+        """Report when the module appears, disappears, or changes its error status."""
         found = self.status(ctx)
         young = ctx.vehicle.connection.clock.now_s() < self._begun_s + PATIENCE_S
         if found == self._told or (young and not found.ready):

@@ -84,7 +84,7 @@ class VehicleState:
 
 
 def flies(sample: TelemetrySample) -> bool | None:
-    """Tell whether it is in the air by most of its witnesses; None where they are even and its state is unknown."""
+    """Return whether it is in the air by most of its indications; None where they are even and its state is unknown."""
     witnesses = [_said(sample), _moves(sample), _draws(sample)]
     known = [one for one in witnesses if one is not None]
     up = sum(known)

@@ -48,7 +48,7 @@ class Balance:
         self._white = np.linalg.solve(self._root, log_ratio - log_ratio.mean())
 
     def drops(self, where: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How much less is drawn where a column says so, and its standard deviation, in units of what the package takes; shape (columns,) each."""
+        """Drop in power where a column has it, and its standard deviation, in units of the package's share of power; shape (columns,) each."""
         lighter = np.linalg.solve(self._root, -self._package[:, None] * where)
         precision = np.sum(lighter * lighter, axis=0)
         return (lighter.T @ self._white) / precision, 1.0 / np.sqrt(precision)

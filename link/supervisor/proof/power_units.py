@@ -70,11 +70,11 @@ class PowerUnits:
         return Units(math.log(total), added / total, climb, sink, math.log(total / light))
 
     def share(self, drop: float) -> float:
-        """How much of the package is aboard where the logarithm of power fell by so many times what all of it takes."""
+        """Share of the package on board where the logarithm of power fell by `drop` times the fall for all of it."""
         return float((self.laden ** (1.0 - drop) - 1.0) / (self.laden - 1.0))
 
     def share_slope(self, drop: float) -> float:
-        """How fast that falls with the drop."""
+        """Derivative of the share with respect to the drop."""
         return float(self.laden ** (1.0 - drop) * math.log(self.laden) / (self.laden - 1.0))
 
     def _terms(

@@ -111,7 +111,7 @@ class Stretches:
             self.closed.append(Stretch(self.flight, self.aboard, begin_s, end_s, len(part), mean, spread))
 
     def borrow(self, mean: Second, seconds: int) -> None:
-        """Take a flight under the package that somebody else has heard, as one stretch."""
+        """Add a flight under the package that another observer recorded, as one stretch."""
         self.flight += 1
         self.closed.append(Stretch(self.flight, Aboard.PACKAGE, mean.time_s, mean.time_s, seconds, mean))
 
@@ -128,7 +128,7 @@ class Stretches:
         ]
 
     def mark(self, which: list[int], aboard: Aboard) -> None:
-        """Say what was known of the package in some of them after all."""
+        """Label some stretches after the fact with what is now known of the package."""
         for k in which:
             self.closed[k] = replace(self.closed[k], aboard=aboard)
 

@@ -41,7 +41,7 @@ class ModelledUse:
         self.soc, self.heard_s = 0.0, time_s
 
     def restore(self, soc: float, time_s: float) -> None:
-        """Bring back what a journal says was used until an instant."""
+        """Restore the modelled use until an instant from a journal."""
         self.soc, self.heard_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:

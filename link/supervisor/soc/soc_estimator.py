@@ -49,11 +49,11 @@ class SocEstimator:
         return self._voltage.lost
 
     def doubtful(self, *, affordable: bool = True) -> bool:
-        """Whether nothing but a voltage of the moment says that charge was lost, see `VoltageWatch.doubtful`."""
+        """Whether only a momentary voltage indicates lost charge, see `VoltageWatch.doubtful`."""
         return self._voltage.doubtful(affordable=affordable)
 
     def hear(self, ctx: Context, sample: TelemetrySample) -> None:
-        """Take a state of charge that the vehicle tells."""
+        """Take a state of charge reported by the vehicle."""
         if sample.time_s < self._heard_s + EVERY_S and sample.time_s >= self._heard_s:
             return
         self._heard_s = sample.time_s
@@ -134,7 +134,7 @@ class SocEstimator:
         self._reported.forget()
 
     def restore(self, *, lost_soc: float) -> None:
-        """Bring back what a journal says."""
+        """Restore the estimate from a journal."""
         self._voltage.restore(lost_soc)
 
 

@@ -125,7 +125,7 @@ class _Fall:
             self.mismeasured = self.power_fell(list(self.after))
 
     def power_fell(self, after: list[_Heard]) -> bool:
-        """Whether the power, for its load, clearly fell with the voltage; what cannot be compared says nothing."""
+        """Whether the power, for its load, clearly fell with the voltage; False where it cannot be compared."""
         now = _power(after)
         fell = 1.0 - median(one.volts for one in after) / self.volts
         if now is None or self.before is None or not fell > 0.0:
@@ -138,11 +138,11 @@ class _Fall:
         return share - error > HALF and share < TOO_MUCH
 
     def sound(self, volts: float, told: float) -> float:
-        """Voltage now of a sound battery that had `volts` when this loss was found."""
+        """Present voltage of a sound battery that had `volts` when this loss was found."""
         return volts * open_voltage(told) / open_voltage(self.told)
 
     def falls_on(self, *, blind: bool) -> bool:
-        """Whether the voltage goes on falling as that of a battery that is nearly empty, which an error of measurement does not.
+        """Whether the voltage keeps falling like that of a nearly empty battery, unlike under a measurement error.
 
         A voltage that falls on and takes the measured power with it is an error that grows.
         """
@@ -186,7 +186,7 @@ class VoltageWatch:
     def hear(
         self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
     ) -> float:
-        """Take what the vehicle tells; returns charge found lost just now, usually 0; below 0 where it is there again.
+        """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
 
         `load` is the power at the airspeed and climb of now over that of hover, NaN where it is unknown. `flies` says
         that it is known to be in the air, whatever the current says.
@@ -231,7 +231,7 @@ class VoltageWatch:
         return 0.0
 
     def doubtful(self, *, affordable: bool = True) -> bool:
-        """Whether nothing but a voltage of the moment says that charge was lost.
+        """Whether only a momentary voltage indicates lost charge.
 
         A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near
         empty; and one that stays low for longer than any burst of wrong values is believed where there is no time to
@@ -279,7 +279,7 @@ class VoltageWatch:
         return volts >= rise.volts * open_voltage(told) / open_voltage(rise.told) * (1.0 - 0.5 * FALL)
 
     def restore(self, lost: float) -> None:
-        """Bring back what was lost before the program was begun again."""
+        """Restore the losses found before the program restarted."""
         self.lost = lost
 
     def forget(self) -> None:

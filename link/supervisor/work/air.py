@@ -86,7 +86,7 @@ def _to_refuge(ctx: Context, aloft: Aloft, judged: Judgement) -> After | None:
 
 
 def aloft_end(ctx: Context) -> str:
-    """Where the flight under way lands."""
+    """Landing place of the current flight."""
     return "the end" if ctx.work.flight is None else ctx.work.flight.destination
 
 

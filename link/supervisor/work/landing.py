@@ -21,7 +21,7 @@ WHOLE = 0.9
 
 
 def settle_use(ctx: Context, station: str | None) -> None:
-    """Say what the flight should have taken by the model; one that did not end as planned teaches nothing."""
+    """Compare the flight with its modelled use; one that did not end as planned teaches nothing."""
     leg, flight = ctx.delivery.leg, ctx.work.flight
     if leg is None or flight is None or not isinstance(leg.modelled, PlannedUse):
         return
@@ -32,7 +32,7 @@ def settle_use(ctx: Context, station: str | None) -> None:
 
 
 def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
-    """Take what the flight has done, and go on from the pad where it stands."""
+    """Record the flight's progress, and continue from the pad where the drone stands."""
     work, planner = ctx.work, planner_of(ctx)
     flight = work.flight
     planned = flight is not None and _as_planned(ctx, flight, station, leg)

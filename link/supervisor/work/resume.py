@@ -83,7 +83,7 @@ def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
 
 
 def turning(ctx: Context) -> After | None:
-    """Finish a change of the mission that was begun before the program ended; None where there was none."""
+    """Finish a change of the mission that was started before the program ended; None where there was none."""
     span, s = ctx.work.intended, ctx.observed.sample
     if span is None or ctx.work.flight is None or s is None or not s.mission_item >= 0.0:
         return None

@@ -109,7 +109,7 @@ class WorkPlanner(Protocol):
         ...
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Plan what is left: from the start, or from a point of the work and the pad where the drone stands."""
+        """Plan the remaining work: from the start, or from a point of the work and the pad where the drone stands."""
         ...
 
     def as_cut(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
@@ -121,7 +121,7 @@ class WorkPlanner(Protocol):
         ...
 
     def judge(self, family: Family, aloft: Aloft) -> Judgement:
-        """Say what the rest of the flight under way comes to."""
+        """Predict the rest of the current flight."""
         ...
 
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
@@ -129,7 +129,7 @@ class WorkPlanner(Protocol):
         ...
 
     def refuge(self, aloft: Aloft) -> tuple[str, Judgement] | None:
-        """Return the pad that takes least to fly to from here, and what that comes to; None where none may be flown to."""
+        """Return the pad that takes least charge to reach from here, and its prediction; None where no pad may be flown to."""
         ...
 
     def pad_of(self, station: str | None) -> int | None:

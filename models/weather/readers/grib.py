@@ -335,7 +335,7 @@ def _quiet() -> Iterator[None]:
 
 
 def loaded_eccodes() -> Any:
-    """Return ecCodes, loaded after pyproj: each brings a PROJ of its own, and in the other order the process crashes at its end."""
+    """Return ecCodes, loaded after pyproj: each brings its own PROJ, and in the other order the process crashes at its end."""
     import pyproj  # noqa: F401
     import eccodes  # isort: skip
 

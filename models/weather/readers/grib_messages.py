@@ -53,7 +53,7 @@ class Message:
 
 
 def messages(data: bytes, file: str) -> Iterator[Message]:
-    """Yield the messages of a file, one for each field; an `InputError` says which one is cut off or damaged."""
+    """Yield the messages of a file, one for each field. Raises an `InputError` naming one that is cut off or damaged."""
     begin, number = data.find(b"GRIB"), 0
     if begin < 0:
         raise InputError("has no GRIB message", file)

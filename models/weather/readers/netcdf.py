@@ -64,7 +64,7 @@ MEMBER_NAMES = ("number", "member", "members", "realization", "ensemble", "ensem
 
 
 def read_netcdf(data: bytes, file: str, box: Box | None = None) -> list[Weather]:
-    """Read the weather in a NetCDF file, cut to a region; an `InputError` says what does not follow the conventions."""
+    """Read the weather in a NetCDF file, cut to a region. Raises an `InputError` with departures from the conventions."""
     variables = opened(data, file)
     try:
         found = _Reader(variables, file, box).read()

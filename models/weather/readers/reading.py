@@ -86,7 +86,7 @@ class _Grib:
             self._waiting.append((data, file))
 
     def finished(self) -> list[Record]:
-        """Return the fields of all; an `InputError` names a file whose places nobody told."""
+        """Return the fields of all. Raises an `InputError` naming a file without places."""
         from skyway.models.weather.readers.grib import read_grib
 
         for data, file in self._waiting:

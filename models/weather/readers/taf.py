@@ -45,7 +45,7 @@ class _Wind:
 
 
 def is_taf(text: str) -> bool:
-    """Whether a text holds a TAF, one that says nothing (NIL) included."""
+    """Whether a text contains a TAF, even an empty one (NIL)."""
     flat = _flat(text)
     return any(match[5] or flat[: match.start()].endswith(NAMED) for match in HEAD.finditer(flat))
 

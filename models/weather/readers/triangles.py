@@ -34,7 +34,7 @@ class TriangleGrids:
         self._told: dict[str, dict[str, NDArray[np.float64]]] = {}
 
     def take(self, ec: Any, handle: int) -> bool:
-        """Take a field that tells places; whether it is one."""
+        """Take a field with places; returns whether it is one."""
         names = ("discipline", "parameterCategory", "parameterNumber")
         discipline, category, number = (int(ec.codes_get(handle, name)) for name in names)
         axis = COORDINATES.get((discipline, category, number))
@@ -46,7 +46,7 @@ class TriangleGrids:
         return True
 
     def cut(self, ec: Any, handle: int, box: Box | None, file: str) -> tuple[Places, NDArray[np.int64]]:
-        """Return the places of a grid in a region, and which of its points they are; an `UnknownPlacesError` says that they are unknown."""
+        """Return the places of a grid in a region, and which of its points they are. Raises an `UnknownPlacesError` if they are unknown."""
         told = self._told.get(_identity(ec, handle), {})
         points = int(ec.codes_get(handle, "numberOfDataPoints"))
         if len(told) < len(COORDINATES) or any(len(values) != points for values in told.values()):

@@ -98,7 +98,7 @@ class WindEstimate:
 
     @property
     def from_deg(self) -> float:
-        """Where it blows FROM, [0, 360)."""
+        """Direction FROM which it blows, [0, 360)."""
         return float(speed_from(self.north_mps, self.east_mps)[1])
 
     @property
@@ -146,7 +146,7 @@ class WindFilter:
         self._filter.H = WIND
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
-        """Advance the time, under the forecast for that time where it is given; time that goes backwards stands still."""
+        """Advance the time, under the forecast for that time where it is given; ignores time that runs backwards."""
         self.advance(time_s, forecast)
         return self.estimate
 

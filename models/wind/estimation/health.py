@@ -53,7 +53,7 @@ class ConsistencyMonitor:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Where the mean lies in 95 of 100 windows of a filter that is right."""
+        """Range of the mean in 95 of 100 windows of a correct filter."""
         return chi2_band(len(self._values) / self.correlation)
 
     @property

@@ -92,7 +92,7 @@ def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -
 
 
 def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
-    """Return filter settings whose wind deviates from the forecast as the members do, by at least 1 m/s."""
+    """Return filter settings whose wind deviates from the forecast as the members do, by 1 m/s or more."""
     weight = ensemble.probability[:, None, None]
     spread = sum(
         float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())

@@ -183,7 +183,7 @@ def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:
 
 
 def nothing_counts(given: Sequence[ObservedWind], notes: Sequence[str], depart: datetime) -> InputError:
-    """Return the error for observations handed over of which none counts."""
+    """Return the error for given observations of which none counts."""
     said = "; ".join(notes) or "there are none"
     remedy = f"give winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or omit the option"
     problem = f"none of {len(given)} observed winds is usable: {said}" if given else f"no wind was observed: {said}"

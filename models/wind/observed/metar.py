@@ -57,7 +57,7 @@ class MetarWind:
 
 
 def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[MetarWind]:
-    """Read the reports in a text, one a line; a long one may go on in indented lines, and end with ``=``.
+    """Read the reports in a text, one a line; a long one may continue in indented lines, and end with ``=``.
 
     A report says day, hour and minute only: the month is that in which it is nearest to `near_s`, POSIX seconds, or to the date in
     a line of its own before it. What is no report is a fault.

@@ -76,7 +76,7 @@ class Observations:
 def read_observed(
     given: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float, *, field: str = "--observed"
 ) -> Observations:
-    """Read winds as handed over: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
+    """Read winds: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
 
     A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs,
     or what ``skyway forecast --json`` printed. An `InputError` has all its faults.

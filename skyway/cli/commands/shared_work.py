@@ -28,7 +28,7 @@ def processes(workers: int | None) -> int:
 
 
 def progress(what: str) -> Callable[[int, int, float], None]:
-    """Return what tells how far the work is: a line that is written over on a terminal, else one now and then."""
+    """Return a progress callback: one line rewritten on a terminal, else one now and then."""
     from skyway.models.base.formatting import duration
 
     shown = sys.stderr.isatty()

@@ -78,7 +78,7 @@ class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def report_of(update: Update) -> ForecastReport:
-    """Compute what is told: the winds measured, at each site now, and before and after by hour."""
+    """Compute the report: the winds measured, at each site now, and before and after by hour."""
     return ForecastReport(
         depart=iso(from_posix(round(update.depart_s, 3))),
         height_m=update.before.height_m,

@@ -36,7 +36,7 @@ class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, identity: Identity) -> VehicleIdentity:
-        """Take what a vehicle says."""
+        """Take the vehicle's report."""
         return cls(
             system=identity.system, autopilot=identity.autopilot, type=identity.kind, version=identity.version or None,
             capabilities=identity.words, uid=f"{identity.uid:016x}" if identity.uid else None,

@@ -185,7 +185,7 @@ def _kept(p_reserve: float | None, runs: int | None) -> str:
 
 
 def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False, for_a_time: bool = False) -> str:
-    """What is done at a stop, each wait by its reason."""
+    """Describe the actions at a stop, each wait by its reason."""
     doing = []
     if stop.recharge_s > 0:
         wait = f"wait {duration(stop.wait_s)} for a pad" if stop.wait_s >= 0.5 else "a pad at once"

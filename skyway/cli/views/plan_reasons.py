@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_more(report: PlanReport) -> None:
-    """Print what was asked for beside the plan."""
+    """Print the requested extras beside the plan."""
     if report.departures:
         _print_departures(report.result, report.departures)
     if report.alternatives is not None:

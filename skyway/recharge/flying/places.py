@@ -40,7 +40,7 @@ class WorkPlaces:
 
     @property
     def more(self) -> tuple[Station, ...]:
-        """Stations that are no pads."""
+        """Stations without pads."""
         known = {pad.id for pad in self.pads}
         return tuple({one.id: one for one in (self.start, self.end) if one.id not in known}.values())
 
@@ -57,7 +57,7 @@ def places_of(found: Recharged) -> WorkPlaces:
 
 
 def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
-    """Return where each of several drones that share a mission stands, each at a station of its own, however near they are."""
+    """Return the start of each of several drones that share a mission, each at a different station, however near they are."""
     starts = []
     for number, found in enumerate(drones, start=1):
         home = found.problem.work.mission.home

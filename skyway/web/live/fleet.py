@@ -48,7 +48,7 @@ class Fleet:
         self._deliveries: tuple[float, list[dict[str, Any]]] = (0.0, [])
 
     def watch(self, connection: str) -> None:
-        """Listen on a connection, until it is told to stop or nothing can be heard there any more."""
+        """Listen on a connection, until told to stop or nothing more can be heard."""
         if not connection or connection.startswith("-") or len(connection) > 200:
             raise InputError(
                 "is not a connection", field="--connect", value=connection, remedy="such as udpin:127.0.0.1:14550"
@@ -130,7 +130,7 @@ class Fleet:
         return made
 
     async def digest(self) -> dict[str, Any]:
-        """Return one document for everything: vehicles, watches, deliveries under way."""
+        """Return one document for everything: vehicles, connections, deliveries under way."""
         now_s = time.monotonic()
         self._vehicles = {key: row for key, row in self._vehicles.items() if now_s - row["heard_s"] < GONE_S}
         vehicles = [

@@ -107,7 +107,7 @@ class Flights:
         return tail
 
     def told(self, name: str, seen: int, session: str) -> dict[str, Any]:
-        """Return all that is known of a flight now, and what its journal has told since a record that was seen."""
+        """Return all that is known of a flight now, and its journal's entries since a given record."""
         live = self.known().get(name)
         if live is None:
             raise InputError("no such flight in the work folder", field="flight", value=name[:100])

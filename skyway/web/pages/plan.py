@@ -134,7 +134,7 @@ class PlanPage:
         self.ask(msgspec.structs.replace(self.question, **values))
 
     def ask(self, question: Question) -> None:
-        """Ask something else; what was asked before can be had again."""
+        """Ask a new question; earlier ones remain available."""
         if question != self.question:
             self.undos.leave(self.question)
             self._turn_to(question)

@@ -21,7 +21,7 @@ LEGEND = (
 
 
 def figures(plan: dict[str, Any], wanted: Preferences) -> str:
-    """What is to be expected."""
+    """Expected figures."""
     cells = [
         (one["name"], safe(one["value"]), f"by {safe(one['by'])}; {safe(one['range'])}") for one in plan["figures"]
     ]

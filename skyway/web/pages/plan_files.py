@@ -113,7 +113,7 @@ class PlanFiles:
         self.told.tell(f"saved {', '.join(names)}")
 
     async def open(self) -> None:
-        """Ask again what a plan of the folder was asked for."""
+        """Repeat the request of a plan in the folder."""
         try:
             path = self.site.folder.existing(self.wanted)
             found = await self.site.workers.ask("exports.opened", str(path))

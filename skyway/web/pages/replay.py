@@ -91,7 +91,7 @@ class ReplayPage:
         self._open()
 
     def refused(self, why: str) -> None:
-        """Tell why a file was refused."""
+        """Show why a file was refused."""
         self.status.tell(why, wrong=True)
 
     def _open(self) -> None:

@@ -46,12 +46,12 @@ class UnderWay:
         return task
 
     def tell(self, words: str) -> None:
-        """Tell what is being computed, which can be cancelled from now on."""
+        """Show the current computation, which can be cancelled from now on."""
         self.status.tell(words)
         self._offer("Cancel", self.cancel, data_keys="escape", title="Esc")
 
     def cancel(self) -> None:
-        """End it, as a person wants; it can be begun again."""
+        """End it on the person's request; it can be started again."""
         if self._task is not None:
             self.end()
             self.status.tell(f"Cancelled. {self._cancelled()}".strip())

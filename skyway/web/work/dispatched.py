@@ -24,7 +24,7 @@ SHOWN = 1.645
 
 
 def told(ledger: str, holder: str) -> dict[str, Any]:
-    """Return how a fleet stands; an `InputError` says that the file is no ledger, or that no service is on it."""
+    """Return the status of a fleet. Raises an `InputError` if the file is not a ledger, or has no service."""
     with open_ledger(ledger) as book:
         status = status_of(Desk(book, holder))
     document = document_of(status)

@@ -93,7 +93,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return bool(self.start.strip() and self.to.strip())
 
     def delivery(self) -> Delivery:
-        """Return what is carried; an `InputError` names what is no number."""
+        """Return the delivery. Raises an `InputError` naming values that are not numbers."""
         return Delivery(
             start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
             not_before=self.not_before.strip() or None, drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
@@ -202,7 +202,7 @@ def _point(text: str) -> str:
 
 
 def pads() -> Pads:
-    """What is known of the pads: what the page was told, else what the scenario names."""
+    """Known state of the pads: given on the page, else by the scenario."""
     return Pads(pads=given().pads or None)
 
 

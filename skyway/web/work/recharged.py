@@ -94,7 +94,7 @@ def _stations(question: Cut) -> tuple[Station, ...]:
 
 
 def shown(scenario: str | None, told: dict[str, Any]) -> dict[str, Any]:
-    """Cut a mission, and return what the page shows of it; an `InputError` says what hinders it."""
+    """Cut a mission, and return the data for the page. Raises an `InputError` with the obstacle."""
     question = msgspec.convert(told, Cut)
     with tempfile.TemporaryDirectory() as folder:
         found, summary, _, _ = _made(question, scenario, _pads_file(question, Path(folder)))

@@ -252,7 +252,7 @@ def test_a_size_that_is_a_lie_is_found_out(tmp_path):
         fetch(requests, requests.logs()[-1], tmp_path / "requests")
     shorter = Depot("px4", faults=(parse_fault("log-size=0.5"),))
     store = shorter.store("ftp")
-    with pytest.raises(LinkError, match="differs from the vehicle.s log"):
+    with pytest.raises(LinkError, match=r"differs from the vehicle.s log"):
         fetch(store, store.logs()[-1], tmp_path / "short")
     assert list((tmp_path / "short").iterdir()) == []
 

@@ -439,7 +439,7 @@ def test_watching_tells_of_every_station_and_of_an_order_again_when_it_comes_aga
     links[3].mav.command_long_send(1, 1, dialect.MAV_CMD_NAV_LAND, 0, *(7 * [0.0]))
     shared.run(1.0)
     told = watched.news()
-    assert sum("is there" in line for line in told) == len(links)
+    assert sum("joined" in line for line in told) == len(links)
     assert sum("NAV_LAND to vehicle 1: passed on" in line for line in told) == 1
     assert watched.news() == []
     shared.run(10.0)

@@ -154,7 +154,7 @@ def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
     records = read_journal(stage.journal_path).records
     entry = next(r for r in records if r.event == "check" and r.data["name"] == "home")
     assert entry.data["verdict"] == "no"
-    assert f"{SHORT['start']} has 450 m" in entry.data["said"]
+    assert f"{SHORT['start']} is at 450 m" in entry.data["said"]
     waits = [r for r in records if r.event == "waits"]
     assert len(waits) >= 2  # and again while it goes on
     assert "home" in waits[0].reason

@@ -74,7 +74,7 @@ def test_limits_of_ed269_have_units_datums_and_words_for_none(volume, floor, cei
     [
         ({"upperVerticalReference": "TOWER"}, "ceiling: has no known unit or reference (got '120 M TOWER'); counted as unlimited"),
         ({"uomDimensions": "CUBIT", "lowerLimit": 60}, "floor: has no known unit or reference (got '60 CUBIT AGL'); counted as ground"),
-        ({"lowerLimit": "NOTAM"}, "floor: is no height (got 'NOTAM'); counted as ground"),
+        ({"lowerLimit": "NOTAM"}, "floor: is not a height (got 'NOTAM'); counted as ground"),
         ({"lowerLimit": 150}, "ceiling: lies below the floor (got '150 m AGL to 120 m AGL'); counted as ground to unlimited"),
         ({"horizontalProjection": {"type": "Polygon", "coordinates": [BOWTIE]}}, "counted as the convex hull of its corners"),
     ],

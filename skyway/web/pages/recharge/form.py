@@ -115,7 +115,7 @@ class CutForm:
             field.show(getattr(asked, name))
 
     def offer_files(self) -> None:
-        """Offer what lies in the work folder."""
+        """Offer the files in the work folder."""
         for name, endings, more in (
             ("mission", MISSIONS, [("", "choose a file")]),
             ("pads", PADS, [("", "those that I put on the map"), (OF_SCENARIO, "of the scenario")]),

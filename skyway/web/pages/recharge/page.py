@@ -106,7 +106,7 @@ class RechargePage:
     # what is asked
 
     def changed(self, **values: Any) -> None:
-        """Ask something else; what was asked before can be had again."""
+        """Ask a new question; earlier ones remain available."""
         asked = msgspec.structs.replace(self.asked, **values)
         if asked.pads != self.asked.pads:
             asked = msgspec.structs.replace(asked, put=())
