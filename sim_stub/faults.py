@@ -209,7 +209,7 @@ class FaultState:
         self.next_change_s = min(self.next_change_s, max(fault.start_s, sim_s))
 
     def update(self, sim_s: float) -> Sequence[Fault]:
-        """Bring up to date; returns the faults that have just begun."""
+        """Bring up to date; returns the faults that have just started."""
         begun = []
         self.active = {}
         following = math.inf

@@ -150,7 +150,7 @@ class Vehicle:
         return self.autopilot.armed or not self.body.grounded
 
     def next_due_s(self) -> float:
-        """Simulated instant at which something happens by itself."""
+        """Simulated instant of the next scheduled event."""
         if self.active:
             return self.stepped_s + self.step_s
         due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
@@ -321,7 +321,7 @@ class Vehicle:
     # Where
 
     def felt_wind(self) -> tuple[float, float]:
-        """(north, east) towards, as an estimator aboard would have it: the truth with a steady error."""
+        """(north, east) towards, as estimated by the vehicle: the truth with a steady error."""
         return self._wind_now[0] + self._wind_bias[0], self._wind_now[1] + self._wind_bias[1]
 
     @property
@@ -343,6 +343,6 @@ class Vehicle:
         return self.world.station_near(self.body.lat, self.body.lon, _AT_STATION_M)
 
     def place(self) -> str:
-        """Where it is, for people."""
+        """Its position, in words."""
         near = self.station()
         return f"at {near}" if near else f"at {place_text(self.body.lat, self.body.lon)}"

@@ -64,7 +64,7 @@ class MissionRun:
             self.state = MissionState.NOT_STARTED
 
     def jump(self, index: int) -> None:
-        """Make an item the current one; it is begun at the next step."""
+        """Make an item the current one; it starts at the next step."""
         self.current = index
         self.behaviour = None
         self.pending.clear()

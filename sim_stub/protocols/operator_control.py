@@ -32,7 +32,7 @@ class OperatorControl(CommandGroup):
     takeover_allowed = False
 
     def table(self) -> dict[int, Callable[[Order], Result]]:
-        """What obeys each command."""
+        """Handlers by command."""
         return {REQUEST: self._request} if self.vehicle.config.operator_control else {}
 
     def denies(self, system: int, command: int | None = None) -> bool:

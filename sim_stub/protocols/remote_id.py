@@ -44,7 +44,7 @@ class RemoteIdModule:
 
     @property
     def silent(self) -> bool:
-        """Whether it says nothing, and broadcasts nothing."""
+        """Whether it sends nothing, and broadcasts nothing."""
         return "remote-id-off" in self.vehicle.faults.active
 
     def _hear(self, port: Any, heard: Any) -> None:  # noqa: ARG002
@@ -60,7 +60,7 @@ class RemoteIdModule:
         self._heard_s[name] = self.vehicle.sim_s
 
     def lacks(self) -> str:
-        """Tell what it lacks; empty where it is ready."""
+        """Return its missing data; empty where it is ready."""
         now = self.vehicle.sim_s
         found = [] if self.vehicle.faults.positioning else ["LOC"]
         late = (word for name, (word, age_s) in _NAMES.items() if now > self._heard_s.get(name, -math.inf) + age_s)
@@ -71,7 +71,7 @@ class RemoteIdModule:
         return f"missing {' '.join(found)}" if found else ""
 
     def refusal(self) -> str:
-        """Tell why an autopilot that asks for it is not armed; empty where it may be."""
+        """Return why an autopilot that requires it does not arm; empty where it may."""
         return "not available" if not self.present or self.silent else self.lacks()
 
     def says(self) -> tuple[Any, ...]:

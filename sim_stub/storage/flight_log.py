@@ -19,7 +19,7 @@ class LogFormat(Protocol):
     """A log ends when it disarms; otherwise the log of a boot goes on when it arms again."""
 
     def head(self, v: Vehicle) -> bytes:
-        """What stands at the beginning: formats, version, parameters."""
+        """Header: formats, version, parameters."""
         ...
 
     def arming(self, v: Vehicle) -> bytes:
@@ -62,7 +62,7 @@ class FlightLog:
             self._add(self._writes.slow(v))
 
     def text(self, severity: int, text: str) -> None:
-        """Log what it says."""
+        """Log a message of the vehicle."""
         if self._file is not None:
             self._add(self._writes.text(self.vehicle, severity, text))
 

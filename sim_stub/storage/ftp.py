@@ -160,7 +160,7 @@ class FtpServer:
         self._burst = self._last = None
 
     def next_wall_s(self) -> float:
-        """When a burst goes on, or the next request is looked at."""
+        """Next time at which a burst continues, or a request is handled."""
         if self._burst is not None:
             return self._burst.next_s
         return self._work_s if self._waiting else math.inf
@@ -271,7 +271,7 @@ class FtpServer:
         return None if "log-gone" in self.vehicle.faults.active else self.vehicle.card.files.get("/" + path.strip("/"))
 
     def told_bytes(self, file: StoredFile) -> int:
-        """Size of a file as it is told."""
+        """Reported size of a file."""
         return int(len(file.content) * self.vehicle.faults.value("log-size", 1.0))
 
     # Folders

@@ -93,7 +93,7 @@ class Channel:
             heapq.heappush(self._queue, (at, self._count, packet))
 
     def next_s(self) -> float:
-        """When the next packet arrives."""
+        """Arrival of the next packet."""
         return self._queue[0][0] if self._queue else math.inf
 
     def take(self, now_s: float) -> list[bytes]:
@@ -149,7 +149,7 @@ class Lane:
         self.inbox.extend(self.down.take(now_s))
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return min(self.up.next_s(), self.down.next_s())
 
     def close(self) -> None:

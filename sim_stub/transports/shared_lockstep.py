@@ -83,7 +83,7 @@ class SharedLockstep:
         self.ended = False
 
     def serve(self) -> None:
-        """Let time pass until somebody ends it (order ``end``)."""
+        """Let time pass until a client ends it (order ``end``)."""
         while not self.ended:
             running = [one for one in self._all.values() if one.until_s is None]
             if running:

@@ -97,7 +97,7 @@ class UdpEndpoint:
                     break  # full, or nobody there: datagrams are lost, as they may be
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return min((lane.next_s() for lane in self.peers.values()), default=float("inf"))
 
     def close(self) -> None:

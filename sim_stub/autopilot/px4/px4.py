@@ -207,7 +207,7 @@ class Px4(Px4Failsafes):
         return Result.ACCEPTED if mode is None else self.request_mode(mode, by)
 
     def speed_command(self, kind: float, speed_mps: float) -> Result:  # noqa: ARG002
-        """Set the ground speed; what is no speed goes back to the parameters' one."""
+        """Set the ground speed; an invalid speed restores that of the parameters."""
         if not self.change_speed(speed_mps):
             self.commanded_mps = None
         return Result.ACCEPTED
