@@ -88,7 +88,7 @@ def snapshot(
 ) -> tuple[list[StationStatus], list[str]]:
     """Ask a pad service once for each of some stations; returns what it answered, and what a person should know of the others.
 
-    A `PadServiceError` says that the service cannot be reached, or answers for none of them; an `InputError` refuses the address.
+    Raises a `PadServiceError` if the service cannot be reached, or answers for none of them; an `InputError` refuses the address.
     """
     pads, end_s = TcpPads(address), time.monotonic() + within_s
     found: list[StationStatus] = []

@@ -55,7 +55,7 @@ def plan_within(
     """Plan for the departure within a window that takes the least time, or that best meets the deadline.
 
     The drone waits at its origin until then, and is charged there. The window begins at the time of the request and
-    lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is told how
+    lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is called with how
     many of how many departures have been tried. Returns the plan for the best departure, and all departures tried, in
     order.
 

@@ -46,7 +46,7 @@ def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
 def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | None = None) -> list[Drone]:
     """Drones that lift the package and are dominated by no other that does, in the order of the fleet.
 
-    The price is compared only where every one of them has one, power and wear where the objective counts energy or cost. A `PayloadError` says that none lifts it.
+    The price is compared only where every one of them has one, power and wear where the objective counts energy or cost. Raises a `PayloadError` if none lifts it.
     """
     able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
     if not able:

@@ -62,7 +62,7 @@ def plan_report(
     """Compute the report of a plan; the bound, alternatives and reasons are searches of their own.
 
     With `flown_runs` so many deliveries are simulated as `fly` decides them, and `told` how far that is (`planner.evaluation.as_flown`).
-    An `InputError` says that this cannot be done for this plan.
+    Raises an `InputError` if this cannot be done for this plan.
     """
     robust = result.robust
     if flown_runs and robust is None:

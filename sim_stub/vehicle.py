@@ -254,7 +254,7 @@ class Vehicle:
     def swap_battery(self, soc: float = 1.0) -> None:
         """Put in another battery, on the ground with the motors off; the autopilot restarts.
 
-        An `InputError` says that the vehicle is armed or in the air.
+        Raises an `InputError` if the vehicle is armed or in the air.
         """
         if self.active:
             raise InputError(Wrong("a battery is swapped on the ground, disarmed", field="battery-swap"))

@@ -41,7 +41,7 @@ class Event:
 class World:
     """Everything simulated: vehicles, the wind that blows (calm by default), stations, faults that will come.
 
-    `epoch_s` are the POSIX seconds at simulated time 0; `on_event` is told of every event.
+    `epoch_s` are the POSIX seconds at simulated time 0; `on_event` is called with every event.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class World:
     def inject(self, fault: Fault | str) -> None:
         """Inject an unplanned fault, for example ``"link-loss+60s#2"`` (see `sim_stub.faults`).
 
-        Its times count from now, or from the first take-off. An `InputError` says that there is no such fault, vehicle,
+        Its times count from now, or from the first take-off. Raises an `InputError` if there is no such fault, vehicle,
         or station with pads.
         """
         asked = parse_fault(fault) if isinstance(fault, str) else fault

@@ -44,7 +44,7 @@ def scenario_of(
     It lies over the terrain that is named, else over that of the plan. The zones of the files that are named, else of those that the plan
     names, count beside its own; authorizations are those of the plan.
 
-    An `InputError` says that it cannot be found, or has changed since the plan was made.
+    Raises an `InputError` if it cannot be found, or has changed since the plan was made.
     """
     from skyway.scenarios import BUILT_IN, load_scenario, with_terrain
 

@@ -28,7 +28,7 @@ def load_scenario(path: Path | None) -> Scenario:
 def with_terrain(scenario: Scenario, terrain: Sequence[str] | None, obstacles: Sequence[str] | None) -> Scenario:
     """Return a scenario over the terrain models and obstacles that are named; obstacles join those of the scenario.
 
-    An `InputError` says that a file is wrong or lies elsewhere, or that the scenario names its terrain already.
+    Raises an `InputError` if a file is wrong or lies elsewhere, or if the scenario names its terrain already.
     """
     from skyway.models.base.errors import InputError
     from skyway.models.scenario.ground import over_terrain

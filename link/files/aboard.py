@@ -41,7 +41,7 @@ class LogAboard:
 
 
 class LogStore:
-    """The logs of one vehicle. A `VehicleTimeoutError` says that it does not answer, a `CommandRefusedError` that it refuses."""
+    """The logs of one vehicle. Raises a `VehicleTimeoutError` if it does not answer, a `CommandRefusedError` if it refuses."""
 
     def __init__(self, vehicle: Vehicle, way: Way = "auto") -> None:
         self.vehicle, self.way = vehicle, way

@@ -71,8 +71,8 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    A file that is there already is continued with where the log has grown since. An `InputError` says that it cannot be written or
-    has other content, a `LinkError` that the vehicle, or the link, failed: then what has come is kept, and the same call goes on
+    A file that is there already is continued with where the log has grown since. Raises an `InputError` if it cannot be written or
+    has other content, a `LinkError` if the vehicle, or the link, failed: then what has come is kept, and the same call goes on
     from there.
     """
     if store.vehicle.armed:

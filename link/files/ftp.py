@@ -72,7 +72,7 @@ class Entry:
 
 
 class FtpClient:
-    """Files of one vehicle. A `VehicleTimeoutError` says that it does not answer, a `CommandRefusedError` that it refuses."""
+    """Files of one vehicle. Raises a `VehicleTimeoutError` if it does not answer, a `CommandRefusedError` if it refuses."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

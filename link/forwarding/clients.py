@@ -312,7 +312,7 @@ class TcpClients:
 def open_endpoint(text: str, signing: Callable[[], Signing | None]) -> Endpoint:
     """Open an address to forward to.
 
-    An `InputError` says that it is none, or that it is taken; a `LinkLostError` that nobody answers there.
+    Raises an `InputError` if it is not a connection string, or if it is taken; a `LinkLostError` if nobody answers there.
     """
     address = parse_address(text, option="--forward")
     try:

@@ -97,7 +97,7 @@ def suffixes() -> str:
 def format_of(path: Path) -> str:
     """Return the format of a log, a name in `FORMATS`, found from its first bytes.
 
-    An `InputError` says that the file cannot be read, is empty, or is none of these.
+    Raises an `InputError` if the file cannot be read, is empty, or is none of these.
     """
     try:
         with path.open("rb") as stream:

@@ -335,7 +335,7 @@ class Connection(Carrier):
     def refuse_conflict(self) -> None:
         """Refuse to send to a vehicle that cannot tell us from another station.
 
-        A `StationConflictError` says that another station speaks with our system id.
+        Raises a `StationConflictError` if another station speaks with our system id.
         """
         if self.conflict is not None:
             raise StationConflictError(self.conflict.system, self.conflict.component)

@@ -1,6 +1,6 @@
 """Exchanges: request-reply state machines with one vehicle, without any input or output of their own.
 
-An exchange is told of messages and of time, and says what to send and when it wants to be told of time again. The same
+An exchange receives messages and the time, and returns what to send and when it must next see the time. The same
 one runs on sockets at wall time and against a simulated vehicle in virtual time. A procedure is a generator of
 exchanges: it yields one, and goes on when that is done.
 """
@@ -162,7 +162,7 @@ class Carrier(ABC):
     def perform(self, steps: Steps[T]) -> T:
         """Carry a procedure out, and return what came of it.
 
-        A `StationConflictError` says that another station speaks with our system id.
+        Raises a `StationConflictError` if another station speaks with our system id.
         """
         try:
             while True:

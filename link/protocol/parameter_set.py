@@ -122,7 +122,7 @@ def read_set(path: Path) -> SavedSet:
 def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: Family) -> SetDifference:
     """Compare a set with what a vehicle has.
 
-    An `InputError` says that the set is another autopilot's, or lists the values that its parameters cannot hold.
+    Raises an `InputError` if the set is for another autopilot, or with the values that its parameters cannot hold.
     """
     if saved.stack and not saved.stack.startswith(family.name):
         remedy = f"a set that was saved from {family.name}"

@@ -50,7 +50,7 @@ class UploadEnd(Enum):
 class Upload(Exchange):
     """Sends items, in the autopilot's numbering from 0, to a vehicle.
 
-    `progress` is told how many of them have been asked for, and of how many.
+    `progress` is called with the number requested so far, and the total.
     """
 
     transfers = "MISSION_"

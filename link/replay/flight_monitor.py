@@ -105,7 +105,7 @@ class WindTally:
 class FlightMonitor:
     """Watches one vehicle, and the wind by a filter that has its drag and forecast.
 
-    `listener` is told each whole second: telemetry rows, and the filter's course over the same seconds.
+    `listener` is called each whole second: telemetry rows, and the filter's course over the same seconds.
     """
 
     def __init__(self, wind: LiveWind, listener: Listener | None = None) -> None:

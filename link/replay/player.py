@@ -81,7 +81,7 @@ class TlogPackets(Packets):
 
 
 class SamplePackets(Packets):
-    """Messages made from the telemetry of a log that is no MAVLink log."""
+    """Messages made from the telemetry of a log without MAVLink."""
 
     def __init__(self, log: Log, start_s: float, end_s: float) -> None:
         super().__init__(start_s, end_s)

@@ -88,7 +88,7 @@ class Replay:
 def choose_system(summary: LogSummary, system: int | None) -> int | None:
     """Return the vehicle to replay: the requested one, else the first that sent telemetry.
 
-    An `InputError` says that it gave no telemetry in this log.
+    Raises an `InputError` if it gave no telemetry in this log.
     """
     if system is None:
         return summary.systems[0] if summary.systems else None
@@ -130,9 +130,9 @@ def replay(
 ) -> Replay:
     """Replay a log as if it were live.
 
-    `notice` is told what the monitors notice, second by second as they notice it, and what the vehicle said.
+    `notice` is called with the monitors' findings, second by second, and the vehicle's messages.
     `wait_until` is called before each second of the log is looked at, with the time of its last sample: it keeps pace
-    with a clock. The listener is told every second of telemetry with the wind that was estimated then.
+    with a clock. The listener gets every second of telemetry with the wind estimated then.
     """
     asked = options or ReplayOptions()
     system = choose_system(log.summary, asked.system)

@@ -70,7 +70,7 @@ class LiveTelemetry:
         if self.clock.reboots != reboots:
             self.reached.clear()
         if self.clock.reboots != reboots or time_s < self._newest_s - _STEP_S:
-            self._assembler.forget()  # also where another time base takes over: what was told so far is of another time
+            self._assembler.forget()  # also where another time base takes over: data so far are on another time
             self._doubts.forget()
             self._plausible.forget()
             self._newest_s = time_s

@@ -109,7 +109,7 @@ class Plausible:
         kept = self._kept.setdefault(name, deque(maxlen=_KEPT))
         if len(kept) >= _KEPT // 3:
             usual = median(kept)
-            if name == "voltage_v":  # what was usual before a fall is no rise
+            if name == "voltage_v":  # a return to the level before a fall is not a rise
                 self._highest_v = max(self._highest_v, usual)
                 strange = value < (1.0 - SHARE_OF_VOLTS) * usual or value > (1.0 + SHARE_OF_VOLTS) * self._highest_v
             else:

@@ -1,6 +1,6 @@
 """Lists stored on a vehicle, read repeatedly if the vehicle does not report changes.
 
-Vehicles that give opaque ids in MISSION_CURRENT need none of this. Of the others the number of items is asked for every second,
+Vehicles that give opaque ids in MISSION_CURRENT need none of this. The others are asked for the number of items every second,
 and the items themselves in turn, so that a list of up to 48 is looked through within a second and a half.
 """
 
@@ -103,5 +103,5 @@ def _items(count: int) -> str:
 
 
 def _value(value: Any) -> Any:
-    """Return a value as it is compared: what is no number is equal to itself."""
+    """Return a value for comparison: NaN is equal to itself."""
     return round(value, 4) if isinstance(value, float) and math.isfinite(value) else str(value)

@@ -81,7 +81,7 @@ class VehicleMonitor:
     """One vehicle on a connection that several may share, as it shows itself.
 
     It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not
-    decide. A `VehicleTimeoutError` says that no such vehicle is heard, an `InputError` that several are, or that its
+    decide. Raises a `VehicleTimeoutError` if no such vehicle is heard, an `InputError` if several are, or if its
     autopilot is none that we know.
     """
 
@@ -170,7 +170,7 @@ class VehicleMonitor:
             self._changed(*found)
 
     def _note_parameter(self, message: Message) -> None:
-        """Compare a parameter with what it was when it was told last."""
+        """Compare a parameter with its last report."""
         told = read_value(message, bytewise=self.family.bytewise_parameters)
         before = self._parameters.get(told.name)
         if before is None and len(self._parameters) >= _MAX_PARAMETERS:

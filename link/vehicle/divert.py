@@ -80,7 +80,7 @@ class Diversion:
     def begin(self) -> None:
         """Send it to its refuge.
 
-        A `CommandRefusedError` says that it will not, with its reason; a `VehicleTimeoutError` that it did not answer,
+        Raises a `CommandRefusedError` if it will not, with its reason; a `VehicleTimeoutError` if it did not answer,
         though asked several times: it may not have heard.
         """
         self._order_again()
@@ -114,7 +114,7 @@ class Diversion:
     def hear(self, sample: TelemetrySample) -> DivertState:
         """Continue by the vehicle's latest report; returns the state.
 
-        A `LinkError` says that an order was refused, or not answered.
+        Raises a `LinkError` if an order was refused, or not answered.
         """
         if self.state.over or self.state is DivertState.ORDERED:
             return self.state

@@ -78,7 +78,7 @@ class Vibration:
 def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[HealthItem]:
     """Check all of a vehicle's health; `flown` is its vibration on the last flight, as far as known.
 
-    A `VehicleTimeoutError` says that it no longer answers.
+    Raises a `VehicleTimeoutError` if it no longer answers.
     """
     family = vehicle.family
     yield sensors(_told(vehicle, "SYS_STATUS", 1))

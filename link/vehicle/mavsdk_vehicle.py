@@ -50,7 +50,7 @@ _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, 
 class MavsdkRunner(Carrier):
     """Speaks with one vehicle by MAVSDK, which sends the heartbeats of the connection meanwhile.
 
-    A `LinkLostError` says that MAVSDK takes no raw connection, a `VehicleTimeoutError` that it does not find the
+    Raises a `LinkLostError` if MAVSDK takes no raw connection, a `VehicleTimeoutError` if it does not find the
     vehicle.
     """
 

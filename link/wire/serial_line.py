@@ -23,7 +23,7 @@ _MIN_BAUD = 1200
 class SerialLine:
     """A device at a baud rate, 8N1 without flow control; opened again every second after it was unplugged.
 
-    An `InputError` says that the device cannot be opened, or does not know the rate.
+    Raises an `InputError` if the device cannot be opened, or does not know the rate.
     """
 
     def __init__(self, address: Address) -> None:

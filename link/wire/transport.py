@@ -57,8 +57,8 @@ class Transport(Protocol):
 def open_transport(address: Address) -> Transport:
     """Open the transport that a connection string names.
 
-    An `InputError` says that the address is taken or unknown, or that the device cannot be opened; a `LinkLostError`
-    that nobody answers there.
+    Raises an `InputError` if the address is taken or unknown, or if the device cannot be opened; a `LinkLostError`
+    if nobody answers there.
     """
     if address.kind == "serial":
         try:
@@ -178,7 +178,7 @@ class _Stream:
 class TcpClient(_Stream):
     """TCP to one address; tries again every second after the other side has gone.
 
-    A `LinkLostError` says that nobody listens there at the start.
+    Raises a `LinkLostError` if nobody listens there at the start.
     """
 
     def __init__(self, address: Address) -> None:

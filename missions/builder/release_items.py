@@ -39,7 +39,7 @@ def released_on_way(
 ) -> list[MissionItem]:
     """Return the items from over the target on: the release, and the flight on, which lands.
 
-    An `InputError` says that there is no flight on.
+    Raises an `InputError` if there is no flight on.
     """
     if onward is None or onward.origin != station:
         remedy = "plan with --release winch or place: such a plan keeps the charge for it"

@@ -162,7 +162,7 @@ def _check_segment(way: Sequence[Knot], own_m: float) -> Iterator[Finding]:
     ground, slopes = max(grounds), max(grounds) - min(grounds) > SLACK_M
     lowest = min(way, key=lambda knot: knot.height_m)
     item = way[1].item if lowest is way[0] else lowest.item
-    if lowest.height_m <= ground and (slopes or ground != 0.0):  # 0 to 0 is told by the check of heights
+    if lowest.height_m <= ground and (slopes or ground != 0.0):  # 0 to 0 is reported by the check of heights
         yield _finding("error", item, lowest.height_m, ground, own_m)
     elif slopes and lowest.height_m < ground + own_m - SLACK_M:
         yield _finding("warning", item, lowest.height_m, ground, own_m)
@@ -171,7 +171,7 @@ def _check_segment(way: Sequence[Knot], own_m: float) -> Iterator[Finding]:
 def _check_open_end(known: Knot, other: Knot) -> Iterator[Finding]:
     """Judge a way between a place of known ground and one of unknown ground."""
     ground = known.ground_m
-    if ground and known.height_m <= ground:  # 0 is told by the check of heights
+    if ground and known.height_m <= ground:  # 0 is reported by the check of heights
         yield _finding("error", known.item, known.height_m, ground, 0.0)
     elif ground and other.height_m <= ground:
         yield _finding("warning", other.item, other.height_m, ground, 0.0)

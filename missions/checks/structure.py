@@ -135,7 +135,7 @@ def _jumps(mission: Mission) -> Iterator[Finding]:
 
 
 def _uses_plain_param5(item: MissionItem) -> bool:
-    """Whether parameters 5 and 6 mean something that is no place."""
+    """Whether parameters 5 and 6 mean something other than a place."""
     if item.command == Command.DO_MOUNT_CONTROL:
         return item.z == MOUNT_MODE_GPS_POINT
     unnamed = not isinstance(item.command, Command)

@@ -86,7 +86,7 @@ def homes_m(
 def _home_m(
     mission: Mission, leg: RouteLeg, over: Over, near: NearStations, *, first: bool
 ) -> tuple[float, list[Finding]]:
-    """Height above sea level that a flight counts from, and what is to be told of it.
+    """Height above sea level of a flight's home, and notes on it.
 
     The file's home, or the station there; where the terrain model contradicts it by much, the terrain.
     """
@@ -106,7 +106,7 @@ def _home_m(
 
 
 def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
-    """Sample a flight: climbs and descents straight up and down are omitted; None where nothing can be said of it."""
+    """Sample a flight: climbs and descents straight up and down are omitted; None where nothing is known of it."""
     if leg.start is None or not leg.steps or math.isnan(zero_m):
         return None
     every_m = max(over.terrain.spacing_m, 5.0)
@@ -190,7 +190,7 @@ def _place(way: _Way, k: int) -> str:
 def _told(
     way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], obstacles: tuple[NearObstacle, ...]
 ) -> LegHeights | None:
-    """What is told of a flight; None over unknown ground."""
+    """Findings on a flight; None over unknown ground."""
     if np.isnan(ground).any() or np.isnan(top).any():
         return None
     return LegHeights.sampled(way.along_m, ground, top, way.height_m, way.path, obstacles)

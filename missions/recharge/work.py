@@ -133,7 +133,7 @@ def work_of(
     `only`: no other one flies it, too; else it is not left where they go different ways.
     `last_picture`: where the camera took its last picture before.
 
-    An `InputError` says that its home is unknown, that it never ends, that a height is unknown, or that there is nothing to fly.
+    Raises an `InputError` if its home is unknown, if it never ends, if a height is unknown, or if there is nothing to fly.
     """
     if mission.home is None:
         remedy = (

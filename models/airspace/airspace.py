@@ -83,7 +83,7 @@ class Airspace:
     def with_authorized(self, ids: Iterable[str]) -> Airspace:
         """Return the same with authorizations for more zones.
 
-        An `InputError` says that there is no such zone, or that it is prohibited and no authorization opens it.
+        Raises an `InputError` if there is no such zone, or if it is prohibited and no authorization opens it.
         """
         asked = list(dict.fromkeys(ids))
         kinds = {zone.id: zone.kind for zone in self.zones}

@@ -1,7 +1,7 @@
 """Zones of KML and KMZ: polygons of Google Earth and the map services of some authorities.
 
 Limits and kind stand in ``ExtendedData``, under the names of `models.airspace.geojson`. Altitudes of the corners say how a
-polygon is drawn, not where the zone ends: they are no limits.
+polygon is drawn, not where the zone ends: they are not limits.
 """
 
 from __future__ import annotations

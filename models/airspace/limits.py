@@ -76,7 +76,7 @@ NO_CEILING = Limit(math.inf)
 def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *, ceiling: bool) -> Limit:
     """Read a limit given by number, unit and reference.
 
-    What is not given, or not understood, is no limit: the ground, or nothing above. The latter is noted.
+    A missing or unknown limit counts as the ground, or as unlimited above. Unknown ones are noted.
     """
     none = NO_CEILING if ceiling else GROUND
     what = "ceiling" if ceiling else "floor"
@@ -111,7 +111,7 @@ def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *,
 def limit_of_text(text: str, notes: Notes, *, ceiling: bool) -> Limit:
     """Read a limit as pilots write it: ``FL65``, ``2500ft AMSL``, ``100m GND``, ``SFC``, ``UNL``.
 
-    Without a unit it is in feet, without a reference above the sea. What is not understood is no limit, and noted.
+    Without a unit it is in feet, without a reference above the sea. An unknown form counts as no limit, and is noted.
     """
     none = NO_CEILING if ceiling else GROUND
     upper = text.strip().upper()

@@ -90,7 +90,7 @@ NOT_TOLD = Pressure()
 def split_pressure(path: Path) -> tuple[Path, Pressure]:
     """File of a name, and the pressure that is said behind it: ``zones.txt@Q1021``, ``zones.txt@A2992,15C``, ``zones.txt@metar=FILE``.
 
-    An `InputError` says that it is none.
+    Raises an `InputError` if it is none.
     """
     head, mark, told = str(path).rpartition("@")
     if not mark or path.is_file() or not Path(head).is_file():

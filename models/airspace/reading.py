@@ -166,7 +166,7 @@ def _json(text: str, file: str, notes: Notes) -> tuple[str, list[Zone]]:
 
 
 def _check_crs(document: dict[str, Any], notes: Notes) -> None:
-    """Refuse coordinates that are no longitudes and latitudes."""
+    """Refuse coordinates that are not longitudes and latitudes."""
     crs = document.get("crs")
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = str(properties.get("name", "")) if isinstance(properties, dict) else ""

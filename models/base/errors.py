@@ -17,7 +17,7 @@ class SkywayError(Exception):
     Attributes
     ----------
     exit_code : int
-        What a command ends with: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
+        Exit code of a command: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
     """
 
     exit_code = 2

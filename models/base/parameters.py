@@ -152,7 +152,7 @@ def with_values(part: P, values: Mapping[str, Value]) -> P:
 def with_settings(part: P, settings: Iterable[str]) -> P:
     """Return a tree with parameters changed as they are typed: ``planner.robust.members=50``.
 
-    An `InputError` says that one is no ``name=value``, has no such parameter, or a value out of range.
+    Raises an `InputError` if one is not ``name=value``, has no such parameter, or a value out of range.
     """
     known = {one.name: one for one in entries(part)}
     values: dict[str, Value] = {}

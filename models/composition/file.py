@@ -122,7 +122,7 @@ def _plain(value: Any) -> Any:
 def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
     """Write the composition, whole or not at all.
 
-    An `InputError` says that the file exists and `force` is not given, or that its folder cannot be written.
+    Raises an `InputError` if the file exists and `force` is not given, or if its folder cannot be written.
     """
     write_atomically(Path(path), json.dumps(to_json(composition), indent=1, allow_nan=False) + "\n", force=force)
 

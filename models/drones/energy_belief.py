@@ -161,7 +161,7 @@ class EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 
         The charge that it took, and that the model says for it, are fractions of nameplate; `soc_sd` is the standard
-        deviation of a state of charge that is told.
+        deviation of a reported state of charge.
         """
         return _updated(self, used_soc, expected_soc, self.sd_within, soc_sd)
 

@@ -40,7 +40,7 @@ class Slots(NamedTuple):
     start_s, slot_s : float
         POSIX seconds of the first slot and length of a slot.
     length : int
-        How many there are; the last one holds on for ever.
+        Number of slots; the last one continues without end.
     """
 
     start_s: float

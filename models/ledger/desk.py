@@ -99,7 +99,7 @@ class Desk:
     def put(self, lease: Lease, entries: Sequence[Entry]) -> list[Entry]:
         """Write entries, all or none; of version 0 they are new, else their version must be the newest.
 
-        A `FencedError` says that the lease is lost, or that another keeps one of them; a `VersionError` that one has changed meanwhile.
+        Raises a `FencedError` if the lease is lost, or if another keeps one of them; a `VersionError` if one has changed meanwhile.
         """
         written = []
         with self.ledger.transaction():

@@ -110,7 +110,7 @@ def opening_hours(text: str) -> OpeningHours:
 def closed_path(path: QueuePath, closed_s: NDArray[np.float64], *, spots: int) -> QueuePath:
     """Return the queue of a station that closes at times, shape (closures, 2).
 
-    Who would get a pad while it is closed gets it when it opens; where there are no holding spots, the same is true of landing.
+    A drone due for a pad while it is closed gets it when it opens; without holding spots, the same holds for landing.
     """
     if not len(closed_s):
         return path

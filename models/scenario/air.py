@@ -33,7 +33,7 @@ NOT_COUNTED = "what the cold takes of the battery is not counted ([[drone.cold_b
 def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin_s: float = 0.0) -> Scenario:
     """Return a scenario whose drones fly in the air over its stations, at the temperatures that are forecast from an instant on.
 
-    Where no temperature is told, the standard atmosphere counts, from `LOW_M` on; a fleet file that says another density is believed.
+    Without a temperature, the standard atmosphere applies, from `LOW_M` on; a fleet file that says another density is believed.
     """
     ground_m = scenario.network.ground_m
     known = ground_m[np.isfinite(ground_m)]

@@ -300,7 +300,7 @@ class _Reader:
         return tuple(sites) if sound else (), sound
 
     def _observed(self, table: Table) -> dict[str, Any]:
-        """Read where the weather and the pads of now are found; the files change by the hour, and are no part of the scenario."""
+        """Read the sources of current weather and pads; the files change by the hour, and are not part of the scenario."""
         wind = table.texts("wind", ())
         for text in wind:
             if not text.strip() or one_line(text) != text:
@@ -312,7 +312,7 @@ class _Reader:
         return {"observed_wind": tuple(str(self.folder / text) for text in wind), "observed_pads": pads or None}
 
     def _forecast(self, table: Table, *, named: bool) -> dict[str, Any]:
-        """Read where forecasts are found; they change by the hour, are read when they are used, and are no part of the scenario."""
+        """Read the sources of forecasts; they change by the hour, are read on use, and are not part of the scenario."""
         files, error = table.texts("files", ()), table.text("error", "")
         for text in files:
             if not text.strip() or one_line(text) != text:

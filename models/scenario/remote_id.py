@@ -53,7 +53,7 @@ def broadcast_id(text: str, field: str) -> str:
     """Return the part of an operator's registration that is broadcast.
 
     European registrations (``FIN87astrdge12k8-xyz``) end in three secret digits, by which alone the check digit can be verified: they are
-    verified and left out. An `InputError` says that it is not a registration.
+    verified and left out. Raises an `InputError` if it is not a registration.
     """
     text = text.strip()
     found = _EU.fullmatch(text)

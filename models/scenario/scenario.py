@@ -65,13 +65,13 @@ class Scenario:
     forecast_error : str or None
         File with the error of these forecasts by lead time (``skyway weather verify``).
     tariff : Tariff or None
-        Prices of energy and pads, for the stations as the network begins with them; None: nothing is said of costs.
+        Prices of energy and pads, for the stations as the network begins with them; None without costs.
     timezone : str
         IANA name of local time.
     season_days : int
         Days of the record within this many days of the departure's date are analogues.
     observed_wind : tuple of str
-        Files with the winds of now, used unasked by plans for now.
+        Files with current winds, used by default for plans for now.
     observed_pads : str or None
         Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
     remote_id : RemoteId

@@ -66,7 +66,7 @@ def read_raster(text: str) -> Raster:
 
 
 def _meant(path: Path) -> str | None:
-    """What may have been meant by a name that is no file: a word behind ``@`` that says nothing."""
+    """Suggestion for a name that is not a file: an unknown word after ``@``."""
     file, _, word = str(path).rpartition("@")
     if not file or not Path(file).is_file():
         return None

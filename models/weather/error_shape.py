@@ -5,7 +5,7 @@ a + b s^2 of the speed s that was forecast. What is left, at the size that it ha
 
     (1 - brief) exp(-d / length) exp(-t / tau)
 
-between places a distance d and times t apart; `brief` is the share of one hour and place alone, the report's own error in it. How much the size differs from issue to issue is told by the
+between places a distance d and times t apart; `brief` is the share of one hour and place alone, the report's own error in it. The spread of the size between issues follows from the
 fourth moment: a Gaussian error whose size is log-normal with the standard deviation w of its logarithm has the kurtosis 3 exp(4 w^2).
 
 Sources: S. Lerch and T. L. Thorarinsdottir, "Comparison of non-homogeneous regression models for probabilistic wind speed forecasting", Tellus A 65 (2013), 21206 (variance

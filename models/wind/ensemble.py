@@ -1,7 +1,7 @@
 """An ensemble of wind series (members), each for all sites and times together.
 
 A member is a whole course, so that wind that is strong now stays strong for as long as it does in nature, and
-at all sites at once. What it says of one slot and place is told by `models.wind.marginal`.
+at all sites at once. See `models.wind.marginal` for one slot and place.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class WindEnsemble:
     def weighted(self, weights: ArrayLike) -> WindEnsemble:
         """Return the members with probabilities times `weights`, shape (members,), scaled to sum to 1.
 
-        An `InputError` says that a weight is negative or not finite, or that no member is left.
+        Raises an `InputError` if a weight is negative or not finite, or if no member is left.
         """
         product = self.probability * np.asarray(weights, dtype=np.float64)
         total = float(product.sum())

@@ -46,7 +46,7 @@ def analogue_ensemble(
     trial. They are for the height of the measurement. Dates are those of the clock of `depart`, so give it with its
     local offset; it lies in slot 0, and may be in the future of the record.
 
-    An `InputError` says that there is no such day, or refuses a naive time or a length out of range.
+    Raises an `InputError` for an unknown day, a naive time or a length out of range.
     """
     days = _Days(history, depart, hours)
     today = _day_of_year(np.array([days.today]))[0]

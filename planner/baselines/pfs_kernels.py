@@ -192,7 +192,7 @@ def _leave(frames: Frames, f: int, marks: Marks) -> None:
 def _leave_cut_off(world: World, frames: Frames, marks: Marks) -> None:
     """Give up the frames at the end of the path from which no chain of open stations leads to the destination any more.
 
-    Whatever they would still try ends in stations that are on the path or dead. As that is no matter of time, whoever
+    All their remaining options end in stations that are on the path or dead. As that does not depend on time, whoever
     comes to such a station earlier, on another path, may try again, and the frames below do not count as limited by it.
     """
     graph, need = world.graph, world.need

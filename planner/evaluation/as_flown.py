@@ -1,7 +1,7 @@
 """Arrival times of deliveries with `skyway fly`: the online policy simulated in the winds of the forecast.
 
-The truth of each simulated delivery is a member of the forecast, and what the policy is told lacks that member and its neighbours, as in
-`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy is told the wind measured at the sites, the pads and its own
+The truth of each simulated delivery is a member of the forecast, and the policy's information lacks that member and its neighbours, as in
+`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy gets the wind measured at the sites, the pads and its own
 energy, and decides again. Members are drawn by their probability, evenly; queues, gusts and vehicles are other ones in each delivery.
 """
 
@@ -107,7 +107,7 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     Raises
     ------
     InputError
-        Too few runs, or a forecast of one member: there is no other to be told.
+        Too few runs, or a forecast of one member: there is no other member for the policy.
     """
     forecast, errors = problem.forecast, problem.usual_errors
     if runs < LEAST_RUNS:

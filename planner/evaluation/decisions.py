@@ -44,7 +44,7 @@ def fly_policy(
 ) -> tuple[Flown, list[Itinerary]]:
     """Fly a policy in some realizations (all by default), run by run; also returns what it did in each.
 
-    `watch` is told of each flight of an adaptive policy how to fly it again in other gusts. An `InputError` says that
+    `watch` gets for each flight of an adaptive policy the means to fly it again in other gusts. Raises an `InputError` if
     start and destination are the same.
     """
     problem = realizations.problem(drone)

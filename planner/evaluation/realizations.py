@@ -239,7 +239,7 @@ def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
 def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
     """Forecast of a request without the given days and days whose series overlap theirs.
 
-    An `InputError` says that the scenario has no record, or that no day of the season is left.
+    Raises an `InputError` if the scenario has no record, or if no day of the season is left.
     """
     if scenario.history is None:
         remedy = "give [wind] history in scenario.toml"

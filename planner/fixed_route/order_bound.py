@@ -1,6 +1,6 @@
 """A bound over all orders: no order, stops and distribution over drones ends earlier.
 
-A linear relaxation. Each unit is come to from one other and gone on from to one other, on ways that cost their time and their charge,
+A linear relaxation. Each unit is entered from one other and left to one other, on ways that cost their time and their charge,
 the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
 on with it where it was left, costs at least what the nearest place to a pad does.
 

@@ -3,7 +3,7 @@
 Futures are winds of the forecast, each with a sample of the queues that may grow out of those seen now, and an error of
 the vehicle's energy. In each, the exact planner finds the best way on; what it does first is a step worth a thought.
 Every such step is then taken in every future and followed by the best that can follow it there. The step with the least
-expected arrival is taken, and everything is thought over again at the next station and at stations on the way
+expected arrival is taken, and the decision is repeated at the next station and at stations on the way
 (hindsight optimisation: E. Chong, R. Givan, H. Chang, "A framework for simulation-based network control via hindsight
 optimization", CDC 2000).
 

@@ -172,7 +172,7 @@ class FlightDecision:
         """Send the planned ground speed again where the wind estimate has moved it."""
         airborne = self._info
         if math.isfinite(airborne.airspeed_limit_mps):
-            return None  # it does not reach what it was told last; to be told less would end the lean that shows why
+            return None  # it does not reach the last command; a lower one would end the lean that shows why
         settings, wanted = self._parameters, figures["wanted_mps"]
         due = airborne.time_s >= self._memory.speed_s + settings.speed_every_s
         if not due or abs(wanted - airborne.commanded_mps) < settings.speed_step_mps:

@@ -1,6 +1,6 @@
 """Options of a drone in the air: its destination at another airspeed, or another station inside its fence.
 
-Each option is told by when it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
+Each option has the time at which it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
 """
 
 from __future__ import annotations

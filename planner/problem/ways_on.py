@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def return_node(problem: Problem) -> int | None:
     """Node where the drone is to be after the delivery; None where any pad will do, or it stays.
 
-    An `InputError` says that there is no such station, that it cannot charge there, or that it cannot stay.
+    Raises an `InputError` if there is no such station, if it cannot charge there, or if it cannot stay.
     """
     asked = problem.request.return_to
     if asked == NO_RETURN and problem.needs_escape:

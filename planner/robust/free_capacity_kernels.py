@@ -59,7 +59,7 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     `arrivals` and D Poisson of mean `services` times the pads busy now: those that arrive in the meantime are assumed
     not to leave again.
 
-    Takes counts and expected numbers from 0 up, all finite. Where there is no room now, somebody must leave first.
+    Takes counts and expected numbers from 0 up, all finite. Without room now, a drone must leave first.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def chances(
 def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     """Others at the station of an entry at a time: at the start, plus arrived, minus left by then."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
-    # The first arrival of a packed path is -inf, which is no drone.
+    # The first arrival of a packed path is -inf, not a drone.
     came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
     left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
     return int(there.at_start[entry] + came - left)

@@ -314,5 +314,5 @@ def _visited(label: Landing) -> list[int]:
 
 
 def _covers(one: Landing, other: Landing) -> bool:
-    """Whether a label is no worse than another in anything."""
+    """Whether a label is at least as good as another in everything."""
     return one.time_s <= other.time_s + 1e-6 and one.soc >= other.soc - 1e-9 and one.loss <= other.loss + 1e-12

@@ -169,7 +169,7 @@ def gusty_start(gusts: Gusts, length_m: float, time_s: float) -> GustyPlace:
 def gusty_part(air: SegmentWind, member: int, segment: int, gusts: Gusts, at: GustyPlace) -> GustyPlace:
     """Fly on over a segment until it, the gust or the slot ends."""
     slot = slot_of(air, at.time_s)
-    # Up to the end of the segment, of the gust or of the slot, at the speed of now.
+    # Up to the end of the segment, of the gust or of the slot, at the present speed.
     speed = gusty_speed(air, member, slot, segment, at.gust, gusts.sd)
     next_step_s = (at.step + 1) * GUST_STEP_S
     end_s = min(next_step_s, slot_end(air, slot))

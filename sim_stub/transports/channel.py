@@ -107,7 +107,7 @@ class Channel:
 class Lane:
     """What lies between a socket and a vehicle: a link that does something to packets, by its seed.
 
-    Frames of `datagrams` never continue in the next bytes. An `InputError` says that too many speak with this vehicle
+    Frames of `datagrams` never continue in the next bytes. Raises an `InputError` if too many speak with this vehicle
     already.
     """
 

@@ -184,7 +184,7 @@ class VehiclePeer(TcpPeer):
         self.lane.arrived(data, self.lane.vehicle.wall_s)
 
     def outgoing(self, now_s: float) -> bytes:
-        """Send the vehicle's messages."""
+        """Return the pending bytes of the vehicle."""
         return b"".join(self.lane.turn(now_s))
 
     def left(self) -> None:

@@ -26,7 +26,7 @@ _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errn
 class UdpEndpoint:
     """UDP: `udpout` sends first to one address, `udpin` answers all senders.
 
-    An `InputError` says that the address is taken, or that there is no such host.
+    Raises an `InputError` if the address is taken, or if there is no such host.
     """
 
     def __init__(

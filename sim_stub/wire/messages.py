@@ -240,7 +240,7 @@ def base_bytes(name: str) -> int:
 
 
 def _clip(sent: Any) -> None:
-    """Bring the numbers of a message into the range of their types; what is no number becomes the least one."""
+    """Bring the numbers of a message into the range of their types; NaN becomes the minimum."""
     for name, kind in zip(sent.fieldnames, sent.fieldtypes, strict=True):
         value = getattr(sent, name)
         if kind != "char":

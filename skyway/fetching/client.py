@@ -60,7 +60,7 @@ class Client:
     def get(self, url: str, *, begin: int | None = None, end: int | None = None, keeps: bool = False) -> bytes:
         """Fetch a URL, or its bytes from `begin` to `end` (the last one included; None: to the end of the file).
 
-        What `keeps` never changes at the service, and is looked for in the cache first. A `NotThereError` says that the service does not have it, a `LinkError` why
+        What `keeps` never changes at the service, and is looked for in the cache first. Raises a `NotThereError` if the service does not have it, a `LinkError` with the reason
         it failed.
         """
         span = "" if begin is None else f"bytes={begin}-{'' if end is None else end}"

@@ -65,7 +65,7 @@ class PadBookings:
     ) -> Iterator[list[dict[str, tuple[Window, ...]]]]:
         """Book a pad for each stay of each drone, around it as far as its window reaches; yield the windows that each drone has.
 
-        Where what is done with them fails, they are released. An `InputError` says that somebody else has booked one meanwhile.
+        Where what is done with them fails, they are released. Raises an `InputError` if somebody else has booked one meanwhile.
         """
         found: list[dict[str, tuple[Window, ...]]] = []
         lease = self.ledger.acquire(self.holder, "skyway recharge", ttl_s=OWNER_S)

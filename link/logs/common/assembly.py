@@ -134,7 +134,7 @@ class Assembler:
 
 
 def _finished(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are told."""
+    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are reported."""
     found = believable(values)
     air, power_w = COLUMN["airspeed_mps"], COLUMN["power_w"]
     found[..., air] = np.where(found[..., COLUMN["airspeed_ok"]] == 1.0, found[..., air], np.nan)

@@ -1,7 +1,7 @@
 """MAVLink messages as telemetry quantities, for logs (arrays) and live links (numbers).
 
 Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
-0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; VFR_HUD has
+0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is not a fix; VFR_HUD has
 indicated airspeed, of which true airspeed is made by the standard density at its height; a heartbeat of a ground station, radio or
 camera is not the vehicle's.
 """

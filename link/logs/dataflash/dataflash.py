@@ -119,7 +119,7 @@ class _Piece:
 class DataFlash:
     """An ArduPilot DataFlash log: read once piece by piece to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read.
+    Raises an `InputError` if the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:

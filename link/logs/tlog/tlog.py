@@ -94,7 +94,7 @@ def read_frames(
     """Read the messages of a log in chunks of at least 64 kB.
 
     They begin at the stamp before a frame; 0 is the start of the log. `memory` is what the parser remembers where it
-    begins; it is filled with the counts of what was skipped. An `InputError` says that the file cannot be read.
+    begins; it is filled with the counts of what was skipped. Raises an `InputError` if the file cannot be read.
     """
     memory = memory or ScanState()
     extras = crc_extras()

@@ -53,7 +53,7 @@ class _Clock:
 class Tlog:
     """A MAVLink telemetry log: read once to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read.
+    Raises an `InputError` if the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:

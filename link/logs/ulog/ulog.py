@@ -41,7 +41,7 @@ LASTING = frozenset(("armed", "mode", "landed", "fixed_wing"))
 class ULogFile:
     """A PX4 log: read once piece by piece to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read, or has no header.
+    Raises an `InputError` if the file cannot be read, or has no header.
     """
 
     def __init__(self, path: Path) -> None:

@@ -104,7 +104,7 @@ def _call_off(ctx: Context, by: str) -> After | None:
 
 
 def _fly_again(ctx: Context) -> None:
-    """Forget that it was told to stop on its way: it is sent elsewhere."""
+    """Forget the order to hover on its way: it is sent elsewhere."""
     ctx.conversation.pause(on=False)
     ctx.give_way.end()
 

@@ -116,7 +116,7 @@ def preflight(ctx: Context) -> After:
 
 
 def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
-    """Plan again where another station, more charge or another hour helps; else stop: what is unknown is no reason to fly."""
+    """Plan again where another station, more charge or another hour helps; else stop: never fly on unknown data."""
     if first.verdict == "unknown":
         return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":
@@ -278,7 +278,7 @@ def _start(ctx: Context) -> str:
     """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
 
     What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is
-    given time to take off before it is told again. Returns why it did not take off; nothing where it did.
+    given time to take off before the order is repeated. Returns why it did not take off; nothing where it did.
     """
     problem, tries = "", 0
     end = ctx.clock.now_s() + ARM_PATIENCE_S

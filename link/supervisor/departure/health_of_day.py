@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
     """Return whether the drone was found healthy today, and the findings; None where no check is configured.
 
-    A `VehicleTimeoutError` says that it does not answer.
+    Raises a `VehicleTimeoutError` if it does not answer.
     """
     book, uid = ctx.job.health, ctx.observed.uid
     if book is None:

@@ -101,7 +101,7 @@ def _note(ctx: Context, entry: ParameterNote, reason: str) -> None:
 def apply(ctx: Context) -> None:
     """Set what was proposed, each with its old value on the disk before, and read back.
 
-    A `LinkError` says that the vehicle refuses one, or does not answer.
+    Raises a `LinkError` if the vehicle refuses one, or does not answer.
     """
     proposed = ctx.parameters.take_proposed()
     for one in proposed:

@@ -64,7 +64,7 @@ class Check:
 def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
     """Go through the list, entry by entry; nothing is changed on the vehicle.
 
-    A `LinkError` says that the vehicle did not answer.
+    Raises a `LinkError` if the vehicle did not answer.
     """
     yield from _identity(ctx)
     yield from _health(ctx)

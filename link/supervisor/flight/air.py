@@ -115,7 +115,7 @@ def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None
 
 
 def _waits(ctx: Context, decision: Decision) -> bool:
-    """Whether a decision has time until a drone that was told to stop flies on: all have but those to divert or to land."""
+    """Whether a decision can wait until a hovering drone flies on: all can but those to divert or to land."""
     leg = ctx.delivery.leg
     if leg is None or not ctx.stands_in_air:
         return False
@@ -123,7 +123,7 @@ def _waits(ctx: Context, decision: Decision) -> bool:
         ctx.conversation.pause(on=False)
         ctx.give_way.end()
         return False
-    leg.command(leg.commanded_mps, ctx.now_s)  # it stands because it was told to
+    leg.command(leg.commanded_mps, ctx.now_s)  # it hovers on orders
     return True
 
 

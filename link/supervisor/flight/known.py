@@ -48,7 +48,7 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
 
 
 def _obeyed_mps(ctx: Context, leg: Leg) -> float:
-    """Ground speed that it was told; what it flies where that has long been another, so that it is told again."""
+    """Commanded ground speed; the flown one where that has long been different, so that the order is repeated."""
     s, told_mps = ctx.observed.sample, leg.commanded_mps
     if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
         return told_mps
@@ -60,7 +60,7 @@ def _obeyed_mps(ctx: Context, leg: Leg) -> float:
 
 
 def _airspeed_limit(ctx: Context) -> float:
-    """Airspeed that its lean does not let it exceed; infinite where it flies as fast as it is told."""
+    """Airspeed limit due to its lean angle; infinite where it flies as fast as commanded."""
     estimate = ctx.wind.estimate
     if estimate is None:
         return math.inf

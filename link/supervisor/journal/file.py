@@ -73,7 +73,7 @@ class ReadJournal:
 def read_journal(path: Path) -> ReadJournal:
     """Read a journal; a torn last line is omitted.
 
-    An `InputError` says that it is not there, is no journal, or is damaged before its end.
+    Raises an `InputError` if it is not there, is not a journal, or is damaged before its end.
     """
     data = read_bytes(path, max_bytes=MAX_BYTES)
     records: list[Record] = []

@@ -120,7 +120,7 @@ class ReportedSoc:
             return time_s >= self.held_s + BLIND_S
         used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, told))
         expected, found = used - lost, used - median(now[-2 * HEARD :]) / median(self._before)
-        if expected < TELLING:  # where it was told apart once, that stands though the line has come nearer
+        if expected < TELLING:  # once distinguished, it stays so though the line has come nearer
             return not self.contradicted and time_s >= self.held_s + FLAT_S
         young = time_s < self._met_s + YOUNG_S and _misfit(told, median(now)) < _misfit(line, median(now)) - TELLING
         self.contradicted = found < CONFIRMED * expected and not young

@@ -139,7 +139,7 @@ class SocEstimator:
 
 
 def _load(ctx: Context, sample: TelemetrySample) -> float:
-    """Power at the airspeed and climb of now, over that of hover: momentum theory, blades as they are."""
+    """Power at the present airspeed and climb, over that of hover: momentum theory, blades as they are."""
     use = None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
     wind = ctx.wind.here(sample)
     airspeed = math.hypot(sample.vel_north_mps - wind[0], sample.vel_east_mps - wind[1])

@@ -188,7 +188,7 @@ class VoltageWatch:
     ) -> float:
         """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
 
-        `load` is the power at the airspeed and climb of now over that of hover, NaN where it is unknown. `flies` says
+        `load` is the power at the present airspeed and climb over that of hover, NaN where it is unknown. `flies` says
         that it is known to be in the air, whatever the current says.
         """
         if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:

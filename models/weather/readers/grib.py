@@ -350,7 +350,7 @@ def _unpacked(octets: bytes) -> NDArray[np.float64] | None:
         return None
     try:
         return np.asarray(gribberish.parse_grib_array(octets, 0), dtype=np.float64).ravel()
-    except BaseException as error:  # a Rust panic is no Exception
+    except BaseException as error:  # a Rust panic is not an Exception
         if isinstance(error, KeyboardInterrupt | SystemExit):
             raise
         return None

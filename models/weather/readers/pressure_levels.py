@@ -1,7 +1,7 @@
 """Winds at pressure levels, as winds at heights above ground, for forecasts without winds near the ground.
 
 The height of a level is the geopotential height in the file less the orography in it, averaged over region, members and times; without the first that of the
-standard atmosphere, without the second above sea level. What was taken is told.
+standard atmosphere, without the second above sea level. The choice is reported.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def assembled(records: Sequence[Record], form: str) -> list[Weather]:
         analysed = (one.model, one.grid) in at_once
         groups.setdefault((one.model, one.grid, math.nan if analysed else one.issued_s), []).append(one)
     merged: dict[tuple[str, str, str], list[Record]] = {}
-    for (model, grid, issued_s), group in groups.items():  # NaN is no key
+    for (model, grid, issued_s), group in groups.items():  # NaN is not a key
         merged.setdefault((model, grid, str(issued_s)), []).extend(group)
     return [
         _series(

@@ -175,7 +175,7 @@ class WindFilter:
     ) -> bool:
         """Take a measurement for the present time; returns whether it was used.
 
-        The wind is (north, east) TOWARDS, m/s; not finite is no measurement. `noise` is the covariance of what is new
+        The wind is (north, east) TOWARDS, m/s; a value that is not finite is ignored. `noise` is the covariance of what is new
         in it, m2/s2, shape (2, 2) or scalar. It depends on the systematic errors as that row of `depends` says; by
         default it does not.
         """

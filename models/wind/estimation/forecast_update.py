@@ -7,7 +7,7 @@ interpolated from them, so an observation there tells of the residuals of the si
 updated forecast says at its place what was measured, however far the sites are. Observations are averages over slots: at
 10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
 
-Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is told apart from the residuals of the
+Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is estimated separately from the residuals of the
 sites by its covariance, and what is expected of it where a drone is now can be made a site of its own.
 """
 

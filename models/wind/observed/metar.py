@@ -60,7 +60,7 @@ def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[Metar
     """Read the reports in a text, one a line; a long one may continue in indented lines, and end with ``=``.
 
     A report says day, hour and minute only: the month is that in which it is nearest to `near_s`, POSIX seconds, or to the date in
-    a line of its own before it. What is no report is a fault.
+    a line of its own before it. A line that is not a report is a fault.
     """
     found = []
     for number, line, near in _lines(text, near_s, faults):

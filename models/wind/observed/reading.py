@@ -109,7 +109,7 @@ def site_named(name: str, sites: Sequence[WindSite]) -> WindSite | None:
 
 
 def _unknown(name: str, sites: Sequence[WindSite]) -> tuple[str, str]:
-    """Problem and remedy of a station that is no site of the scenario."""
+    """Problem and remedy of a station that is not a site of the scenario."""
     known = ", ".join(f"{site.id} ({site.icao})" if site.icao else site.id for site in sites) or "none"
     return f"unknown station {one_line(name)[:40]}", f"the scenario's wind sites are {known}"
 

@@ -92,7 +92,7 @@ class WorkAsked:
 def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: WorkAsked) -> DeliveryJob:
     """Return the job of flying a set with the vehicle that is connected, from now on.
 
-    An `InputError` says that the set was not cut for its autopilot, or for its kind.
+    Raises an `InputError` if the set was not cut for its autopilot, or for its kind.
     """
     family = vehicle.family
     found = opened_set.found

@@ -143,7 +143,7 @@ def logs_fetch(
 
 
 def _listed(store: LogStore) -> list[tuple[int, LogAboard]]:
-    """Logs with their numbers from 1; names that make no sense are told, and left alone."""
+    """Logs with their numbers from 1; invalid names are reported and skipped."""
     found = list(enumerate(store.logs(), start=1))
     store.end()
     for name in store.skipped:
