@@ -54,7 +54,7 @@ class StopReason:
     station: str
     """Station id."""
     asked: bool
-    """Whether it was asked for: then no other route was looked for."""
+    """Whether it was requested: then no other route was looked for."""
     runner_up: tuple[str, ...] | None
     """Stops of the best route without this one, None where there is none."""
     later: Figure | None

@@ -205,7 +205,7 @@ def _check_hours(scenario: Scenario, request: Request, planner: str) -> None:
 def _problems(
     scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str], parameters: PlannerParameters
 ) -> Iterator[Problem]:
-    """One problem for each drone to compose for; they share what is known of waits and queues."""
+    """One problem for each drone to compose for; they share computed waits and queues."""
     problem: Problem | None = None
     for drone in candidates(scenario, request, rejected):
         problem = (

@@ -1,4 +1,4 @@
-"""The way back: the drone after the delivery, and a package that cannot be handed over.
+"""The way back: the drone after the delivery, and a package that cannot be delivered.
 
 It is planned by the planner of the delivery, from the target, at the hour when the drone leaves it and with the charge that it has there.
 From a target with pads the drone charges first. From one without pads it leaves with what it came with: the delivery is planned so

@@ -224,7 +224,7 @@ class Vehicle:
             self.flight_log.step()
 
     def _look_around(self, now: float) -> None:
-        """Look up wind and ground where the vehicle is now, and how fine a step is asked for."""
+        """Look up wind and ground where the vehicle is now, and how fine a step is requested."""
         self._wind_s = now
         self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else STEP_S
         body = self.body

@@ -298,7 +298,7 @@ def solve_window(
 def _asked_for(request: Request, conditions: Conditions) -> list[str]:
     """Say what was asked of the route: in flight it is planned again without it.
 
-    Raises an `InputError` if start, destination or a stop that is asked for is to be avoided.
+    Raises an `InputError` if start, destination or a stop that is requested is to be avoided.
     """
     both = {request.state.station, request.destination, *request.stop_at} & set(conditions.avoid or ())
     if both:

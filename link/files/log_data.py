@@ -1,7 +1,7 @@
 """Logs by LOG_REQUEST_LIST and LOG_REQUEST_DATA, for vehicles without file transfers.
 
 A vehicle sends one part at a time; some ignore what is asked meanwhile, others break off what they were sending. So a log is
-asked for in long parts, and what is lost of a part is asked for when it has ended: singly, one request after the other at the
+requested in long parts, and what is lost of a part is requested when it has ended: singly, one request after the other at the
 pace of the link, without waiting for each answer.
 """
 
@@ -38,7 +38,7 @@ class LogEntry:
     number: int
     size_bytes: int
     time_utc: int
-    """When it was begun or ended, POSIX seconds; 0 where the vehicle does not know."""
+    """When it started or ended, POSIX seconds; 0 where the vehicle does not know."""
 
 
 class ListLogs(Exchange):
@@ -164,7 +164,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._silence_s()
 
     def _hole(self, now_s: float) -> tuple[int, int] | None:
-        """What is missing and was not asked for of late."""
+        """Missing parts that were not requested recently."""
         patience_s = max(self.round_trip.retry_s(1), 4.0 * self._pace_s)
         for offset, size in self.pieces.holes(4 * PIECE_BYTES):
             if now_s > self._asked_s.get(offset, -1e9) + patience_s:
@@ -202,7 +202,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._silence_s()
 
     def _asked_exactly(self, end: int) -> bool:
-        """Whether a piece is short because no more was asked for."""
+        """Whether a piece is short because no more was requested."""
         return (self._part is not None and end == self._part[1]) or any(
             offset < end <= offset + 4 * PIECE_BYTES for offset in self._asked_s
         )

@@ -106,7 +106,7 @@ class Forwarder:
         for_one = message is not None and message.name in _LOGS
         for client in self.clients():
             if for_one and client is not self._wants_logs:
-                continue  # pieces of a log name no target: they are for the one who asked last
+                continue  # pieces of a log name no target: they are for the latest requester
             if system == 0 or _hears(client, system, component):
                 client.put(frame)
 
@@ -188,7 +188,7 @@ class Forwarder:
         self._meet(client, sender, now_s)
         does = effect(message, self.rates_kept)
         if does is Effect.CHANGE and "target_system" not in message.fields:
-            return None  # telemetry of somebody: no vehicle needs it
+            return None  # telemetry of another vehicle: no vehicle needs it
         target: int = message.fields.get("target_system", 0)
         if passes(does, self.permission):
             self._to_vehicles.fresh(frame, now_s)
@@ -231,7 +231,7 @@ class Forwarder:
         client.speakers[sender] = now_s
 
     def _refuse(self, client: Client, message: Message, sender: tuple[int, int], does: Effect, now_s: float) -> None:
-        """Say that something is not passed on, also to the one who waits for an answer."""
+        """Report that a message is not passed on, also to the sender that waits for an answer."""
         target = message.fields.get("target_system", 0)
         if does is Effect.RATE:
             self._answer(client, message, sender)

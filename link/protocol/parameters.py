@@ -118,9 +118,9 @@ class SetParameter(Question):
 class ReadParameters(Exchange):
     """Reads parameters by name, and distinguishes absent parameters from lost answers.
 
-    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are asked for in
+    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are requested in
     rounds, and each round ends with a question that every vehicle answers: the first parameter of its list. Where that
-    answer comes and those to a name asked for before it do not, round after round, so often that losses do not explain it
+    answer comes and those to a name requested before it do not, round after round, so often that losses do not explain it
     (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. Where nothing comes at
     all for `GIVE_UP_S`, the link is lost, and nothing is known.
     """
@@ -150,7 +150,7 @@ class ReadParameters(Exchange):
         self._ask(now_s)
 
     def _ask(self, now_s: float) -> None:
-        """Begin a round: those that were asked for least often, and last the question that is always answered."""
+        """Begin a round: those that were requested least often, and last the question that is always answered."""
         self._round = tuple(sorted(self._open, key=self._silent.__getitem__)[:_ASK_AT_ONCE])
         if not self._round:
             self.finish()

@@ -3,7 +3,7 @@
 The vehicle asks for items and repeats its question by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
 longer than a round trip for its next question: then either our item or its question was lost, and we cannot know
 which. So we send that item and the one after it: a vehicle that has not got the first takes both, one that has got it
-takes the second, and an item that is not expected is ignored. The transfer is never begun again on silence.
+takes the second, and an item that is not expected is ignored. The transfer is never restarted on silence.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BUSY_S = 12.0
 """How long a vehicle may be busy with somebody else."""
 _DOUBT_S = 1.5
 _STUCK_S = 15.0
-"""How long one item may be asked for again and again."""
+"""Limit for repeated requests of one item."""
 _LAST_TRIES = 12
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
 BEFORE_S, AFTER_S = 2.0, 8.0
-"""How much of another log is made into messages around what is asked for."""
+"""How much of another log is made into messages around what is requested."""
 MAX_SPEED = 1000.0
 
 

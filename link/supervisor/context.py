@@ -187,7 +187,7 @@ class Context:
         return changes
 
     def _after_reboot(self) -> None:
-        """A vehicle that has restarted is asked for its telemetry again."""
+        """Telemetry is requested again from a vehicle that has restarted."""
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
             self.note(

@@ -144,7 +144,7 @@ class Conversation:
         return ""
 
     def _do(self, ctx: Context, said: Said) -> None:
-        """Do what was said at once, or keep it for the one who asked."""
+        """Act on an answer at once, or keep it for its question."""
         word = said.word.partition(" ")[0]
         if self.question is not None or ctx.state is State.HOLDING or word == "charged":
             self._words.append(said.word)

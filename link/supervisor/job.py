@@ -66,7 +66,7 @@ class DeliveryJob:
     asking: Asking = "once"
     """``each`` take-off, ``once``, or ``never``."""
     set_parameters: bool = True
-    """Set parameters that a leg needs, told before the take-off and asked for with it."""
+    """Set parameters that a leg needs, told before the take-off and requested with it."""
     restore_parameters: bool = True
     """Give the vehicle back at the end what was set."""
     traffic: TrafficRule = field(default_factory=TrafficRule)
@@ -100,7 +100,7 @@ class Outcome:
     """What became of the package: ``delivered``, ``not delivered`` or ``unsure``; empty where it was never to be released."""
     proof_reason: str = ""
     handed_over: bool = False
-    """The package was handed over, whatever became of the drone on its way back."""
+    """The package was delivered, whatever became of the drone on its way back."""
 
     @property
     def delivered(self) -> bool:

@@ -1,4 +1,4 @@
-"""Flights after the hand-over: the way back of the drone, or the way on of a package that could not be handed over.
+"""Flights after the hand-over: the way back of the drone, or the way on of a package that could not be delivered.
 
 It is flown as the delivery is, under the same policy, from the target to a destination of its own: without the package, or with it.
 """
@@ -42,7 +42,7 @@ class Onward:
     loaded: bool
     """The package is aboard."""
     delivered: bool
-    """The package was handed over."""
+    """The package was delivered."""
     leave_s: float
     """It stays at the target until then, POSIX seconds."""
 

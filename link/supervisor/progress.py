@@ -25,7 +25,7 @@ class DeliveryProgress:
     """The progress of one delivery; written by the methods here alone."""
 
     resumed: bool = False
-    """It was begun by an earlier run of the program."""
+    """It was started by an earlier run of the program."""
     plan: Composition | None = None
     """From where the vehicle stands, or from the leg under way, on."""
     leg: Leg | None = None
@@ -51,7 +51,7 @@ class DeliveryProgress:
     work: WorkProgress = field(default_factory=WorkProgress)
     """How far the work is, where work is flown instead of a delivery."""
     onward: Onward | None = None
-    """Where it goes after the target; None until the package was handed over, or could not be."""
+    """Where it goes after the target; None until the package was delivered, or could not be."""
 
     # The plan
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
-"""Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
+"""Messages that telemetry is made of, and how often they are requested: attitude, position, …, wind."""
 WIND = 168
 _TIMES = frozenset(("SYSTEM_TIME", "TIMESYNC"))
 _WINDOW = 256

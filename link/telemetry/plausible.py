@@ -124,7 +124,7 @@ class Plausible:
         return value
 
     def _begins(self, amperes: float) -> bool:
-        """Whether a current is one of motors that have just begun to turn."""
+        """Whether a current is one of motors that have just started to turn."""
         return amperes < 10.0 * MIN_AMPERES and max(self._kept["current_a"]) < MIN_AMPERES
 
 

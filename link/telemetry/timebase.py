@@ -98,7 +98,7 @@ class VehicleClock:
         self.offset_s: float | None = None
         """POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time."""
         self.reboots = 0
-        """How often its time has begun again."""
+        """How often its time has started again."""
         self._newest_boot_s = 0.0
         self._begin()
 

@@ -98,7 +98,7 @@ class VehicleMonitor:
         self.live = LiveTelemetry(self.peer.system)
         """Its telemetry."""
         self.rates = RateKeeper(self.live)
-        """Whether telemetry comes as often as it was asked for."""
+        """Whether telemetry comes as often as it was requested."""
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
         self._changes: list[Change] = []
@@ -325,7 +325,7 @@ class VehicleMonitor:
     def samples(self, duration_s: float = math.inf, *, undisturbed: bool = False) -> Iterator[TelemetrySample]:
         """Yield telemetry as it comes.
 
-        Ends after the time, when the vehicle falls silent for 10 s, or, where that is asked for, when it is `disturbed`.
+        Ends after the time, when the vehicle falls silent for 10 s, or, where that is requested, when it is `disturbed`.
         """
         clock = self.connection.clock
         end = clock.now_s() + duration_s

@@ -1,6 +1,6 @@
 """Diverting: leave the mission and land elsewhere, by reposition (PX4) or GUIDED (ArduPilot).
 
-A `Diversion` is begun, and stepped with the samples that whoever watches the flight gets anyway.
+A `Diversion` is started, and then stepped with the samples that the supervisor gets anyway.
 """
 
 from __future__ import annotations

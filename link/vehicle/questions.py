@@ -70,7 +70,7 @@ class AskedVehicle(VehicleMonitor):
         """Ask for messages by their ids, or for those that telemetry is made of; returns the ids of those refused.
 
         A rate of 0 is the autopilot's own. Raises a `VehicleTimeoutError` if there was no answer; what was not asked
-        for yet is asked for again as long as it does not come.
+        for yet is requested again as long as it does not come.
         """
         wanted, refused = self.its_messages(rates_hz), []
         self.connection.keep_rates(wanted)

@@ -1,7 +1,7 @@
 """Several radios to one vehicle: each packet once, on the better radio, with a switch when it falls silent.
 
 A radio may carry the same channel of the vehicle as another (a copy, byte by byte), or a channel of its own (other packet numbers). Of copies every
-packet is taken once, whichever brings it; of channels those of the radio in use, since what is asked for on one is answered on it.
+packet is taken once, whichever brings it; of channels those of the radio in use, since what is requested on one is answered on it.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ class Export:
     Attributes
     ----------
     documents : tuple of MissionDocument
-        In flying order; more than one where each leg is a mission of its own.
+        In flying order; more than one where each leg is a separate mission.
     parameters : tuple of Parameter
         What the vehicle must be set to.
     warnings : tuple of str

@@ -48,7 +48,7 @@ def hop_times(
     Parameters
     ----------
     elapsed_s : ndarray, shape (members, hops)
-        When each is begun, after the first take-off.
+        When each starts, after the first take-off.
 
     Returns
     -------

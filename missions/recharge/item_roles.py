@@ -7,7 +7,7 @@ A mission is cut at a place that it flies through. What was ordered before it is
 - *event*: it happens once (a picture, the opening of a gripper). It stays where it was, and is never ordered twice.
 - *condition*: it delays the orders behind it. There is no cut before they are done.
 - *way*: the vehicle flies there, or stays there.
-- *bound*: from there on the mission cannot be cut, for what it has begun cannot be begun again elsewhere.
+- *bound*: from there on the mission cannot be cut, for what it has started cannot be restarted elsewhere.
 - *mark*: it numbers, or jumps; an unrolled mission has none.
 """
 

@@ -61,7 +61,7 @@ class Airspace:
     notes : tuple of Fault
         What of the files was not understood, and counts as closed.
     handed : tuple of str
-        Files that were handed over besides those of the scenario.
+        Files given in addition to those of the scenario.
     """
 
     zones: tuple[Zone, ...] = ()

@@ -309,7 +309,7 @@ class Composition:
     authorized : tuple of str
         Zones for which the plan counts on an authorization.
     zones : tuple of str
-        Files of zones that were handed over besides those of the scenario.
+        Files of zones given in addition to those of the scenario.
     not_before : datetime or None
         Before this the package does not arrive; None: it may at any time.
     energy : EnergyDistribution or None
@@ -479,7 +479,7 @@ class WayBack:
     plan : Composition or None
         The way there, without the package; None: it stays at the target.
     undelivered_to : str or None
-        Where the package goes if it cannot be handed over; None: nothing is kept for that.
+        Where the package goes if it cannot be delivered; None: nothing is kept for that.
     undelivered : Composition or None
         The way there, with the package.
     release : str

@@ -44,7 +44,7 @@ def sample_sets(
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
-    path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
+    path whichever other stations are requested. Where the pads were not seen, the path begins with a number of drones
     drawn as `models.queues.waiting_times.settled` says.
 
     Parameters

@@ -61,7 +61,7 @@ def read_hgt(path: Path) -> Raster:
 
 @dataclass(frozen=True, eq=False)
 class _Tile:
-    """The heights of a tile; a packed one is unpacked when it is first asked for."""
+    """The heights of a tile; a packed one is unpacked when it is first requested."""
 
     path: Path
 

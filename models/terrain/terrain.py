@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 _AHEAD_M = 3_000.0
-"""So much more than what is asked for is read, so that what lies beside it need not be read again."""
+"""So much more than what is requested is read, so that what lies beside it need not be read again."""
 _ABOUT_M = 1_000.0
 """So much about the radius is read, for the cells that a radius is rounded up to."""
 COARSEST_M = 1_000.0
@@ -33,7 +33,7 @@ COARSEST_M = 1_000.0
 
 
 class Terrain:
-    """Ground and obstacles of some files; only the region that is asked for is read.
+    """Ground and obstacles of some files; only the region that is requested is read.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Terrain:
         return found
 
     def _over(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> Patch | None:
-        """The patch that holds places and what lies within a radius; it grows with what is asked for."""
+        """The patch that holds places and what lies within a radius; it grows with what is requested."""
         if not len(lat) or not self.rasters:
             return None
         middle = float(lon[0]) if self._box is None else 0.5 * (self._box[1] + self._box[3])

@@ -133,7 +133,7 @@ def search(world: World, start: Start, frames: Frames, candidates: Candidates, m
         marks.on_path[start.node] = True
     while True:
         f = frames.depth[0]
-        # The candidate of least rank; if a wait is unknown, it is asked for and the search resumes here.
+        # The candidate of least rank; if a wait is unknown, it is requested and the search resumes here.
         if frames.stage[f] == _FRESH and not _list(world, start, frames, f, candidates):
             return NEEDS_WAITS
         chosen = _best(world, frames, f, candidates, marks)

@@ -3,7 +3,7 @@
 What comes out of the drone goes to the charger that is free first, and is charged to the full; the drone waits on the pad for the pack that is
 full first. A label is an arrival: a place, a pad, when the drone can continue with a full pack, when each other pack is full, and when each
 charger is free. It is dropped where another one of the same place is no later in all of these: it then allows everything possible with
-it, for on a pad one may wait. A way takes the same whenever it is begun between two changes of the wind, so that only the first take-off of each
+it, for on a pad one may wait. A way takes the same whenever it starts between two changes of the wind, so that only the first take-off of each
 such piece is tried.
 """
 

@@ -176,7 +176,7 @@ class StopSearch:
         return () if reached is None else (reached,)
 
     def _dive(self, label: Label) -> None:
-        """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""
+        """Take the best way on again and again: an answer that is nearly the best, so that most others are never searched."""
         for _ in range(len(self.route.can_leave) * len(self.route.curves)):
             rows = self.ways_on(label)
             reached = None

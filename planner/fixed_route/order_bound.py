@@ -4,8 +4,8 @@ A linear relaxation. Each unit is entered from one other and left to one other, 
 the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
 on with it where it was left, costs at least what the nearest place to a pad does.
 
-Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be begun with r + s E at
-least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way is begun with, less
+Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be started with r + s E at
+least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way starts with, less
 tau of what the first one ends with, and for each way between tau(d) - tau(d - m E), which is least for d = r + s E: phi(E). So it is at least
 a (E - E0) - b V for each tangent of the lower hull of phi, and, E0 being what first ways take, tau(r) - tau(start) and a chord more. HiGHS, of SciPy,
 solves it.
@@ -32,7 +32,7 @@ MANY = 150
 """Beyond so many units ways are not told apart by where they come from."""
 ROUNDS = 12
 NEAREST = 6
-"""Ways to and from a unit that are looked at first."""
+"""Ways to and from a unit that are considered first."""
 REDUCED_S = 1e-7
 EXTRA = 4
 """Columns that are no ways."""
@@ -116,7 +116,7 @@ def _least_hop(hops: NDArray[np.float64]) -> float:
 
 
 def _sparse(rows: Sequence[NDArray[np.float64]]) -> Any:
-    """Return rows as a table that is looked at by columns."""
+    """Return rows as a table for access by columns."""
     from scipy.sparse import csc_array
 
     return csc_array(np.array(rows))

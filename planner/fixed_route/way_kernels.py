@@ -2,7 +2,7 @@
 
 A *position* is a point of the work, numbered from 0. A *way* leads from a pad to the position where the work goes on, over the
 work as far as another position, and from there to a pad; or from pad to pad; or to the end of the work. Each hop takes what the
-slot says in which it begins, so that between two changes a way takes the same time whenever it is begun.
+slot says in which it begins, so that between two changes a way takes the same time whenever it starts.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def pieces_of(
                 grown = np.empty((2 * size, 4))
                 grown[:size] = out
                 out = grown
-            # at the change itself the way is begun in the next slot
+            # at the change itself the way starts in the next slot
             last = end if end >= to_s else max(end - BEFORE_CHANGE_S, now)
             out[size, 0], out[size, 1], out[size, 2], out[size, 3] = now, last, seconds, soc
             size += 1
@@ -133,7 +133,7 @@ def flown(
 ) -> NDArray[np.float64]:
     """Take a departure profile over a way: rows (a0, s0, t0, a1, s1, t1) of arrival, charge and departure, sorted by arrival.
 
-    A way takes `mean_ratio` times what the model says, and is begun only with charge for `sure_ratio` times that, and the reserve.
+    A way takes `mean_ratio` times what the model says, and starts only with charge for `sure_ratio` times that, and the reserve.
 
     Takes a profile and pieces in order of time, any number of them.
     """

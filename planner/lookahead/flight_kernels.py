@@ -188,7 +188,7 @@ def lower_time(ways: Ways, slot: int, segment: int) -> float:
 def _lower(ways: Ways, slot: int, segment: int) -> float:
     """Work the bound out: the speeds of the slots that a flight may touch are at most each member's fastest.
 
-    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be
+    A member is sure to fly at once if its slowest speed brings it down in the slots considered. Other members may be
     among those that do: they count where they lower the mean.
     """
     air, probability = ways.air, ways.probability
@@ -323,7 +323,7 @@ def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
     air, probability = ways.air, ways.probability
     slot = slot_of(air, time_s)
     end = slot_end(air, slot)
-    # By the table, if every flight that is begun at once may end in the slot.
+    # By the table, if every flight that starts at once may end in the slot.
     if time_s + least_time(air, segment) <= end:
         _look_up(ways, need, slot, segment)
         row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh

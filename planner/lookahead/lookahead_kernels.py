@@ -41,7 +41,7 @@ MAX_HOLD_S = 24 * 3600.0
 LAST_RESORT_S = 1e12
 """Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
 FLIGHTS, MISSING = range(2)
-"""Entries of `World.tally`: flights evaluated, and the node whose waits are asked for but not yet forecast."""
+"""Entries of `World.tally`: flights evaluated, and the node whose waits are requested but not yet forecast."""
 _ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on the charge
 
 

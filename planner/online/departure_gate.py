@@ -276,7 +276,7 @@ class DepartureGate:
         return soc, found.stations
 
     def _without_room(self, reach: Reach, way: list[Place], at_s: float) -> frozenset[str]:
-        """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by who is there now."""
+        """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by the drones there now."""
         info, scenario, most = self._info, self._policy.scenario, self._policy.parameters.p_no_room
         if not info.watched:
             return frozenset()
@@ -305,7 +305,7 @@ class DepartureGate:
         return f"landing at {end} is allowed only from {opens} on", {"opens_posix_s": opens_s}
 
     def _p_no_room(self, sure: tuple[str, ...], reach: Reach, taken: _Taken, at_s: float, soc: float) -> float:
-        """Probability that a watched leg is turned halfway because it may well find no place at its end, by who is there now."""
+        """Probability that a watched leg is turned halfway because it may well find no place at its end, by the drones there now."""
         scenario, end = self._policy.scenario, sure[-1]
         node = scenario.network.index[end]
         present = self._info.busy_pads.get(end) if scenario.network.pads[node] else None

@@ -121,7 +121,7 @@ class Following:
         return np.asarray(p.air.climb_s + p.air.descent_s + distance / p.air.airspeed_mps)
 
     def _margin(self, rest: tuple[int, ...], time_s: float) -> float:
-        """Charge beyond what a flight takes, as a share, with which it will be begun at a time.
+        """Charge beyond what a flight takes, as a share, with which it will start at a time.
 
         As if the wind of that hour were known as that of this one is now.
         """

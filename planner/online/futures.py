@@ -33,7 +33,7 @@ MAX_TABLE = 200_000
 
 
 class SampledQueues(Mapping[int, QueuePath]):
-    """One sampled realization of the queues of a problem; drawn for a station when it is first asked for."""
+    """One sampled realization of the queues of a problem; drawn for a station when it is first requested."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
         self._problem, self._sample = problem, sample

@@ -204,7 +204,7 @@ class FlightDecision:
         return [self._with_room(one, reach) for one in options]
 
     def _with_room(self, option: Option, reach: Reach) -> Option:
-        """Return the same with the risk of finding no place until the charge is gone, by who is at its station now."""
+        """Return the same with the risk of finding no place until the charge is gone, by the drones at its station now."""
         info, scenario = self._info, self._policy.scenario
         node = scenario.network.index[option.station]
         present = info.busy_pads.get(option.station) if scenario.network.pads[node] else None

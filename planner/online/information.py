@@ -49,7 +49,7 @@ class Information:
     belief: EnergyBelief
     """How much energy flights take; in the air, this one so far counted in."""
     near_forecast: WindEnsemble | None = None
-    """The same in finer slots, for what is begun now: what was measured fades within an hour."""
+    """The same in finer slots, for what starts now: what was measured fades within an hour."""
     measured: bool = False
     """The wind of each hour is measured at the sites: who waits for the next one knows more. Else only flights measure
     it."""
@@ -106,7 +106,7 @@ class Departure:
     charge: float
     """Take-off with at least this charge."""
     required: Callable[[float], float]
-    """Charge without which the flight is not begun at a time, POSIX seconds."""
+    """Charge without which the flight is not started at a time, POSIX seconds."""
     look_s: float = math.inf
     """Decide again then, POSIX seconds."""
     turn_back: TurnBack | None = None

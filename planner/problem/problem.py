@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from skyway.planner.problem.request import Request
 
 HORIZON_H = 48
-"""Hours of wind and queues that are looked at; a delivery takes less."""
+"""Hours of wind and queues that are considered; a delivery takes less."""
 DAY_S = 86_400.0
 NEVER_S = 1e12
 """Before all times, with a minus."""
@@ -352,7 +352,7 @@ class Problem:
     def many_queues(self, nodes: Sequence[int], stream: int, count: int) -> PackedPaths:
         """So many sampled realisations of the other drones at each of some places, in order (place, realisation).
 
-        Each stream is others than those of `queue_sets` and of the other streams; asked for again, with the same count, it is the same.
+        Each stream is others than those of `queue_sets` and of the other streams; requested again, with the same count, it is the same.
         """
         kept = self._many.setdefault((self.request.seed, stream, count), {})
         for node in nodes:
@@ -485,7 +485,7 @@ def check_apart(problem: Problem) -> None:
 class ExpectedWaits:
     """Expected wait and chance of a free pad at every station over the horizon.
 
-    Rows are filled when first asked for (`need`); kernels read the arrays.
+    Rows are filled when first requested (`need`); kernels read the arrays.
     """
 
     def __init__(self, problem: Problem) -> None:

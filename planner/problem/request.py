@@ -69,7 +69,7 @@ class Request:
         How the package leaves the drone, one of `models.composition.release.RELEASES`. Where that is in the air, `dwell_s` is the time
         of the hover, and the drone does not land at the target.
     undelivered_to : str or None
-        Where the package goes if it cannot be handed over: ``back`` to where it came from, or the id of a station. The
+        Where the package goes if it cannot be delivered: ``back`` to where it came from, or the id of a station. The
         charge for it is kept. None: no charge is kept for that.
     not_back_by : tuple of str
         Stations that the way back cannot begin with.

@@ -36,7 +36,7 @@ class AskedQueues(Mapping[int, QueuePath], ABC):
 
 
 class SampledQueues(AskedQueues):
-    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are asked for first."""
+    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are requested first."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
         super().__init__(problem)

@@ -86,7 +86,7 @@ class ChargePolicy:
     known: Known
     """The rule."""
     most_full: float = 1.0
-    """A flight is begun when the chance to find its station full is at most this."""
+    """A flight starts when the chance to find its station full is at most this."""
     first_s: float = -math.inf
     """The drone waits at its origin until then, POSIX seconds."""
 

@@ -1,7 +1,7 @@
 """Free capacity of stations: blocking probabilities, and the required probability of a place before take-off.
 
 A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
-known before a take-off (the pad service tells), so that a flight is begun only when the chance to find the station full
+known before a take-off (the pad service tells), so that a flight starts only when the chance to find the station full
 at its end is small.
 """
 

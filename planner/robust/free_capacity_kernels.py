@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""
 _NEGLIGIBLE = 1e-12
-_MOST = 60  # departures that are looked at
+_MOST = 60  # departures that are considered
 
 
 class FreeCapacity(NamedTuple):
@@ -33,7 +33,7 @@ class FreeCapacity(NamedTuple):
     services_per_s: NDArray[np.float64]
     """Others that arrive, and that leave one busy pad, in each hour from `start_s`, POSIX seconds, on; shape (legs, hours)."""
     most: float
-    """Greatest chance with which a flight is begun; 1: nobody looks at the pads."""
+    """Greatest probability of a full station with which a flight starts; 1: pads are ignored."""
 
 
 class Present(NamedTuple):

@@ -1,4 +1,4 @@
-"""The information state in which a flight is begun, and what follows from it: how much energy it may take, and which winds are likely.
+"""The information state in which a flight starts, and what follows from it: how much energy it may take, and which winds are likely.
 
 Each member m of the forecast is weighted by its likeness to the wind measured now, and shifted by its own residual:
 

@@ -6,7 +6,7 @@ the flight with its margin, or full. A label is dropped where another at the sam
 has lost no more; where prices change with the hour, one of the same hour; where stations close, one that has been at the same of these, for
 how sure they are to be open when the drone comes, the mean-value problem does not tell. Routes come in the order of their loss.
 
-Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is not looked at:
+Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is ignored:
 the routes are only candidates, which are judged by simulation (`planner.robust.robust`).
 """
 
@@ -51,7 +51,7 @@ class Landing:
     soc: float
     loss: float
     stage: int
-    """How many of the stops that are asked for are behind it."""
+    """How many of the stops that are requested are behind it."""
     before: Landing | None
     slot: int
     """In whose wind it was flown to."""
@@ -224,7 +224,7 @@ class LossSearch:
         return drone.wear_per_flight_h * flight_s / S_PER_H + drone.wear_per_cycle * soc
 
     def _stage(self, label: Landing, target: int) -> int:
-        """How many of the stops that are asked for are behind a landing at a station; -1 where it may not land there yet."""
+        """How many of the stops that are requested are behind a landing at a station; -1 where it may not land there yet."""
         asked = self.problem.must_stop
         if label.stage < len(asked) and target == asked[label.stage]:
             return label.stage + 1

@@ -324,7 +324,7 @@ class RobustSearch:
             itinerary = self._without_idle_stops(itinerary, charges)
 
     def _without_idle_stops(self, itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
-        """Overfly the stops at which hardly any run charges, unless they were asked for."""
+        """Overfly the stops at which hardly any run charges, unless they were requested."""
         legs = [itinerary[0]]
         for leg, share in zip(itinerary[1:], charges[1:], strict=True):
             asked = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop

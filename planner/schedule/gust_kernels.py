@@ -195,7 +195,7 @@ def gusty_land(
 ) -> float:
     """Touch-down of a flight through gusts of time constant `time_s`; without gusts that of `land`.
 
-    The hourly wind must allow the take-off (`next_opening`). Once begun, the flight is flown to its end: a gust beyond
+    The hourly wind must allow the take-off (`next_opening`). Once started, the flight is flown to its end: a gust beyond
     the limits slows it to the least ground speed.
 
     Takes a member and segments of the air and a finite take-off; a time constant above 0.

@@ -54,7 +54,7 @@ class Outcome:
     crossed: Crossed | None = None
     """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
     spending: Spending | None = None
-    """What the runs that arrive spend; None where it is not asked for."""
+    """What the runs that arrive spend; None where it is not requested."""
 
     @property
     def mean_s(self) -> float:

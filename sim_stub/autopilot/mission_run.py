@@ -39,7 +39,7 @@ class MissionRun:
     current: int = 0
     """The item in progress or next."""
     behaviour: Behaviour | Place | None = None
-    """What the current item has it do; None before it is begun."""
+    """What the current item has it do; None before it starts."""
     pending: list[int] = field(default_factory=list)
     """DO and CONDITION items that run beside the current one."""
     state: MissionState = MissionState.NO_MISSION

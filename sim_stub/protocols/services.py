@@ -17,7 +17,7 @@ _MAX_STATIONS = 32
 
 
 class LinkServices:
-    """Heartbeats heard, time, version, signing, streams asked for."""
+    """Heartbeats heard, time, version, signing, streams requested."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

@@ -83,7 +83,7 @@ class Habits(NamedTuple):
     lists_skipped: bool
     """It lists what it does not name."""
     reads_asked: bool
-    """It reads as many bytes as are asked for; otherwise as many as there is room for."""
+    """It reads as many bytes as are requested; otherwise as many as there is room for."""
     idle_s: float
     """A session that asks nothing for so long is closed."""
     waiting: int

@@ -50,7 +50,7 @@ class LogsHome:
         return found
 
     def _noted(self) -> LogsBefore | None:
-        """Return what the journal of a resumed flight says; a flight begun without --fetch-log has the latest fetched."""
+        """Return what the journal of a resumed flight says; a flight started without --fetch-log has the latest fetched."""
         for record in read_journal(self._context.journal.path).records:
             entry = record.entry(LogsSeen)
             if entry is not None and entry.by in ("ftp", "requests"):

@@ -191,7 +191,7 @@ def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> tuple[MissionDoc
 
 
 def _set_by_hand(family: Family, begins: Sequence[int]) -> tuple[str, ...]:
-    """Return what people do before each flight of a single mission, where the autopilot does not go on by itself."""
+    """Return manual actions before each flight of a single mission, where the autopilot does not continue automatically."""
     if family.stays_in_mission_after_landing:
         return ()
     items = ", ".join(
@@ -248,7 +248,7 @@ def flights_of(
 ) -> tuple[Flight, ...]:
     """Make and check the flights of an autopilot, from the start or from a point and a pad on.
 
-    Each is begun when, and with the charge, that the plan says.
+    Each starts when, and with the charge, that the plan says.
     """
     conditions, transit = problem.options.conditions, problem.options.transit
     builder = PartBuilder(problem.work, problem.ways, transit, family)

@@ -46,7 +46,7 @@ class Prepared:
     families: tuple[Family, ...]
     """Autopilots that fly it."""
     only: bool
-    """One autopilot was asked for."""
+    """One autopilot was requested."""
     pads: tuple[Station, ...]
     """Those that can be landed on."""
     notes: tuple[str, ...]

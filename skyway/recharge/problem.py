@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.sharing import Stay
 
 MAX_SLOTS = 24
-"""Slots of a forecast that are looked at; the last one holds on."""
+"""Slots of a forecast that are considered; the last one holds on."""
 AT_ONCE_S = 1e-3
 MORE_SURE, MOST_MORE = 1.02, 1.2
 """Flights are given so much more charge at least, and at most, where one of them does not keep the reserve as surely as is asked."""

@@ -1,6 +1,6 @@
 """One mission for several drones: its independent parts and the pads are shared among them.
 
-Every drone gets a mission of its own, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
+Every drone gets a separate mission, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
 from another one.
 """
 

@@ -70,7 +70,7 @@ async def _gone(request: Request) -> None:
 
 
 async def _answer(site: Site, name: str, *arguments: Any, ends_with: Request | None = None) -> Response:
-    """Return what a worker answers, or why it does not; heavy work ends with who asked for it."""
+    """Return a worker's answer, or its error; heavy work ends when its requester leaves."""
     asked = site.workers.ask(name, *arguments)
     try:
         found = await (asked if ends_with is None else _waited_for(ends_with, asked))

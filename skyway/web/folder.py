@@ -19,7 +19,7 @@ LOGS = (".tlog", ".bin", ".ulg", ".log", ".csv", ".jsonl")
 REPORTS = (".html",)
 """Endings of missions, of logs and journals, and of reports."""
 MOST_FILES = 5000
-"""Files of a folder that are looked at."""
+"""Files of a folder that are considered."""
 MOST_NAME, MOST_BYTES = 1000, 255
 """Signs of a path within the folder, and bytes of each part of it: systems take no longer ones."""
 MOST_SAFE = 180

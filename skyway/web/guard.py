@@ -71,7 +71,7 @@ class Guard:
     app : ASGI application
         What is guarded.
     token : str or None
-        What a person types once in each browser; None lets everyone in who may connect.
+        Password that a person types once in each browser; None admits everyone who may connect.
     max_body : int
         Bytes of one request.
     tiles : BaseMap
@@ -181,7 +181,7 @@ class Guard:
     async def _pass(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
         """Hand a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
 
-        Pages are asked for uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
+        Pages are requested uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
         """
         nonce = secrets.token_urlsafe(16)
         begun: Message = {}
@@ -216,7 +216,7 @@ class Guard:
 
 
 def browser(headers: Mapping[str, str]) -> str:
-    """Return who a browser is, for journals: nothing can be made of it, and nothing where it has not said."""
+    """Return a browser's pseudonym, for journals: it reveals nothing, and is empty where none was given."""
     try:
         found = SimpleCookie(headers.get("cookie", "")).get(BROWSER)
     except CookieError:

@@ -20,7 +20,7 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
     Parameters
     ----------
     label : str
-        For those who do not see it.
+        For people who cannot see it.
     on_choose, on_drag, on_vehicle, on_move : callable, optional
         Called with what was chosen in the menu of a place (action, station, lat, lon); with the stations that a stop was dragged from
         and to; with the id of a vehicle; with the id of a mark and where it was dragged to.

@@ -63,7 +63,7 @@ WATCHED = frozenset(
         *("FRAME_CLASS", "MAV_TYPE", "CA_AIRFRAME", "SYS_AUTOSTART", "VT_TYPE", "VT_FWD_THRUST_EN"),
     )
 )
-"""Parameters that are looked at."""
+"""Parameters that are considered."""
 
 
 @dataclass(frozen=True, slots=True)

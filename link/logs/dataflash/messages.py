@@ -160,7 +160,7 @@ def _numbers(fields: Fields, key: str, default: float = np.nan) -> NDArray[np.fl
 
 
 def _first(fields: Fields) -> NDArray[np.bool_]:
-    """Messages of the sensor, the core or the battery that is looked at: the first."""
+    """Messages of the sensor, the core or the battery that is considered: the first."""
     numbers = [_numbers(fields, key, 0.0) for key in ("I", "C", "Inst", "Instance")]
     return np.asarray(np.all(np.stack(numbers) == 0.0, axis=0))
 
@@ -318,7 +318,7 @@ _PARTIAL = ("EV", "ERR")
 def quantities(name: str, fields: Fields, times: NDArray[np.float64]) -> dict[str, tuple[NDArray[np.float64], Columns]]:
     """Return the series in messages of one type: times and columns, by name.
 
-    Messages of another sensor, or another core of the filter, than the one that is looked at are omitted.
+    Messages of another sensor, or another core of the filter, than the one that is considered are omitted.
     """
     speak, choose = SPOKEN[name]
     columns = speak(fields)

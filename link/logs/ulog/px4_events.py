@@ -21,7 +21,7 @@ from skyway.models.base.errors import one_line
 AUTOPILOT = 1
 """The component whose names are hashed."""
 MAX_PACKED, MAX_JSON = 1 << 20, 1 << 23
-"""Bytes of metadata, packed and unpacked, that are looked at; PX4's are 50 and 160 kB."""
+"""Bytes of metadata, packed and unpacked, that are considered; PX4's are 50 and 160 kB."""
 _MAX_MEMORY = 80 << 20
 """Bytes for unpacking: XZ's highest setting, which PX4 uses, asks for 65 MB."""
 _WHOLE = [f"{kind}{bits}_t" for bits in (8, 16, 32, 64) for kind in ("int", "uint")]

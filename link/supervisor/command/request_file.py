@@ -41,7 +41,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     name: str
     """What the person is called."""
     time_s: float
-    """When it was asked for, POSIX seconds of this computer."""
+    """When it was requested, POSIX seconds of this computer."""
     about: int | None = None
     """Number of the record with the question that it answers."""
 
@@ -102,7 +102,7 @@ class RequestFile:
                 file.seek(self._at)
                 found = file.read(_PIECE)
         except OSError:
-            return  # it is looked at again a second later
+            return  # it is checked again a second later
         self._at += len(found)
         *lines, rest = (self._rest + found).split(b"\n")
         self._rest = rest if len(rest) <= MAX_LINE else b""

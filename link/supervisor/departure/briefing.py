@@ -80,7 +80,7 @@ def brief(ctx: Context, leg: Leg) -> None:
 
 
 def _flight_line(ctx: Context, leg: Leg) -> str:
-    """The flight that is asked for; legs are numbered from 1."""
+    """The requested flight; legs are numbered from 1."""
     left = len(ctx.delivery.plan.services) if ctx.delivery.plan is not None else 1
     number = ctx.delivery.flight + 1
     kept = f" (reserve {percent(ctx.job.request.reserve_soc)})"

@@ -22,7 +22,7 @@ POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5
 """A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
 SHORT_SOC = 0.01
-"""A charge that is less short of what was asked for counts as it."""
+"""A charge that is less short of what was requested counts as it."""
 REDECIDE_S = 600.0
 """A drone that waits for a pad, or is still to be charged for longer, thinks again this often: others come and leave, and hours of the forecast begin."""
 

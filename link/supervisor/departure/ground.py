@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 POLL_S = 10.0
 MAX_ASKED = 60
-"""The pads of so many stations are asked for at most: over a slow link each question takes a while."""
+"""Request the pads of at most so many stations: over a slow link each question takes a while."""
 _UNTOLD_S = 300.0
 
 
@@ -69,7 +69,7 @@ def replanning(ctx: Context) -> After:
 
 
 def _look_again(ctx: Context) -> str:
-    """Return where it stands, once that and its charge are known; what is not told is asked for again."""
+    """Return where it stands, once that and its charge are known; missing data are requested again."""
     unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 ASK_EVERY_S = 30.0
 """What was told of a station holds for so long."""
 SILENT_S = 60.0
-"""After a pad service failed nothing is asked for so long: each question may take seconds, in which nothing else is looked at."""
+"""Pause after a failure of a pad service: each request may take seconds, during which nothing else is monitored."""
 
 
 class PadsAhead(Mapping[str, int]):

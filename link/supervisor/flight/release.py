@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.IGNORECASE)
 _KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
 HANGS_S = 9.0
-"""After the release has begun the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
+"""After the release has started the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
 ASK_S, SAME_M = 3.0, 0.1
 """A winch is asked so often for its line while it lets it out; what differs less is the same."""
 LINE_M = 0.5
@@ -43,7 +43,7 @@ class ReleaseWatch:
     """It told the same twice: the drum has stopped."""
     asked_s: float = -math.inf
     seen_before: bool = False
-    """It was watched as the release began: a program that was begun again over the target does not know how long the package hangs."""
+    """It was watched as the release began: a program that was restarted over the target does not know how long the package hangs."""
     weighed: bool = False
 
     def take(self, line_m: float | None) -> None:

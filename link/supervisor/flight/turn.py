@@ -117,7 +117,7 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
 
 
 def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
-    """A turn whose orders are not answered is begun again when the link is back."""
+    """A turn whose orders are not answered is restarted when the link is back."""
     ctx.divert.to(station)
     raise Turn(State.LOST_LINK, f"the link was lost while the drone was diverted to {station}: {error}") from error
 

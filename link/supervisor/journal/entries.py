@@ -61,7 +61,7 @@ class PlanTaken(Entry, frozen=True, kw_only=True, tag="plan"):
 
 
 class WentOn(Entry, frozen=True, kw_only=True, tag="onward"):
-    """The package was handed over, or could not be: the drone flies on from the target by this plan, not before `leave_s`."""
+    """The package was delivered, or could not be: the drone flies on from the target by this plan, not before `leave_s`."""
 
     destination: str | None
     loaded: bool | None
@@ -90,7 +90,7 @@ class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
 
 
 class Resumed(Entry, frozen=True, kw_only=True, tag="resume"):
-    """The program was begun again: `last` record found, or the `mode` the vehicle was found in."""
+    """The program was restarted: `last` record found, or the `mode` the vehicle was found in."""
 
     last: int | None = None
     mode: str | None = None
@@ -196,7 +196,7 @@ class Uploaded(Entry, frozen=True, kw_only=True, tag="upload"):
 
 
 class StartNote(Entry, frozen=True, kw_only=True, tag="start"):
-    """A take-off was refused, or not begun."""
+    """A take-off was refused, or not started."""
 
 
 # The flight

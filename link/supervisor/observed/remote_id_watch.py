@@ -24,7 +24,7 @@ class RemoteIdWatch:
     _begun_s: float = field(default=0.0)
 
     def begin(self, ctx: Context) -> None:
-        """Send who flies from now on, where that was given."""
+        """Send the operator's identity from now on, where one was given."""
         vehicle, who = ctx.vehicle, ctx.job.remote_id
         self._begun_s = vehicle.connection.clock.now_s()
         if who.given and self._sender is None:

@@ -53,7 +53,7 @@ class Proof:
             drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
             self._scale = scale_of(drone, ctx.job.request.payload_kg, ctx.job.drag)
             self._scale.remember(self._gains)
-            if self.evidence.tried:  # before the program was begun again
+            if self.evidence.tried:  # before the program was restarted
                 self._scale.may_be_empty()
         down = s.landed == _DOWN or s.armed == 0.0
         if self._down and not down and s.height_m > _OFF_GROUND_M:

@@ -36,7 +36,7 @@ SURE = 16
 DOUBTED_S = 130.0
 """A voltage that stays low for longer is no burst of wrong values."""
 WITNESS_S, AFTER_S = 30.0, 60.0
-"""The power is asked for so long after a fall; later it differs for other reasons."""
+"""The power is requested so long after a fall; later it differs for other reasons."""
 HALF, TOO_MUCH = 0.5, 1.5
 """Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
 SIGMAS = 1.5

@@ -181,7 +181,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
 
 
 def _to_pad(ctx: Context, station: str, why: str) -> After:
-    """What the vehicle holds now is unknown: it flies to the pad by a mission of its own, or by reposition."""
+    """What the vehicle holds now is unknown: it flies to the pad by a separate mission, or by reposition."""
     ctx.note(WorkTurned(verified=False), f"the mission could not be changed: {why}")
     ctx.divert.to(station)
     return turn(ctx, station, State.DIVERTING)

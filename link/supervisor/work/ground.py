@@ -39,7 +39,7 @@ class PlannedUse(ModelledUse):
 
 
 def planner_of(ctx: Context) -> WorkPlanner:
-    """Return who plans the work."""
+    """Return the planner of the work."""
     if ctx.job.work is None:
         raise Turn(State.STOPPED, "there is no work to plan")
     return ctx.job.work
@@ -97,7 +97,7 @@ def deciding(ctx: Context) -> After:
 
 
 def _look(ctx: Context) -> None:
-    """Wait until it is known where it stands and what charge it has; what is not told is asked for again."""
+    """Wait until it is known where it stands and what charge it has; missing data are requested again."""
     unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()

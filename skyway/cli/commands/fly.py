@@ -443,7 +443,7 @@ def _journal_path(folder: Path, name: str) -> Path:
 
 @contextmanager
 def _served(pads: TcpPads | None, job: DeliveryJob, operator: Operator, clock: Clock) -> Iterator[PadService]:
-    """Serve the pads that were asked for, and hang up at the end."""
+    """Serve the pads that were requested, and hang up at the end."""
     from skyway.link.pads import ManualPads
 
     if pads is not None:

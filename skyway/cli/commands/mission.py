@@ -110,7 +110,7 @@ def mission(
 
 
 def _with_the_package(composition: Composition) -> Composition:
-    """Return the way on of a package that could not be handed over."""
+    """Return the way on of a package that could not be delivered."""
     kept = None if composition.way_back is None else composition.way_back.undelivered
     if kept is None:
         remedy = "plan with --if-undelivered back"

@@ -187,7 +187,7 @@ def _region(folder: Path | None) -> tuple[Scenario, tuple[Station, ...]]:
 
 
 def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:
-    """Stations where the vehicles stand; a position becomes a station of its own."""
+    """Stations where the vehicles stand; a position becomes a separate station."""
     places = []
     for text in at or [scenario.network.stations[0].id]:
         scenario, station_id = typed_values.place(scenario, text, "--at")

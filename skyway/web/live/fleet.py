@@ -154,7 +154,7 @@ class Fleet:
         }
 
     async def _under_way(self, now_s: float) -> list[dict[str, Any]]:
-        """Deliveries whose journal is being written; looked at once a second, however many browsers ask."""
+        """Deliveries whose journal is being written; checked once a second, however many browsers ask."""
         asked_s, known = self._deliveries
         if now_s - asked_s < 1.0:
             return known

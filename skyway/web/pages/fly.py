@@ -1,6 +1,6 @@
 """The fly page: departures, flights under way, and vehicles on the link.
 
-Each delivery is flown by a supervisor in a process of its own (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
+Each delivery is flown by a supervisor in a separate process (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
 """
 
 from __future__ import annotations

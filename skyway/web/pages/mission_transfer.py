@@ -83,7 +83,7 @@ class Transfer:
         await self._told("upload", "--yes")
 
     async def _told(self, command: str, *more: str) -> bool:
-        """Run a command of the link in its own process, and show what it prints; False where it could not be begun."""
+        """Run a command of the link in its own process, and show what it prints; False where it could not be started."""
         try:
             path = self.site.folder.existing(self._file())
         except SkywayError as error:

@@ -220,7 +220,7 @@ class PlanPage:
         except SkywayError:
             found = {"hours": []}
         if conditions != self.question.conditions():
-            return  # other hours are asked for by now
+            return  # other hours are requested by now
         self.winds = found
         if not found["hours"]:
             return

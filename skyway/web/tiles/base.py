@@ -21,7 +21,7 @@ READERS: dict[str, type[MBTiles | PMTiles]] = {".mbtiles": MBTiles, ".pmtiles": 
 OWN = "/api/tile?z={z}&x={x}&y={y}"
 PARTS = ("{z}", "{x}", "{y}")
 SERVER_ZOOM = 19
-"""Greatest zoom that a tile server is asked for; most have no more."""
+"""Greatest zoom requested from a tile server; most have no more."""
 VECTOR_ENDINGS = (".pbf", ".mvt")
 _HOST = re.compile(r"(?:[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)(?:\.[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)*")
 

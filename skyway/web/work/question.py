@@ -55,7 +55,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     dwell: str = ""
     """Time at the target: 5min."""
     if_undelivered: str = ""
-    """Where the package goes that cannot be handed over: back, a station; empty keeps nothing for it."""
+    """Where the package goes that cannot be delivered: back, a station; empty keeps nothing for it."""
     avoid: tuple[str, ...] = ()
     """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()

@@ -111,7 +111,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
 
 
 def _asked(count: int, *, as_json: bool) -> bool:
-    """Ask whoever sits at a terminal; nobody else agrees."""
+    """Ask the person at a terminal; without one the answer is no."""
     if as_json or not sys.stdin.isatty():
         return False
     return typer.confirm(f"set {count} parameter{'' if count == 1 else 's'}?")
