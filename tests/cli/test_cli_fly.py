@@ -266,7 +266,7 @@ def test_no_is_an_answer_too_and_leaves_it_where_it_stands(planned, tmp_path):
         assert there.world.vehicles[1].station() == "bellevue"
         assert not there.world.vehicles[1].autopilot.armed
     assert code == 1, said
-    assert "does not allow the take-off" in said
+    assert "said no to the take-off" in said
 
 
 @pytest.mark.slow

@@ -155,7 +155,7 @@ def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_
     ours = [event for event in stage.world.events if "station 255" in event.text and event.sim_s > taken.sim_s]
     assert min(event.sim_s for event in ours) >= taken.sim_s + 55.0
     holding = next(record for record in events(stage, "state") if record.data["after"] == "holding")
-    assert "did not command" in holding.reason
+    assert "somebody else switched" in holding.reason
 
 
 def test_without_an_operator_a_vehicle_that_a_pilot_has_landed_is_left_standing(tmp_path):
