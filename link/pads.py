@@ -49,7 +49,7 @@ class TcpPads(AskedPads):
             return self._answered(line)
         except OSError as error:
             self.close()
-            raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from error
+            raise PadServiceError(f"the pad service at {self.address} failed: {error.strerror or error}") from error
 
     def _answered(self, line: bytes) -> PadAnswer:
         end_s = time.monotonic() + ANSWER_S
@@ -88,7 +88,7 @@ def snapshot(
 ) -> tuple[list[StationStatus], list[str]]:
     """Ask a pad service once for each of some stations; returns what it answered, and what a person should know of the others.
 
-    A `PadServiceError` says that the service cannot be reached, or answers for none of them; an `InputError` refuses the address.
+    Raises a `PadServiceError` if the service cannot be reached, or answers for none of them; an `InputError` refuses the address.
     """
     pads, end_s = TcpPads(address), time.monotonic() + within_s
     found: list[StationStatus] = []
@@ -109,7 +109,7 @@ def snapshot(
     if not unknown:
         return found, []
     why = f": {failure}" if failure is not None else f" within {within_s:g} s"
-    return found, [f"the pad service at {pads.address} told of {len(found)} of {len(stations)} stations{why}"]
+    return found, [f"the pad service at {pads.address} reported {len(found)} of {len(stations)} stations{why}"]
 
 
 @dataclass(slots=True)

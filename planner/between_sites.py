@@ -1,4 +1,4 @@
-"""What wind that no site of the record tells makes of a robust plan.
+"""The effect on a robust plan of wind that no site of the record measures.
 
 A plan is simulated in the wind that is interpolated between the sites of the record. The wind there is another one, by an error whose
 covariance the record tells (`models.wind.field_error`). Given a simulated delivery, each flight of it takes normally distributed energy more or
@@ -47,7 +47,7 @@ PIECE_M = 2000.0
 
 @dataclass(frozen=True, eq=False)
 class BetweenSites:
-    """How a plan fares in wind that the sites of the record do not tell."""
+    """Results of a plan in wind that the sites of the record do not measure."""
 
     sd_mps: float
     """Standard deviation of a component where it is least known on the route, in the usual wind there."""
@@ -62,7 +62,7 @@ class BetweenSites:
 
 
 def between_sites(answer: RobustAnswer) -> BetweenSites | None:
-    """How a robust plan fares there; None where the forecast is of no record, which has errors of its own."""
+    """How a robust plan performs between the wind sites; None for forecasts from a record, which has errors of its own."""
     problem, policy = answer.policy.problem, answer.policy
     if not record_days(problem.ensemble):
         return None
@@ -105,7 +105,7 @@ def slower_sd_s(
 ) -> tuple[NDArray[np.float64], tuple[float, str]]:
     """Standard deviation of the time of flights over segments, s, shape (runs,), for what the sites do not tell of the wind.
 
-    Also where that is worst known: the standard deviation of a component there in the mean wind of these flights, m/s, and the nearer end of the segment.
+    Also where that is worst known: the standard deviation of a component there on average wind of these flights, m/s, and the nearer end of the segment.
     """
     air, wind, network = problem.air, problem.ensemble, problem.network
     slot = np.clip(((take_off_s - air.start_s) // air.slot_s).astype(np.int64), 0, air.north.shape[1] - 1)

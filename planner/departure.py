@@ -38,7 +38,7 @@ class Departure:
 
     @property
     def delivery_s(self) -> float:
-        """Mean delivery time from then; infinite where there is no route."""
+        """Mean delivery time from a departure; infinite where there is no route."""
         return math.inf if self.delivery is None else self.delivery.value
 
 
@@ -52,10 +52,10 @@ def plan_within(
     progress: Callable[[int, int], None] | None = None,
     parameters: PlannerParameters = USUAL,
 ) -> tuple[PlanResult, list[Departure]]:
-    """Plan for the departure within a window that takes the least time, or that best keeps the deadline.
+    """Plan for the departure within a window that takes the least time, or that best meets the deadline.
 
     The drone waits at its origin until then, and is charged there. The window begins at the time of the request and
-    lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is told how
+    lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is called with how
     many of how many departures have been tried. Returns the plan for the best departure, and all departures tried, in
     order.
 

@@ -1,4 +1,4 @@
-"""Choice of the drones to plan for: those that lift the package and are dominated by no other (the skyline).
+"""Choice of the drones to plan for: those that lift the package and that no other dominates (the skyline).
 
 Block nested loop; source: Börzsönyi, Kossmann, Stocker, "The skyline operator", ICDE 2001.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def qualities(drone: Drone, *, with_price: bool, spends: tuple[float, bool] | None = None) -> tuple[float, ...]:
-    """What drones are compared by, more is better: payload, range, airspeed, recharge rate, and minus the price.
+    """Criteria for comparing drones, more is better: payload, range, airspeed, recharge rate, and minus the price.
 
     With `spends`, the mass of a package (kg) and whether the cost counts: also minus the power that carries it, and minus the wear.
     """
@@ -39,14 +39,14 @@ def qualities(drone: Drone, *, with_price: bool, spends: tuple[float, bool] | No
 
 
 def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Return whether qualities `a` are at least as good as `b` in everything and better in something."""
+    """Return whether qualities `a` are at least as good as `b` in all criteria and better in one."""
     return a != b and all(x >= y for x, y in zip(a, b, strict=True))
 
 
 def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | None = None) -> list[Drone]:
     """Drones that lift the package and are dominated by no other that does, in the order of the fleet.
 
-    The price is compared only where every one of them has one, power and wear where the objective counts energy or cost. A `PayloadError` says that none lifts it.
+    The price is compared only where every one of them has one, power and wear where the objective counts energy or cost. Raises a `PayloadError` if none lifts it.
     """
     able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
     if not able:
@@ -73,7 +73,7 @@ def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | N
 
 
 def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -> list[Drone]:
-    """Drones to compose for: the one named, or the skyline; says in `rejected` why not the others."""
+    """Drones to compose for: the named one, or the skyline; writes the reasons for excluding others to `rejected`."""
     if request.drone is not None:
         drone = scenario.drone(request.drone)
         skyline([drone], request.payload_kg)

@@ -35,7 +35,7 @@ LOW, HIGH = 0.1, 0.9
 
 @dataclass(frozen=True)
 class ChargeRange:
-    """How a stop's charge depends on what is known there."""
+    """Dependence of a stop's charge on the information there."""
 
     station: str
     """Station id."""
@@ -54,7 +54,7 @@ class StopReason:
     station: str
     """Station id."""
     asked: bool
-    """Whether it was asked for: then no other route was looked for."""
+    """Whether it was requested: then no other route was looked for."""
     runner_up: tuple[str, ...] | None
     """Stops of the best route without this one, None where there is none."""
     later: Figure | None
@@ -87,17 +87,17 @@ class WaitAndSee:
 
     @property
     def gap(self) -> float:
-        """How much longer the plan takes, as a share of the bound."""
+        """Excess time of the plan over the bound, as a share of the bound."""
         return self.plan_s / self.bound_s - 1.0
 
     @property
     def careful_gap(self) -> float | None:
-        """How much longer it takes than who must keep the reserve, as a share of that bound."""
+        """Excess time over the bound for those who must keep the reserve, as a share of that bound."""
         return None if self.careful_s is None else self.plan_s / self.careful_s - 1.0
 
 
 def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
-    """What the plan would do otherwise: how much more or less it charges at each stop, by what is known there."""
+    """Range of charges: how much more or less the plan charges at each stop, depending on the information there."""
     schedule, weight = answer.out_of_sample.schedule, answer.out_of_sample.weight
     network = answer.policy.problem.network
     found = []
@@ -188,9 +188,9 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
 
 
 def wait_and_see(answer: RobustAnswer, *, careful: bool = False) -> WaitAndSee | None:
-    """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
+    """Lower bound for the delivery time: the exact planner with each member and queue known; None without a route.
 
-    `careful` works out `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
+    `careful` computes `WaitAndSee.careful_s` as well. On large networks a search that takes long gives its own lower bound
     (`RobustParameters.reasons_s`).
     """
     problem = answer.policy.problem
@@ -257,7 +257,7 @@ def mean_bound_s(problem: Problem) -> float:
 
 @dataclass(frozen=True)
 class RobustGain:
-    """Gain of the robust plan over another planner's that is flown as it stands."""
+    """Gain of the robust plan over another planner's plan, both without replanning."""
 
     robust: PlanResult
     other: PlanResult
@@ -268,5 +268,5 @@ class RobustGain:
 
 
 def robust_gain(robust: PlanResult, other: PlanResult) -> RobustGain:
-    """Compare a robust plan with one that is flown as it stands."""
+    """Compare a robust plan with one that is flown without changes."""
     return RobustGain(robust, other, later(other.outcome, robust.outcome))

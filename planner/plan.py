@@ -6,58 +6,31 @@ import math
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
-from zoneinfo import ZoneInfo
 
-import numpy as np
-
-from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from skyway.models.base.formatting import later_text, percent
-from skyway.models.base.units import S_PER_H, from_posix, iso
-from skyway.models.flight.weather_closures import closures_told
-from skyway.models.scenario.air import air_notes, fleet_in_air
-from skyway.planner.baselines.ies import ExhaustiveSearch
+from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.formatting import later_text
+from skyway.models.scenario.air import fleet_in_air
+from skyway.planner.answers import robust_result, solve
 from skyway.planner.drone_choice import candidates
-from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
-from skyway.planner.problem.error_model import gust_notes
 from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
-from skyway.planner.problem.sampled_queues import SampledQueues
-from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST
 from skyway.planner.result import Comparison, PlanResult
-from skyway.planner.robust.out_of_sample import realization_of, simulate_fixed, typical_fixed
 from skyway.planner.robust.robust import RobustSearch
-from skyway.planner.schedule.audit import Realization, audit
-from skyway.planner.schedule.composing import compose
-from skyway.planner.schedule.itinerary import fly_true
-from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
-from skyway.planner.schedule.outcome import later, outcome
-from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
-from skyway.planner.time_limit import cut_off_note, with_gap
+from skyway.planner.schedule.outcome import later
+from skyway.planner.time_limit import with_gap
 from skyway.planner.way_back import plan_there_and_back, with_way_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
-    from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
-    from skyway.planner.robust.robust import RobustAnswer
-    from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
-
-
-TOLD_S = 6 * 3600.0
-"""Closures within so much after a delivery are told."""
-LATE = 0.95
-"""So many deliveries have arrived when a plan is compared with the end of its forecast."""
-SMALL_NETWORK = 200
-"""Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
 
 
 def plan(
@@ -105,7 +78,7 @@ def plan(
     InfeasibleError
         There is no composition; the error names the binding constraint.
     AuditError
-        Flown once more, the answer is not what it claims to be (`planner.schedule.audit`).
+        Flown again, the answer is not what it claims to be (`planner.schedule.audit`).
     """
     if planner not in PLANNERS:
         raise InputError(
@@ -153,7 +126,7 @@ def _compose(
     errors: dict[str, InfeasibleError] = {}
     for problem in problems:
         try:
-            answers.append(_solve(problem, planner, time_limit_s, progress))
+            answers.append(solve(problem, planner, time_limit_s, progress))
         except InfeasibleError as error:
             errors[problem.drone.id] = error
     drones = [answer.problem.drone.id for answer in answers]
@@ -183,7 +156,7 @@ def compare(
     time_limit_s: float = math.inf,
     parameters: PlannerParameters = USUAL,
 ) -> list[Comparison]:
-    """Put the same request to several planners; a planner without an answer says why."""
+    """Solve the same request with several planners; those without an answer give the reason."""
     answers = []
     for name in planners:
         try:
@@ -198,13 +171,13 @@ def compare(
 
 
 def as_planned_by(planner: str, request: Request) -> Request:
-    """Return a request with an objective that a planner knows: of those that plan for the time alone, least mean."""
+    """Return a request with an objective the planner supports: for those that minimise only time, the minimum mean."""
     alone = planner != ROBUST and request.objective.beside_time
     return replace(request, objective=Objective()) if alone else request
 
 
 def check_objective(scenario: Scenario, request: Request, planner: str) -> None:
-    """Refuse an objective that a planner does not know, and costs where nothing is said of them."""
+    """Refuse an objective that a planner does not support, and costs where the scenario has no prices."""
     objective = request.objective
     if objective.beside_time and planner != ROBUST:
         remedy = f"the planner {ROBUST} takes every objective; {planner} plans for the time alone"
@@ -225,14 +198,14 @@ def _check_hours(scenario: Scenario, request: Request, planner: str) -> None:
         raise InputError(Fault(f"{who} cannot wait for it", field="not_before", value=value, remedy=remedy))
     closing = [station.id for station in scenario.network.stations if station.open_hours and station.pads]
     if closing and planner in CLAIRVOYANT_PLANNERS:
-        remedy = f"the planner {ROBUST} does; or leave the column open_hours out"
+        remedy = f"use the planner {ROBUST}, or remove the column open_hours"
         raise InputError(Fault("does not plan with opening hours", field="planner", value=planner, remedy=remedy))
 
 
 def _problems(
     scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str], parameters: PlannerParameters
 ) -> Iterator[Problem]:
-    """One problem for each drone to compose for; they share what is known of waits and queues."""
+    """One problem for each drone to compose for; they share computed waits and queues."""
     problem: Problem | None = None
     for drone in candidates(scenario, request, rejected):
         problem = (
@@ -276,41 +249,6 @@ def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
     return NoRouteError(message, constraint=errors[first].constraint)
 
 
-def _doubts(
-    problem: Problem, schedule: NDArray[np.float64], summary: Outcome, *, simulated: int = 0
-) -> tuple[str, ...]:
-    """Say where the plan promises less than was asked for: more than chance explains in so many simulated runs."""
-    doubts = []
-    broken = 1.0 - summary.p_success
-    if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
-        doubts.append(
-            f"{percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were asked for: "
-            "no route that the planner knows is safer"
-        )
-    elif not simulated and broken > problem.epsilon + 1e-9:
-        doubts.append(
-            f"flown as it stands, {percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
-            "were asked for: decide the charge again at each stop"
-        )
-    if problem.in_flight and summary.p_arrive < 1.0 - problem.epsilon:
-        doubts.append(
-            f"in {percent(1.0 - summary.p_arrive, None)} of deliveries the wind forbids the first leg now, and a drone in the "
-            "air cannot hold: be ready to divert"
-        )
-    if not np.isfinite(schedule[-1, TOUCH_DOWN]) or schedule[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
-        doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
-    wind = problem.forecast
-    if summary.quantile_s(LATE) > wind.known_until_s:
-        ends = iso(from_posix(wind.known_until_s))
-        doubts.append(f"the delivery may last longer than the forecast, which ends at {ends}: {wind.then}")
-    landed_s = float(schedule[-1, TOUCH_DOWN])
-    until_s = (landed_s if math.isfinite(landed_s) else problem.depart_s) + TOLD_S
-    zone = ZoneInfo(problem.scenario.timezone)
-    closed = closures_told(wind, problem.drone, problem.rules, zone, problem.depart_s, until_s)
-    air = air_notes(problem.drone, wind, problem.depart_s)
-    return (*doubts, *closed, *air, *gust_notes(problem.usual_errors), *wind.notes)
-
-
 def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:
     if truth is None and len(forecast.probability) == 1:
         return forecast
@@ -320,85 +258,6 @@ def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> 
     if len(truth.probability) != 1:
         raise InputError(Fault("the actual wind has more than one member", field="truth", value=len(truth.probability)))
     return truth
-
-
-def _solve(
-    problem: Problem, planner: str, time_limit_s: float, progress: Callable[[int, float], None] | None
-) -> PlanResult:
-    """Compose for one drone."""
-    if planner in FORECAST_PLANNERS:
-        if len(problem.network) <= SMALL_NETWORK:
-            problem.waits.need(np.arange(len(problem.network)))
-        search = forecast_planner(planner)(problem)
-        started = time.perf_counter()
-        itinerary = _waiting(problem, search.solve())
-        spent = time.perf_counter() - started
-        same = problem.thinned(
-            problem.parameters.robust.members
-        )  # the members in which the figures of `robust` are counted
-        runs = simulate_fixed(same, itinerary, problem.usual_errors, problem.parameters.robust.final_runs)
-        if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
-            raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
-        typical = typical_fixed(same, itinerary, runs)
-        emptied = emptied_leg(typical.schedule)
-        if emptied is not None:
-            raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
-        summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue), itinerary=itinerary)
-        notes = _doubts(problem, typical.schedule, summary)
-        realization = realization_of(same, itinerary, typical, runs)
-        composition = _audited(same, itinerary, typical.schedule, summary, realization, planner, spent, notes)
-        return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded)
-    queues = SampledQueues(problem, 0)
-    if planner == "exact":
-        clairvoyant: ExactSearch | ExhaustiveSearch = _exact(problem, queues, time_limit_s)
-    else:
-        clairvoyant = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
-    started = time.perf_counter()
-    itinerary = clairvoyant.solve()
-    spent = time.perf_counter() - started
-    schedule = fly_true(problem, itinerary, queues)
-    if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
-        raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
-    summary = outcome(problem, schedule, np.ones(1), itinerary=itinerary)
-    notes = () if clairvoyant.complete else (cut_off_note(clairvoyant, time_limit_s),)
-    realization = Realization(0, queues, clairvoyant.best_s)
-    composition = _audited(problem, itinerary, schedule[0], summary, realization, planner, spent, notes)
-    return PlanResult(
-        composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, complete=clairvoyant.complete
-    )
-
-
-def _waiting(problem: Problem, itinerary: Itinerary) -> Itinerary:
-    """Return an itinerary whose last flight does not end before the earliest delivery, however fast it is."""
-    if not math.isfinite(problem.earliest_s):
-        return itinerary
-    last = itinerary[-1]
-    begins_s = problem.earliest_s - problem.fastest_s(last.segments)
-    return (*itinerary[:-1], replace(last, not_before_s=max(last.not_before_s, begins_s)))
-
-
-def _exact(problem: Problem, queues: SampledQueues, time_limit_s: float) -> ExactSearch:
-    """Return an exact search that ends after a time; in a hurry, it looks for any answer first."""
-    hurry = time_limit_s < problem.parameters.exact.hurry_s
-    return ExactSearch(problem, queues, time_limit_s=time_limit_s if hurry else math.inf, cut_off_s=time_limit_s)
-
-
-def _audited(
-    problem: Problem,
-    itinerary: Itinerary,
-    schedule: NDArray[np.float64],
-    summary: Outcome,
-    realization: Realization,
-    planner: str,
-    spent_s: float,
-    notes: tuple[str, ...],
-) -> Composition:
-    """Return the composition of a schedule, flown once more."""
-    composition = compose(
-        problem, itinerary, schedule, realization.member, summary, planner=planner, planning_time_s=spent_s, notes=notes
-    )
-    audit(composition, problem, itinerary, realization)
-    return composition
 
 
 def _plan_robust(
@@ -438,24 +297,11 @@ def _plan_robust(
         else:
             spent += time.perf_counter() - started
             labels_expanded += sum(search.labels_expanded for search in searches)
-            told_result = _told(answer, spent, labels_expanded, rejected | told)
+            told_result = robust_result(answer, spent, labels_expanded, rejected | told)
             if all(search.complete for search in searches):
                 return told_result
             return with_gap(told_result, time_limit_s)
         spent += time.perf_counter() - started
-
-
-def _told(answer: RobustAnswer, spent_s: float, labels_expanded: int, rejected: dict[str, str]) -> PlanResult:
-    """Tell a robust answer as a composition: its typical schedule."""
-    problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
-    notes = _doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight))
-    realization = realization_of(problem, itinerary, answer.typical, answer.out_of_sample)
-    composition = _audited(problem, itinerary, answer.typical.schedule, summary, realization, ROBUST, spent_s, notes)
-    objective = problem.request.objective
-    if objective.deadline is not None:
-        on_time = summary.on_time(objective.deadline.timestamp())
-        composition = replace(composition, on_time_probability=on_time.value, on_time=on_time)
-    return PlanResult(composition, itinerary, problem, summary, spent_s, labels_expanded, rejected, robust=answer)
 
 
 def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
@@ -474,7 +320,7 @@ def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
             answer = RobustSearch(result.problem).finish([candidate, *others])
         except NoRouteError:  # with its margin calibrated it never leaves
             continue
-        told = _told(answer, time.perf_counter() - started, result.labels_expanded, {})
+        told = robust_result(answer, time.perf_counter() - started, result.labels_expanded, {})
         try:
             plans.append(with_way_back(told, compose))
         except NoRouteError:  # nobody would come back from it

@@ -1,4 +1,4 @@
-"""All that is told of a plan beside its composition, worked out before any of it is shown."""
+"""The report of a plan besides its composition, computed before any of it is shown."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlanReport:
-    """A plan and what was asked for beside it."""
+    """A plan, and the additional results that were requested."""
 
     result: PlanResult
     """The plan."""
@@ -59,10 +59,10 @@ def plan_report(
     flown_runs: int = 0,
     told: Callable[[int, int, float], None] | None = None,
 ) -> PlanReport:
-    """Work out what is told of a plan; the bound, alternatives and reasons are searches of their own.
+    """Compute the report of a plan; the bound, alternatives and reasons are searches of their own.
 
     With `flown_runs` so many deliveries are simulated as `fly` decides them, and `told` how far that is (`planner.evaluation.as_flown`).
-    An `InputError` says that this cannot be done for this plan.
+    Raises an `InputError` if this cannot be done for this plan.
     """
     robust = result.robust
     if flown_runs and robust is None:
@@ -94,7 +94,7 @@ class ComparisonReport:
 
 
 def comparison_report(answers: Sequence[Comparison]) -> ComparisonReport:
-    """Work out what is told of a comparison."""
+    """Compute the report of a comparison."""
     results = [one.result for one in answers if one.result is not None]
     robust = next((one for one in results if one.robust is not None), None)
     others = [

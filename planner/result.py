@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A composition and how it was found.
+    """A composition, and how it was found.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class PlanResult:
         False where a time limit cut the search off: the answer may not be the best.
     robust : RobustAnswer or None
         Of ``robust``: how the charge is decided at each stop, and what else was compared. None: the itinerary is
-        flown as it stands.
+        flown unchanged.
     """
 
     composition: Composition

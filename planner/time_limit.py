@@ -1,4 +1,4 @@
-"""What is said of an answer that a time limit cut off: how much better another could be at most."""
+"""Note on an answer cut off by a time limit: how much better another could be at most."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def _told(time_limit_s: float, gap: float, what: str) -> str:
 
 
 def cut_off_note(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
-    """Say of an answer that it is not proved, and what is."""
+    """Note that an answer is not proved optimal, and what is proved."""
     return _told(time_limit_s, search.gap if isinstance(search, ExactSearch) else math.inf, "it")
 
 
 def with_gap(result: PlanResult, time_limit_s: float) -> PlanResult:
-    """Say of an answer of `robust` that others were not looked at, and how much less time they could take at most."""
+    """Note that an answer of `robust` left options unsearched, and how much time they could save at most."""
     taken_s = result.outcome.mean_s - result.problem.depart_s
     note = _told(time_limit_s, taken_s / mean_bound_s(result.problem) - 1.0, "on average it")
     composition = replace(result.composition, notes=(*result.composition.notes, note))

@@ -1,4 +1,4 @@
-"""What a promise rests on: each thing that is uncertain, how uncertain, from which data, and what half of it would gain.
+"""The uncertainties behind a promise: their sizes, their data, and the gain from halving each.
 
 The gain of one is found by planning again with half of its standard deviation about the same mean (of other drones: with half as many),
 the rest as it is; both plans are simulated in the same deliveries. What no plan counts is listed beside them.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 WIND, GUSTS, ENERGY, PADS = "wind", "gusts", "energy", "pads"
 NOT_COUNTED = (
-    "a wind that grows with height otherwise than the scenario says",
+    "a wind profile that differs from the scenario's",
     "a cold or an old battery",
     "pads out of order",
 )
@@ -54,7 +54,7 @@ class Uncertainty:
 
 
 def uncertainties(result: PlanResult) -> list[Uncertainty]:
-    """What the promise of a robust plan rests on, what would gain most first; empty for plans of other planners."""
+    """Assumptions behind the promise of a robust plan, the most valuable to improve first; empty for plans of other planners."""
     answer = result.robust
     if answer is None:
         return []
@@ -71,11 +71,11 @@ def uncertainties(result: PlanResult) -> list[Uncertainty]:
 
 
 def not_counted(result: PlanResult) -> list[str]:
-    """What the promise of a robust plan does not count; the wind between the sites of a record is told by itself (`planner.between_sites`)."""
+    """Effects outside the promise of a robust plan; wind between the sites of a record is reported separately (`planner.between_sites`)."""
     if result.robust is None:
         return []
     between = (
-        [] if record_days(result.problem.ensemble) else ["the error of the wind between the places it is given for"]
+        [] if record_days(result.problem.ensemble) else ["the error of the wind between the points of the forecast"]
     )
     return [*between, *NOT_COUNTED]
 
@@ -122,7 +122,7 @@ def _halved_wind(answer: RobustAnswer) -> tuple[str, Figure | None]:
     again = Problem(
         problem.scenario, problem.request, problem.drone, halved, parameters=problem.parameters, waits=problem.waits
     )
-    return "the weather of now or a forecast narrows it (--observed, --forecast)", _planned_again(answer, again)
+    return "reduce it with current observations or a forecast (--observed, --forecast)", _planned_again(answer, again)
 
 
 def _halved_gusts(answer: RobustAnswer) -> tuple[str, Figure | None]:
@@ -135,7 +135,7 @@ def _halved_energy(answer: RobustAnswer, belief: EnergyBelief) -> tuple[str, Fig
     halved = replace(belief, sd_between=0.5 * belief.sd_between, sd_within=0.5 * belief.sd_within)
     problem = answer.policy.problem
     gain = _planned_again(answer, problem, replace(problem.usual_errors, energy=halved))
-    return "its own flights narrow it (skyway calibrate energy)", gain
+    return "reduce it with logs of its own flights (skyway calibrate energy)", gain
 
 
 def _halved_pads(answer: RobustAnswer) -> tuple[str, Figure | None]:
@@ -149,12 +149,12 @@ def _halved_pads(answer: RobustAnswer) -> tuple[str, Figure | None]:
 def _wind_source(wind: WindEnsemble) -> str:
     days = record_days(wind)
     if not days:
-        return f"{len(wind)} members of the forecast" if len(wind) > 1 else "one wind, taken for certain"
-    return f"{days} days of the record" if days > 1 else "one day, taken for certain"
+        return f"{len(wind)} members of the forecast" if len(wind) > 1 else "one wind, without error"
+    return f"{days} days of the record" if days > 1 else "one day, without error"
 
 
 def record_days(wind: WindEnsemble) -> int:
-    """How many days of a record the members are; 0 where they are none."""
+    """Number of days of a record that the members are; 0 where they are not from a record."""
     try:
         return len([date.fromisoformat(label) for label in wind.labels])
     except ValueError:
@@ -168,7 +168,7 @@ def _gust_source(errors: Errors) -> str:
 
 
 def _energy_source(belief: EnergyBelief) -> str:
-    return "published endurance; nobody has measured this drone" if belief == EnergyBelief() else "the fleet file"
+    return "published endurance; this drone was not measured" if belief == EnergyBelief() else "the fleet file"
 
 
 def _pads_source(problem: Problem) -> str:

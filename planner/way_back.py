@@ -1,4 +1,4 @@
-"""The way back: what becomes of the drone after the delivery, and of a package that cannot be handed over.
+"""The way back: the drone after the delivery, and a package that cannot be delivered.
 
 It is planned by the planner of the delivery, from the target, at the hour when the drone leaves it and with the charge that it has there.
 From a target with pads the drone charges first. From one without pads it leaves with what it came with: the delivery is planned so
@@ -76,7 +76,7 @@ def plan_there_and_back(scenario: Scenario, request: Request, compose: Compose) 
 
 
 def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
-    """Return a delivery with its way back; a `NoWayBackError` says that there is none."""
+    """Return a delivery with its way back. Raises a `NoWayBackError` if there is none."""
     problem, c = result.problem, result.composition
     request = problem.request
     stations = problem.network.stations

@@ -16,7 +16,7 @@ _MAIN = (1, 19)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleConfig:
-    """What one vehicle is made of."""
+    """Configuration of one vehicle."""
 
     lat: float
     lon: float

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Kind(NamedTuple):
-    """What a fault does, the default, least and greatest value, its usual duration, and the word where it takes one."""
+    """Kind of a fault: its effect, the default, least and greatest value, its default duration, and its words if it takes one."""
 
     says: str
     values: tuple[float, float, float] | None = None
@@ -25,15 +25,15 @@ class Kind(NamedTuple):
 
 KINDS = {
     "gust": Kind("extra wind of VALUE m/s (8), for 15 s unless a duration is given", (8.0, 0.0, 60.0), 15.0),
-    "wind-shift": Kind("extra wind of VALUE m/s (5), for good", (5.0, 0.0, 60.0)),
+    "wind-shift": Kind("extra wind of VALUE m/s (5), permanent", (5.0, 0.0, 60.0)),
     "battery-sag": Kind("internal resistance times VALUE (4)", (4.0, 0.0, 100.0)),
     "battery-drop": Kind("state of charge lower by VALUE (0.2) at once", (0.2, 0.0, 1.0)),
-    "battery-weak": Kind("the battery holds VALUE (0.9) of its nameplate energy", (0.9, 0.01, 2.0)),
+    "battery-weak": Kind("the battery has VALUE (0.9) of its nameplate energy", (0.9, 0.01, 2.0)),
     "battery-swap": Kind(
         "another battery with VALUE (1) of charge, and a restart; on the ground, disarmed", (1.0, 0.0, 1.0)
     ),
     "soc-unknown": Kind("battery percentage reported as -1"),
-    "soc-stuck": Kind("battery percentage stays where it is"),
+    "soc-stuck": Kind("battery percentage stays constant"),
     "soc-jump": Kind("battery percentage reported as VALUE (0.5)", (0.5, 0.0, 1.0)),
     "link-loss": Kind("no packet passes in either direction"),
     "gps": Kind("no position"),
@@ -44,7 +44,9 @@ KINDS = {
     "prearm": Kind("a pre-arm check fails"),
     "reboot": Kind("the autopilot restarts by itself"),
     "pilot": Kind("a pilot switches the mode to VALUE (position)", word="position"),
-    "gripper-stuck": Kind("the gripper says that it opens, and VALUE (1) of the package stays aboard", (1.0, 0.0, 1.0)),
+    "gripper-stuck": Kind(
+        "the gripper says that it opens, but VALUE (1) of the package stays on board", (1.0, 0.0, 1.0)
+    ),
     "gripper-silent": Kind("the gripper does not move, and its command fails"),
     "winch-jammed": Kind("the winch stops with VALUE m (3) of line out", (3.0, 0.0, 100.0)),
     "place-blind": Kind(
@@ -57,19 +59,20 @@ KINDS = {
         60.0,
     ),
     "sensor-ill": Kind(
-        "a sensor is told not healthy: VALUE is gyro, accelerometer, compass (usual), barometer, motors", word="compass"
+        "a sensor is reported not healthy: VALUE is gyro, accelerometer, compass (usual), barometer, motors",
+        word="compass",
     ),
     "motor-ill": Kind("the controller of motor VALUE (1) reports a failure, where it reports at all", (1.0, 1.0, 4.0)),
     "cell-low": Kind(
-        "one cell of the battery is VALUE V (0.3) below the others, which are told singly", (0.3, 0.0, 3.0)
+        "one cell of the battery is VALUE V (0.3) below the others, which are reported individually", (0.3, 0.0, 3.0)
     ),
     "vibration": Kind("accelerations of VALUE m/s² (80) while the motors turn", (80.0, 0.0, 300.0)),
-    "remote-id-off": Kind("the Remote ID module says and broadcasts nothing"),
-    "no-ftp": Kind("the vehicle does not know file transfers"),
+    "remote-id-off": Kind("the Remote ID module sends and broadcasts nothing"),
+    "no-ftp": Kind("the vehicle does not support file transfers"),
     "log-stall": Kind("transfers of files and logs stop, and are not answered"),
     "log-gone": Kind("the files on the card are gone"),
-    "log-size": Kind("files and logs are told VALUE (2) times as long as they are", (2.0, 0.0, 1000.0)),
-    "log-rot": Kind("some bytes of a file come wrong"),
+    "log-size": Kind("files and logs are reported VALUE (2) times as long as they are", (2.0, 0.0, 1000.0)),
+    "log-rot": Kind("some bytes of a file arrive wrong"),
     "pads-taken": Kind(
         "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
         lasts_s=3600.0,
@@ -206,7 +209,7 @@ class FaultState:
         self.next_change_s = min(self.next_change_s, max(fault.start_s, sim_s))
 
     def update(self, sim_s: float) -> Sequence[Fault]:
-        """Bring up to date; returns the faults that have just begun."""
+        """Bring up to date; returns the faults that have just started."""
         begun = []
         self.active = {}
         following = math.inf

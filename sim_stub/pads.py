@@ -68,11 +68,11 @@ class _Site:
     """Times at which it is closed, simulated instants, ascending; those that are over are dropped."""
 
     def is_closed(self, sim_s: float) -> bool:
-        """Whether nobody is charged at an instant."""
+        """Whether charging is closed at an instant."""
         return bool(self.closed) and self.closed[0][0] <= sim_s < self.closed[0][1]
 
     def next_due_s(self) -> float:
-        """When somebody comes or leaves by himself."""
+        """Next time at which another drone arrives or leaves."""
         due = self.next_arrival_s
         if self.closed:
             due = min(due, self.closed[0][1] if self.shut else self.closed[0][0])
@@ -184,7 +184,7 @@ class Pads:
             if vehicle is not None and shut and vehicle.charging is not None:
                 vehicle.tend()
                 vehicle.charging, customer.end_s = None, math.inf
-                vehicle.event(f"is not charged any more: {site.station.id} closes")
+                vehicle.event(f"is no longer charged: {site.station.id} closes")
             elif vehicle is not None and not shut and vehicle.battery.soc < customer.to_soc:
                 self._begin(site, customer, vehicle)
 

@@ -30,7 +30,7 @@ _REMOTE_ID = message_id("OPEN_DRONE_ID_ARM_STATUS")
 
 
 class Radio:
-    """The ports of one vehicle, and all that goes out on them by itself."""
+    """The ports of one vehicle, and its unsolicited messages."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -47,7 +47,7 @@ class Radio:
     # Time
 
     def next_due_s(self) -> float:
-        """Simulated instant at which the next message goes out by itself."""
+        """Simulated instant of the next scheduled message."""
         due = math.inf if self._reached is None else self._reached[2]
         for port in self.ports:
             due = min(due, port.next_due_s)
@@ -82,7 +82,7 @@ class Radio:
     # Ports
 
     def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
-        """Open a port; what the vehicle says on it goes to `send`. An `InputError` refuses too many ports."""
+        """Open a port; the vehicle's messages go to `send`. Raises an `InputError` after too many ports."""
         self.ports = [port for port in self.ports if not port.closed]
         if len(self.ports) >= _MAX_PORTS:
             raise InputError(Fault("too many connections to one vehicle", value=len(self.ports)))
@@ -102,7 +102,7 @@ class Radio:
             self.ports.remove(port)
 
     def choose_versions(self) -> None:
-        """Take over a parameter that says which MAVLink to speak."""
+        """Follow a parameter that selects the MAVLink version."""
         for port in self.ports:
             self._choose_version(port)
 
@@ -224,13 +224,13 @@ class Radio:
     # Reports of the autopilot
 
     def home_changed(self) -> None:
-        """Tell all ground stations where home is."""
+        """Tell all ground stations the position of home."""
         sent = BUILDERS[HOME](self.vehicle)
         if sent is not None:
             self.broadcast(sent)
 
     def tell_mission_current(self) -> None:
-        """Tell all ground stations which item is current."""
+        """Tell all ground stations the current item."""
         self.broadcast(mission_current(self.vehicle))
 
     def item_reached(self, index: int) -> None:

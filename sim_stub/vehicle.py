@@ -44,14 +44,14 @@ _AT_STATION_M = 60.0
 
 
 class Charge(NamedTuple):
-    """Charging under way: the charge where it ends, and what the pad delivers at most."""
+    """Charging under way: its target, and the maximum power of the pad."""
 
     to_soc: float
     pad_power_w: float | None = None
 
 
 class Vehicle:
-    """One vehicle; `receive` takes bytes, ports take what it sends, `advance` lets time pass."""
+    """One vehicle; `receive` takes bytes, ports take its packets, `advance` lets time pass."""
 
     def __init__(self, config: VehicleConfig, world: World) -> None:
         self.config, self.world = config, world
@@ -150,7 +150,7 @@ class Vehicle:
         return self.autopilot.armed or not self.body.grounded
 
     def next_due_s(self) -> float:
-        """Simulated instant at which something happens by itself."""
+        """Simulated instant of the next scheduled event."""
         if self.active:
             return self.stepped_s + self.step_s
         due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
@@ -224,7 +224,7 @@ class Vehicle:
             self.flight_log.step()
 
     def _look_around(self, now: float) -> None:
-        """Look up wind and ground where the vehicle is now, and how fine a step is asked for."""
+        """Look up wind and ground where the vehicle is now, and how fine a step is requested."""
         self._wind_s = now
         self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else STEP_S
         body = self.body
@@ -254,7 +254,7 @@ class Vehicle:
     def swap_battery(self, soc: float = 1.0) -> None:
         """Put in another battery, on the ground with the motors off; the autopilot restarts.
 
-        An `InputError` says that the vehicle is armed or in the air.
+        Raises an `InputError` if the vehicle is armed or in the air.
         """
         if self.active:
             raise InputError(Wrong("a battery is swapped on the ground, disarmed", field="battery-swap"))
@@ -321,7 +321,7 @@ class Vehicle:
     # Where
 
     def felt_wind(self) -> tuple[float, float]:
-        """(north, east) towards, as an estimator aboard would have it: the truth with a steady error."""
+        """(north, east) towards, as estimated by the vehicle: the truth with a steady error."""
         return self._wind_now[0] + self._wind_bias[0], self._wind_now[1] + self._wind_bias[1]
 
     @property
@@ -343,6 +343,6 @@ class Vehicle:
         return self.world.station_near(self.body.lat, self.body.lon, _AT_STATION_M)
 
     def place(self) -> str:
-        """Where it is, for people."""
+        """Its position, in words."""
         near = self.station()
         return f"at {near}" if near else f"at {place_text(self.body.lat, self.body.lon)}"

@@ -41,7 +41,7 @@ class Event:
 class World:
     """Everything simulated: vehicles, the wind that blows (calm by default), stations, faults that will come.
 
-    `epoch_s` are the POSIX seconds at simulated time 0; `on_event` is told of every event.
+    `epoch_s` are the POSIX seconds at simulated time 0; `on_event` is called with every event.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class World:
         self.pads: Pads | None = None
 
     def add(self, config: VehicleConfig) -> Vehicle:
-        """Put a vehicle into the world; an `InputError` says that the system id is taken."""
+        """Add a vehicle to the world. Raises an `InputError` if the system id is in use."""
         if config.system in self.vehicles:
             raise InputError(Wrong("two vehicles have the same system id", field="system", value=config.system))
         vehicle = Vehicle(config, self)
@@ -72,7 +72,7 @@ class World:
         return vehicle
 
     def next_due_s(self) -> float:
-        """Simulated instant at which something happens by itself."""
+        """Simulated instant of the next scheduled event."""
         due = math.inf if self.pads is None else self.pads.next_due_s()
         for vehicle in self.vehicles.values():
             due = min(due, vehicle.next_due_s())
@@ -94,9 +94,9 @@ class World:
             self.pads.advance(sim_s)
 
     def inject(self, fault: Fault | str) -> None:
-        """Let a fault happen that nobody planned, for example ``"link-loss+60s#2"`` (see `sim_stub.faults`).
+        """Inject an unplanned fault, for example ``"link-loss+60s#2"`` (see `sim_stub.faults`).
 
-        Its times count from now, or from the first take-off. An `InputError` says that there is no such fault, vehicle,
+        Its times count from now, or from the first take-off. Raises an `InputError` if there is no such fault, vehicle,
         or station with pads.
         """
         asked = parse_fault(fault) if isinstance(fault, str) else fault

@@ -102,7 +102,7 @@ def _legs(c: Composition, zone: ZoneInfo) -> str:
                 doing = (
                     f"wait {duration(stop.wait_s)}, charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}"
                     if stop.recharge_s
-                    else "land and leave"
+                    else "land and take off again"
                 )
                 rows.append(_stay(clock(stop.arrive, zone, c.depart), f"{stop.station}: {doing}"))
             rows.append(

@@ -56,9 +56,9 @@ def build_scenario(
     history : WindHistory or None
         Wind record; without it `skyway.plan` needs a forecast (`skyway.constant_wind` makes one).
     tariff : Tariff or None
-        Prices of energy and pads; None: nothing is said of costs.
+        Prices of energy and pads; None without costs.
     zones : Airspace or None
-        Segments that are closed at all times are left out.
+        Segments that are closed at all times are omitted.
     name, timezone : str
         What people call it; IANA name of local time.
 

@@ -1,4 +1,4 @@
-"""What a mission is checked with, as typed: vehicle, wind, terrain."""
+"""Conditions of mission checks from typed values: vehicle, wind, terrain."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ TRUTH_EVERY_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
-    """What is shown."""
+    """Options of the demonstration."""
 
     folder: Path
     """Where plan, journal, recording and report go."""
@@ -46,7 +46,7 @@ class DemoOptions:
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
-    """Plan, calibrate, fly and report, in virtual time on one thread; an `InfeasibleError` where there is no plan."""
+    """Plan, calibrate, fly and report, in virtual time on one thread. Raises an `InfeasibleError` where there is no plan."""
     from skyway.calibration_flight import drag_of
     from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
     from skyway.models.composition.file import save
@@ -64,7 +64,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     )
     say(f"  forecast: {len(forecast)} days of the season; simulated wind: {options.day}, which is not one of them")
     drag = drag_of(scenario.drone(DRONE), PAYLOAD_KG)
-    say("drag of the drone found in a calibration flight: its tilt measures the wind")
+    say("found the drag of the drone in a calibration flight: its tilt now measures the wind")
     lockstep, world = _world(options, scenario, composition)
     path = options.folder / "journal.jsonl"
     path.unlink(missing_ok=True)
@@ -176,7 +176,7 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     decided = [r for r in records if r.event == "decision"]
     turned = [r for r in decided if r.data.get("new_plan") or r.data.get("action") in ("station", "charge", "divert")]
     times = "once" if len(turned) == 1 else f"{len(turned)} times"
-    lines = [f"replanned {times}, with what was measured on the way:"] if turned else []
+    lines = [f"replanned {times}, with measurements from the flight:"] if turned else []
     lines += [f"  {r.time[11:19]}  {r.data['action']}: {r.reason}" for r in turned]
     report = options.folder / "report.html"
     write_report(journal, report, force=True)

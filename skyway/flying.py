@@ -1,4 +1,4 @@
-"""Preparing a plan file to be flown: its scenario, its request, and the first forecast."""
+"""Preparation of a plan file for flight: its scenario, its request, and the first forecast."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def scenario_of(
     It lies over the terrain that is named, else over that of the plan. The zones of the files that are named, else of those that the plan
     names, count beside its own; authorizations are those of the plan.
 
-    An `InputError` says that it cannot be found, or has changed since the plan was made.
+    Raises an `InputError` if it cannot be found, or has changed since the plan was made.
     """
     from skyway.scenarios import BUILT_IN, load_scenario, with_terrain
 
@@ -58,7 +58,7 @@ def scenario_of(
     planned, found = composition.scenario_sha256, scenario.sha256
     if planned is not None and found is not None and planned != found:
         remedy = "plan again, or give its scenario with --scenario"
-        raise InputError("the scenario differs from that of the plan", scenario.path, remedy=remedy)
+        raise InputError("the scenario differs from the plan's", scenario.path, remedy=remedy)
     if terrain or obstacles:
         scenario = with_terrain(scenario, terrain, obstacles)
     elif composition.terrain is not None:
@@ -88,11 +88,13 @@ def refuse_closed(scenario: Scenario, destination: str) -> None:
         problem = (
             f"the place of delivery, {destination}, lies in the zone {zone.label}, or nearer to it than the margin"
         )
-        raise InputError(problem, zone.source, remedy="plan to another place, or with --authorized where that opens it")
+        raise InputError(
+            problem, zone.source, remedy="plan to another place, or give --authorized if that opens the zone"
+        )
 
 
 def zone_files(composition: Composition, named: Sequence[Path]) -> Sequence[Path]:
-    """Files of zones that are named, else those that a plan was made with; an `InputError` says that these are not there."""
+    """Named files of zones, else those of the plan. Raises an `InputError` if one is missing."""
     from skyway.models.airspace.pressure import split_pressure
 
     files = named or [Path(one) for one in composition.zones]
@@ -172,7 +174,9 @@ def release_of(composition: Composition, given: Release | None) -> Release:
     if given is None or given == planned:
         return planned
     if hovers(given) or hovers(planned):
-        remedy = f"leave it out, or plan with --release {given}: the charge for a hover and the flight on is kept by the plan"
+        remedy = (
+            f"remove it, or plan with --release {given}: only a plan keeps the charge for a hover and the flight on"
+        )
         raise InputError(f"the plan was made for --release {planned}", field="--release", value=given, remedy=remedy)
     return given
 
@@ -198,7 +202,7 @@ def journal_name(origin: str, destination: str, now: datetime) -> str:
 
 
 class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How a supervised delivery ended: what ``skyway fly --json`` prints last."""
+    """Outcome of a supervised delivery: the last line of ``skyway fly --json``."""
 
     schema: str = "skyway.fly/1"
     delivered: bool
@@ -235,7 +239,7 @@ SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits"
 
 
 def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
-    """Tell a record of the journal as a plain line, its time in a zone; None for those that a person need not see."""
+    """Describe a record of the journal in a line, its time in a zone; None for those that a person need not see."""
     from skyway.link.supervisor.journal.entries import Tracked
 
     at_s = of.instant_s(record.time)

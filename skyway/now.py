@@ -1,4 +1,4 @@
-"""The weather and the pads of now: what was observed is read, and a plan is conditioned on it.
+"""Current weather and pads: reads observations, and conditions a plan on them.
 
 >>> import skyway
 >>> from skyway.now import condition_forecast, observed_winds
@@ -42,14 +42,14 @@ OUT_OF_ORDER_S = 24 * 3600.0
 NAMED = 5
 """Places that a note names."""
 HOW = (
-    "planned without the weather of now, from the record alone: hand it over with --observed SITE=SPEED@FROM or a file of METARs, and "
+    "planned from the record alone, without current weather: give it with --observed SITE=SPEED@FROM or a file of METARs, and "
     "busy pads with --pads; or name the files under [observed] in scenario.toml"
 )
 
 
 @dataclass(frozen=True)
 class KnownWind:
-    """A forecast, and what it is conditioned on."""
+    """A forecast, and the observations that condition it."""
 
     forecast: WindEnsemble
     conditions: tuple[Condition, ...] = ()
@@ -59,7 +59,7 @@ class KnownWind:
 def observed_winds(
     scenario: Scenario, given: Sequence[str], depart: datetime, *, missing_ok: bool = False
 ) -> Observations:
-    """Read observed winds as handed over: typed, files, and journals of ``skyway fly`` (``.jsonl``).
+    """Read observed winds: typed, files, and journals of ``skyway fly`` (``.jsonl``).
 
     An `InputError` has what is wrong. With `missing_ok` a file that is not there is a note.
     """
@@ -69,13 +69,13 @@ def observed_winds(
     found = Observations()
     for one in given:
         if missing_ok and not os.path.exists(one):  # noqa: PTH110  it takes any text
-            found += Observations((), (f"no wind of now: {one} is not there",))
+            found += Observations((), (f"no current wind: {one} does not exist",))
             continue
         if Path(one).suffix == ".jsonl":
             told = Observations(_of_journal(Path(one), scenario))
         else:
             told = read_observed(one, scenario.wind_sites, scenario.measured_at_m, depart.timestamp())
-        found += told if told.winds or told.notes else Observations((), (f"{one} tells of no wind",))
+        found += told if told.winds or told.notes else Observations((), (f"{one} has no wind",))
     return found
 
 
@@ -152,11 +152,11 @@ class LiveWinds:
             try:
                 self._found = observed_winds(self._scenario, self._given, from_posix(time_s))
             except InputError as error:
-                self._tell(f"{error}; the winds read before count on")
+                self._tell(f"{error}; still using the winds read before")
         try:
             chosen = counted(self._found.winds, self._scenario.wind_sites, time_s)
         except InputError as error:
-            self._tell(f"{error}; none of these winds counts")
+            self._tell(f"{error}; none of these winds is usable")
             self._found = replace(self._found, winds=())
             return ()
         return tuple(one.observation for one in chosen.winds)
@@ -182,7 +182,7 @@ def _wind_condition(one: ObservedWind, depart: datetime) -> Condition:
 
 @dataclass(frozen=True)
 class KnownPads:
-    """Pads seen before a departure, and what a person should know of them."""
+    """Pads seen before a departure, with notes for people."""
 
     busy: dict[str, int]
     free_s: dict[str, tuple[float, ...]]
@@ -199,7 +199,7 @@ class KnownPads:
 def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = True) -> KnownPads:
     """Read which pads are busy: from a pad service at ``tcp:HOST:PORT``, asked once, or from a file of its answers.
 
-    What was seen longer than half an hour before the departure, or after it, is left out. An `InputError` or `LinkError` says what is
+    What was seen longer than half an hour before the departure, or after it, is omitted. An `InputError` or `LinkError` says what is
     wrong; where nobody asked for them (`asked`), a service that fails and a file that is not there are notes.
     """
     seen, notes = _seen_pads(scenario, given, asked=asked)
@@ -211,11 +211,11 @@ def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = 
         age = max((ages[one.station] for one in left_out), key=abs)
         when = f"{duration(abs(age))} {'before' if age > 0.0 else 'after'} the departure"
         notes.append(
-            f"pads of {len(left_out)} stations are left out: seen {when}, {duration(PADS_OLDEST_S)} before it at most count"
+            f"pads of {len(left_out)} stations are ignored: seen {when}, the limit is {duration(PADS_OLDEST_S)} before it"
         )
     if asked and not counts:
-        remedy = "hand over pads seen shortly before the departure, or leave the option out"
-        raise InputError(f"no pads count: {'; '.join(notes)}", field="--pads", value=given, remedy=remedy)
+        remedy = "give pads seen shortly before the departure, or omit the option"
+        raise InputError(f"no usable pad reports: {'; '.join(notes)}", field="--pads", value=given, remedy=remedy)
     busy, free_s = {}, {}
     fewer: list[str] = []
     for one in counts:
@@ -253,14 +253,14 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
     network = scenario.network
     if not given.startswith("tcp:"):
         if not asked and not os.path.exists(given):  # noqa: PTH110
-            return [], [f"no pads of now: {given} is not there"]
+            return [], [f"no current pads: {given} does not exist"]
         return list(read_seen_pads(Path(given), network.index)), []
     try:
         found, notes = snapshot(given, [one.id for one in network.stations if one.pads])
     except LinkError as error:
         if asked:
             raise
-        return [], [f"no pads of now: {error}"]
+        return [], [f"no current pads: {error}"]
     pads = [
         SeenPads(station=one.station, busy=one.busy, pads=one.pads, waiting=one.waiting, remaining_s=one.remaining_s, posix_s=one.posix_s)
         for one in found if one.station in network.index
@@ -269,7 +269,7 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
 
 
 def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: Sequence[str]) -> PlanResult:
-    """Return a plan that tells what it is conditioned on."""
+    """Return a plan that names its conditions."""
     if not conditions and not notes:
         return result
     plan = result.composition
@@ -279,7 +279,7 @@ def with_conditions(result: PlanResult, conditions: Sequence[Condition], notes: 
 
 
 def told_conditions(conditions: Sequence[Condition]) -> list[str]:
-    """Tell people what a plan, or a forecast, is conditioned on."""
+    """Describe the conditions of a plan or a forecast."""
     return [
         *_told_winds([one for one in conditions if one.kind == "wind"]),
         *_told_pads([one for one in conditions if one.kind == "pads"]),
@@ -297,7 +297,7 @@ def _told_winds(winds: Sequence[Condition]) -> list[str]:
         for one in winds[:NAMED]
     ]
     more = f"; and {len(winds) - NAMED} more" if len(winds) > NAMED else ""
-    return [f"conditioned on the wind observed: {'; '.join(words)}{more}"]
+    return [f"conditioned on the observed wind: {'; '.join(words)}{more}"]
 
 
 def _told_pads(pads: Sequence[Condition]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What is told of a plan beside its schedule, for machines as JSON and for people in words."""
+"""The output of a plan besides its schedule: JSON for machines, text for people."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def plan_document(report: PlanReport) -> dict[str, object]:
-    """Return a plan for machines: the composition, and what was asked for beside it."""
+    """Return a plan for machines: the composition, and the requested extras."""
     found: dict[str, object] = to_json(report.result.composition)
     if report.bound is not None:
         told = vars(report.bound) | {"gap": report.bound.gap, "careful_gap": report.bound.careful_gap}
@@ -95,7 +95,7 @@ def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[
     middle, late = outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95)
     mean = outcome.delivery
     lines = [
-        f"As `skyway fly` flies it, deciding again at each stop and over stations ({found.runs:,} simulated deliveries):",
+        f"Flown with `skyway fly`, which decides again at each stop and over stations ({found.runs:,} simulated deliveries):",
         f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(no_earlier(late, middle))} ({between(late)})",
     ]
     if deadline is not None:
@@ -103,21 +103,21 @@ def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[
     lines.append(f"{found.below_reserve} of {found.runs:,} landed below the reserve")
     if found.on_the_ground:
         lines.append(
-            f"{found.on_the_ground} of {found.runs:,} stayed at a station: no later hour of the forecast lets them go on"
+            f"{found.on_the_ground} of {found.runs:,} stayed at a station: no later hour of the forecast allows them to continue"
         )
     return lines
 
 
 def between_sites_words(found: BetweenSites, epsilon: float) -> list[str]:
-    """Return what wind that no site tells makes of a plan, a line each; none where it is within what is promised."""
+    """Return how a plan fares in wind between the sites, line by line; nothing if the plan keeps its promise there."""
     if found.p_below <= epsilon:
         return []
     late = no_earlier(found.turned.delivery_quantile(0.95), found.turned.delivery_quantile(0.5))
-    off = f"Where no site tells the wind (near {found.station} off by {speed_text(found.sd_mps)} a component)"
-    turned = f"`skyway fly` measures it and turns back in time, in {probability(found.p_turned)} of the deliveries"
+    unmeasured = f"No site measures the wind near {found.station} (error {speed_text(found.sd_mps)} per component)"
+    turned = f"`skyway fly` measures the wind and turns back in time in {probability(found.p_turned)} of the deliveries"
     return [
-        f"{off} {probability(1.0 - found.p_below, 1)} keep it, flown to the end as uploaded;",
-        f"{turned}: {about(found.turned.delivery)} on average, 95 % within {about(late)}. An anemometer there would tell it",
+        f"{unmeasured}: without turning back, {probability(1.0 - found.p_below, 1)} keep the reserve;",
+        f"{turned}: {about(found.turned.delivery)} on average, 95 % within {about(late)}. An anemometer there would help",
     ]
 
 
@@ -132,7 +132,7 @@ def _uncertainty_json(one: Uncertainty) -> dict[str, object]:
 
 
 def spending_words(composition: Composition) -> list[str]:
-    """Return what the delivery spends, a line each; none where it is not worked out."""
+    """Return what the delivery spends, a line each; none where it is not computed."""
     energy, costs = composition.energy, composition.costs
     lines = []
     if energy is not None:

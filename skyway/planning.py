@@ -1,4 +1,4 @@
-"""Planning as it is asked for, on a command line or on a page: what is typed becomes a request, a wind and a plan."""
+"""Planning from typed values, on a command line or on a page: they become a request, a wind and a plan."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """What is carried, from where to where, and by what; percent and places as they are typed."""
+    """The package, its places, and its drone; percent and places as typed."""
 
     start: str
     to: str
@@ -121,7 +121,7 @@ class Conditions:
 
         true, day = typed_values.true_wind(scenario, depart, truth)
         if self.wind is not None and self.observed:
-            remedy = "leave one of them out: a constant wind knows of no other"
+            remedy = "remove one of them: a constant wind needs no observations"
             raise InputError("--wind and --observed exclude each other", remedy=remedy)
         if self.forecast_error is not None and not self.forecast:
             remedy = "give the forecast, too; for a scenario's own: [forecast] error"
@@ -156,7 +156,7 @@ class Pads:
     pads: str | None = None
 
     def known(self, scenario: Scenario, depart: datetime, *, for_now: bool) -> KnownPads | None:
-        """Return what is known of the pads; None where nothing was handed over."""
+        """Return the known state of the pads; None where none was given."""
         from skyway.now import pads_now
 
         if self.pads is not None:
@@ -219,7 +219,7 @@ def avoiding(scenario: Scenario, names: Sequence[str]) -> Scenario:
 def with_pads(
     asked: tuple[Scenario, Request], conditions: Conditions, pads: Pads
 ) -> tuple[tuple[Scenario, Request], KnownPads | None]:
-    """Return what is asked, with what is known of the pads now."""
+    """Return the request, with the known state of the pads now."""
     scenario, request = asked
     busy = pads.known(scenario, request.state.time, for_now=conditions.for_now)
     if busy is not None:
@@ -238,7 +238,7 @@ def solve(
     busy: KnownPads | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> PlanResult:
-    """Plan with the wind that was asked for; `progress` is called with sequences evaluated and the best time, see `planner.plan.plan`."""
+    """Plan with the chosen wind; `progress` is called with sequences evaluated and the best time, see `planner.plan.plan`."""
     from skyway.now import with_conditions
     from skyway.planner.plan import plan
 
@@ -298,20 +298,20 @@ def solve_window(
 def _asked_for(request: Request, conditions: Conditions) -> list[str]:
     """Say what was asked of the route: in flight it is planned again without it.
 
-    An `InputError` says that start, destination or a stop that is asked for is to be avoided.
+    Raises an `InputError` if start, destination or a stop that is requested is to be avoided.
     """
     both = {request.state.station, request.destination, *request.stop_at} & set(conditions.avoid or ())
     if both:
-        remedy = "leave it out of one of them"
+        remedy = "remove it from one of them"
         raise InputError(
-            "is the start, the destination or a stop that is asked for",
+            "is the start, the destination or a requested stop",
             field="--avoid",
             value=", ".join(sorted(map(str, both))),
             remedy=remedy,
         )
     ways = [("stops", request.stop_at), ("avoided", conditions.avoid or ())]
-    said = [f"{words} as asked: {', '.join(names)}" for words, names in ways if names]
-    return [f"{'; '.join(said)}; a flight that plans again does not know of it"] if said else []
+    said = [f"{words} as requested: {', '.join(names)}" for words, names in ways if names]
+    return [f"{'; '.join(said)}; replanning in flight does not know it"] if said else []
 
 
 def _own_day(scenario: Scenario, request: Request) -> str | None:

@@ -1,4 +1,4 @@
-"""A composition as KML: what Google Earth and many map programs open."""
+"""A composition as KML, for Google Earth and other map programs."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ BUILT_IN = "builtin:newyork"
 
 
 def load_scenario(path: Path | None) -> Scenario:
-    """Read the scenario named, or the built-in one, which ``newyork`` names where there is no such folder."""
+    """Read the named scenario, or the built-in one, which ``newyork`` names unless such a folder exists."""
     from skyway.missions.examples import NEW_YORK
     from skyway.models.scenario.file import read_scenario
 
@@ -28,7 +28,7 @@ def load_scenario(path: Path | None) -> Scenario:
 def with_terrain(scenario: Scenario, terrain: Sequence[str] | None, obstacles: Sequence[str] | None) -> Scenario:
     """Return a scenario over the terrain models and obstacles that are named; obstacles join those of the scenario.
 
-    An `InputError` says that a file is wrong or lies elsewhere, or that the scenario names its terrain already.
+    Raises an `InputError` if a file is wrong or lies elsewhere, or if the scenario names its terrain already.
     """
     from skyway.models.base.errors import InputError
     from skyway.models.scenario.ground import over_terrain
@@ -40,6 +40,6 @@ def with_terrain(scenario: Scenario, terrain: Sequence[str] | None, obstacles: S
     if known is None:
         return over_terrain(scenario, read_terrain(terrain or (), obstacles or ()))
     if terrain:
-        remedy = "leave out --terrain; --obstacles adds obstacles"
+        remedy = "remove --terrain; --obstacles adds obstacles"
         raise InputError("the scenario names its terrain already", scenario.path, field="--terrain", remedy=remedy)
     return over_terrain(scenario, with_obstacles(known.terrain, obstacles or ()))

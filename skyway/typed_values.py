@@ -1,4 +1,4 @@
-"""What people type, on a command line or on a page, as values: places, winds, instants, durations."""
+"""Parsing of typed values, on a command line or on a page: places, winds, instants, durations."""
 
 from __future__ import annotations
 

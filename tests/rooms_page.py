@@ -51,13 +51,13 @@ def page() -> str:
     lines = [
         "# Rooms",
         "",
-        "Where a concept lives: the folders of the code, made from its docstrings. What may import what:",
+        "The folders and modules of the code, generated from its docstrings. Allowed imports:",
         "[Architecture](../architecture.md).",
         "",
         "![Rooms by floor; an arrow leads from a room to one that it imports](../assets/rooms.svg)",
     ]
     for room, says in rooms(found).items():
-        lines += ["", f"## {room}", "", says, "", "| module | what |", "| --- | --- |"]
+        lines += ["", f"## {room}", "", says, "", "| module | contents |", "| --- | --- |"]
         lines += [f"| `{one.name.rpartition('.')[2]}` | {_cell(one.says)} |" for one in found if one.room == room]
     return "\n".join(lines) + "\n"
 

@@ -24,20 +24,20 @@ INTRODUCTION = """# Planners measured
 
 Written by `skyway bench planners`. All times in minutes, with 95 % intervals (block bootstrap over days) in brackets.
 *Failures* are counted over all simulated deliveries of a planner. *Times* are compared over the first few runs of each
-delivery, those that every planner delivered (`pfs-strict` does not decide what is compared: where it has no plan it is
-missing from the means). Clairvoyant planners are told the hourly wind and the queues of these runs, neither gusts nor
-errors of energy: a bound, not a rival. `robust, rolling horizon` flies these runs alone, and its planning time is that of
-one decision. How it is measured: docs/explanation/evaluation.md; the instances:
+delivery, those that every planner delivered (except `pfs-strict`, which is missing from the means where it has no plan).
+Clairvoyant planners know the hourly wind and the queues of these runs, but neither gusts nor
+energy errors: they are a bound, not a competitor. `robust, rolling horizon` flies only these runs, and its planning time is that of
+one decision. Method: docs/explanation/evaluation.md; instances:
 docs/reference/benchmark.md.
 
-All stations of these instances have 1,000 holding spots: as in the paper, who waits for a pad does so on the ground. With
-few spots drones hover for one at busy stations, and of the planners here only `robust` foresees that.
+All stations of these instances have 1,000 holding spots: as in the paper, drones wait for a pad on the ground. With
+few spots drones hover for one at busy stations, and of these planners only `robust` expects that.
 
-Where fewer runs are compared in a row than in others (searches cut off, no plan), its times are means over those alone: do not
-compare them with others; the figure of delivery times leaves such rows out.
+A row with fewer runs than others (searches cut off, no plan) has means over those runs only: do not
+compare them with others; the figure of delivery times omits such rows.
 
-`ies` is tried on networks of at most 200 stations, `pfs-strict`, which goes in circles until its step limit, of at most 50,
-`robust, rolling horizon` of at most 200.
+`ies` is measured on networks of at most 200 stations, `robust, rolling horizon` also of at most 200, and `pfs-strict`, which
+runs in circles until its step limit, of at most 50.
 """
 GLANCE = """## At a glance
 
@@ -46,9 +46,9 @@ deliveries with a landing below the reserve, %.
 """
 PAPER = """## The paper's experiment
 
-The paper prints no figure of its results, nor its networks, wind or loads: compare shapes. Means of execution time with
-searches cut off are lower bounds and marked with ≥. Delivery times are means over the requests that all planners (but
-`pfs-strict`) solved and no search was cut off on; `pfs-strict` over those of them that it solved.
+The paper prints no figures of its results, nor its networks, wind or loads, so only shapes can be compared. Means of execution time with
+searches cut off are lower bounds and marked with ≥. Delivery times are means over the requests that all planners (except
+`pfs-strict`) solved without a cut-off; for `pfs-strict` over those of them that it solved.
 """
 _HEAD = (
     "planner",

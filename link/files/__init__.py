@@ -1,1 +1,1 @@
-"""Files aboard a vehicle: its logs listed and fetched, by MAVLink FTP or by log requests, and what was fetched."""
+"""Files on a vehicle: listing and downloading its logs, by MAVLink FTP or by log requests, and the record of downloads."""

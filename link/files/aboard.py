@@ -1,4 +1,4 @@
-"""The logs aboard a vehicle: listed, and read by whichever protocol it has."""
+"""The logs on a vehicle: listed, and read by the protocol that it has."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class LogAboard:
 
 
 class LogStore:
-    """The logs of one vehicle. A `VehicleTimeoutError` says that it does not answer, a `CommandRefusedError` that it refuses."""
+    """The logs of one vehicle. Raises a `VehicleTimeoutError` if it does not answer, a `CommandRefusedError` if it refuses."""
 
     def __init__(self, vehicle: Vehicle, way: Way = "auto") -> None:
         self.vehicle, self.way = vehicle, way
@@ -51,7 +51,7 @@ class LogStore:
         self._listed = False
 
     def logs(self) -> list[LogAboard]:
-        """All its logs, the oldest first as far as it tells."""
+        """All logs on the vehicle, in the order of the list: oldest first as far as reported."""
         if self.way == "auto":
             self.way = self._choose()
         return self._by_ftp() if self.way == "ftp" else self._by_requests()
@@ -99,7 +99,7 @@ class LogStore:
         ]
 
     def size_bytes(self, log: LogAboard) -> int:
-        """Ask how long a log is now; one that is still written grows. -1 where it is no longer there."""
+        """Request the present size of a log, which grows while it is written. -1 where it no longer exists."""
         if self.way != "ftp":
             listed = self.vehicle.carry_out(ListLogs(self.vehicle.peer.target, log.number)).found.get(log.number)
             self._listed = True
@@ -109,13 +109,13 @@ class LogStore:
         return size
 
     def crc32(self, log: LogAboard, size_bytes: int) -> int | None:
-        """Checksum of a log as the vehicle has it; None where it tells none."""
+        """Checksum of a log computed by the vehicle; None where it offers none."""
         return self.ftp.crc32(log.path, size_bytes) if self.way == "ftp" else None
 
     def read(
         self, log: LogAboard, pieces: Pieces, size_bytes: int, progress: Callable[[int], None] | None = None
     ) -> ReadFtp | ReadLog:
-        """Read a log from the end of the pieces on; what comes back tells why it ended."""
+        """Read a log from the end of the pieces on; returns the reason for the end."""
         target = self.vehicle.peer.target
         if self.way != "ftp":
             if not self._listed:  # PX4 reads no log unless it has listed them since the last end
@@ -129,7 +129,7 @@ class LogStore:
         return read
 
     def end(self) -> None:
-        """Let the vehicle log again; a vehicle that is gone need not be told."""
+        """Let the vehicle resume logging; no error if the vehicle has gone."""
         self._listed = False
         if self.way == "requests":
             with contextlib.suppress(LinkError):

@@ -1,4 +1,4 @@
-"""Which logs were fetched: a list beside them, by which a recording or a journal leads to the full log of its flight."""
+"""The record of downloaded logs: a list beside them that links a recording or a journal to the full log of its flight."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def remember(found: Fetched, system: int, flight: Sequence[Path] = ()) -> None:
 
 
 def known_logs(folder: Path) -> list[FetchedLog]:
-    """Entries of the list in a folder; lines that make no sense are left out."""
+    """Entries of the list in a folder; lines that make no sense are omitted."""
     path = folder / NAME
     try:
         with path.open("rb") as stream:

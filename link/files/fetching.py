@@ -1,4 +1,4 @@
-"""Fetching a log: into a file ``….part`` that goes on after a cut, and takes its name when it is found to be the same."""
+"""Downloading a log into a file ``….part`` that resumes after an interruption and gets its final name when verified."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class Fetched:
 
     @property
     def verified_by(self) -> str:
-        """How it was found to be the same."""
-        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle tells no checksum)"
+        """Method by which the copy was verified."""
+        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle reports no checksum)"
 
     @property
     def rate_byteps(self) -> float:
@@ -71,12 +71,14 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    A file that is there already is gone on with where the log has grown since. An `InputError` says that it cannot be written or
-    has other content, a `LinkError` that the vehicle, or the link, failed: then what has come is kept, and the same call goes on
+    A file that is there already is continued with where the log has grown since. Raises an `InputError` if it cannot be written or
+    has other content, a `LinkError` if the vehicle, or the link, failed: then what has come is kept, and the same call goes on
     from there.
     """
     if store.vehicle.armed:
-        raise CommandRefusedError("give its logs", "it is armed: logs are fetched on the ground, disarmed")
+        raise CommandRefusedError(
+            "give its logs", "the vehicle is armed: logs are downloaded only on the ground, disarmed"
+        )
     path = folder / local_name(log, store.vehicle.system)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -103,7 +105,7 @@ def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
         raise _other(path, f"{size} bytes, and {log.size_bytes} on the vehicle")
     if theirs not in (None, ours):
         raise _other(path, "another checksum")
-    return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was here already",))
+    return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was already here",))
 
 
 def _other(path: Path, differs: str) -> InputError:
@@ -170,7 +172,7 @@ class _Fetching:
                 return self._size, ours, theirs is not None, self._came, transferring_s, notes
             else:
                 begin = self._differs(ours, theirs)
-        raise LinkError(f"{self._log.name} grows faster than it can be fetched: disarm the vehicle, then try again")
+        raise LinkError(f"{self._log.name} grows faster than the download: disarm the vehicle, then try again")
 
     def _refuse_other(self, whole_bytes: int) -> None:
         """Refuse to replace a file that is not the beginning of this log: of another vehicle, or another card."""
@@ -182,18 +184,18 @@ class _Fetching:
             raise _other(self._earlier, "it is not its beginning")
 
     def _differs(self, ours: int, theirs: int | None) -> int:
-        """What to do about another checksum: once more from the beginning, then no more."""
+        """What to do about another checksum: again from the beginning, then no more."""
         if self._anew and "from the beginning" in " ".join(self._notes):
             self._part.unlink()
             raise LinkError(
-                f"{self._log.name} is not what the vehicle has: its checksum is {ours:08x}, the vehicle's {theirs or 0:08x}; "
-                "nothing was kept. Is its card damaged?"
+                f"{self._log.name} differs from the vehicle's log: its checksum is {ours:08x}, the vehicle's {theirs or 0:08x}; "
+                "nothing was kept. Check its card"
             )
         self._anew = True
         if self._earlier is not None:
             self._part.unlink()
             raise _other(self._earlier, "it is not its beginning")
-        self._notes.append("its checksum differed; it was fetched again from the beginning")
+        self._notes.append("its checksum differed; downloaded again from the beginning")
         self._part.unlink()
         return 0
 
@@ -217,9 +219,9 @@ class _Fetching:
                     if offset + SAMPLE_BYTES <= there
                 )
             if same:
-                self._notes.append(f"went on after {bytes_text(there)}")
+                self._notes.append(f"resumed after {bytes_text(there)}")
                 return there
-        self._notes.append("an earlier part was of another log; it was fetched from the start")
+        self._notes.append("an earlier part belonged to another log; downloaded from the start")
         return 0
 
     def _sample(self, offset: int) -> bytes:
@@ -255,7 +257,7 @@ class _Fetching:
 
     def _give_up(self, end: int, problem: str) -> None:
         """Say what is kept; nothing is kept of nothing."""
-        kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: the same command goes on from there"
+        kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: run the same command to continue"
         if not end:
             self._part.unlink()
             kept = "nothing came"
@@ -266,8 +268,8 @@ class _Fetching:
         theirs = self._store.crc32(self._log, pieces.end)
         self._size, self._lied = pieces.end, True
         if theirs is None:
-            raise LinkError(f"{self._log.name}: {problem}; without a checksum nothing says that it is whole")
-        self._notes.append(f"the vehicle told a wrong size: {problem}")
+            raise LinkError(f"{self._log.name}: {problem}; without a checksum its completeness is unknown")
+        self._notes.append(f"the vehicle reported a wrong size: {problem}")
 
     def _tell(self, end: int) -> None:
         if self._progress is not None:

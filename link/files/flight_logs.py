@@ -1,4 +1,4 @@
-"""The logs of one delivery: what was aboard before it, and what it has added, fetched when the vehicle stands disarmed again."""
+"""The logs of one delivery: those on the vehicle before it, and its new ones, downloaded when the vehicle stands disarmed again."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _LONG_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class LogsBefore:
-    """The logs that were aboard before a delivery: their sizes by name, and by which protocol they were listed."""
+    """The logs on the vehicle before a delivery: their sizes by name, and the protocol that listed them."""
 
     way: Way
     sizes: Mapping[str, int]
 
 
 def logs_before(vehicle: Vehicle) -> LogsBefore:
-    """List the logs of a disarmed vehicle; a `LinkError` says why they are not known."""
+    """List the logs of a disarmed vehicle. Raises a `LinkError` if they cannot be listed."""
     if vehicle.armed:
         raise CommandRefusedError("list its logs", "it is armed")
     store = LogStore(vehicle)
@@ -49,13 +49,13 @@ def logs_before(vehicle: Vehicle) -> LogsBefore:
 def fetch_added(
     vehicle: Vehicle, before: LogsBefore | None, folder: Path, flight: Sequence[Path], tell: Callable[[str], None]
 ) -> list[Fetched]:
-    """Fetch what a delivery has added to the logs aboard: new ones, and those that have grown; without `before` the latest.
+    """Fetch the logs that a delivery has added on the vehicle: new ones, and those that have grown; without `before` the latest.
 
     Nothing that goes wrong is raised: `tell` takes a line about each log, and about what is missing. The list beside the logs says
     of which recordings and which journal (`flight`) they are.
     """
     if vehicle.armed:
-        tell("log not fetched: the vehicle is armed; skyway logs fetch, once it is not")
+        tell("log not fetched: the vehicle is armed; run skyway logs fetch when it is disarmed")
         return []
     found: list[Fetched] = []
     try:
@@ -64,7 +64,7 @@ def fetch_added(
         added = _added(store.logs(), before)
         store.end()
         if not added:
-            tell("log not fetched: the vehicle has written none since before the flight; is logging off?")
+            tell("log not fetched: the vehicle has no new log since the flight; check whether logging is on")
         for log in added:
             try:
                 one = fetch(store, log, folder, progress=_Progress(log, tell, vehicle.connection.clock.now_s))
@@ -78,7 +78,7 @@ def fetch_added(
     except LinkError as error:
         tell(f"log not fetched: {one_line(str(error))}; skyway logs fetch tries again")
     except KeyboardInterrupt:
-        tell("log not fetched: interrupted; skyway logs fetch goes on from there")
+        tell("log not fetched: interrupted; continue with skyway logs fetch")
     return found
 
 

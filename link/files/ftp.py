@@ -64,7 +64,7 @@ class FtpQuestion(Question):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What a folder holds."""
+    """An entry of a folder."""
 
     name: str
     size_bytes: int | None
@@ -72,7 +72,7 @@ class Entry:
 
 
 class FtpClient:
-    """Files of one vehicle. A `VehicleTimeoutError` says that it does not answer, a `CommandRefusedError` that it refuses."""
+    """Files of one vehicle. Raises a `VehicleTimeoutError` if it does not answer, a `CommandRefusedError` if it refuses."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -81,7 +81,7 @@ class FtpClient:
         """Whether it has ever answered."""
 
     def ask(self, what: str, op: Op, *, give_up_s: float = ANSWER_S, session: int = 0, offset: int = 0, size: int = 0, text: str = "") -> FtpMessage:  # fmt: skip
-        """Ask, and return the answer, whatever it is."""
+        """Send a request, and return the answer, including errors."""
         asked = FtpQuestion(
             self.vehicle.peer.target, self.numbers.take(), op, session=session, offset=offset, size=size,
             data=text.encode(), give_up_s=give_up_s,
@@ -93,11 +93,11 @@ class FtpClient:
         return answer
 
     def reset(self) -> None:
-        """Close whatever we, or somebody before us, left open."""
+        """Close all sessions that we, or an earlier client, left open."""
         self.ask("close files that are open", Op.RESET)
 
     def entries(self, folder: str) -> list[Entry] | None:
-        """What a folder holds; None where there is no such folder."""
+        """Entries of a folder; None where the folder does not exist."""
         found: list[Entry] = []
         offset = 0
         while offset < _MAX_ENTRIES:

@@ -1,9 +1,9 @@
-"""Reading a file by MAVLink FTP as fast as the link carries it.
+"""Reading a file by MAVLink FTP at the full rate of the link.
 
 Several reads are under way at a time, as many as the link holds: their number grows as long as answers do not come later,
 and shrinks when they queue (as TCP Vegas does). A link that a few do not fill is fast or long: there more are put under way as long as that brings
 more (`wide_window`). No answer lets more than two requests go, as vehicles let few wait (ArduPilot five). Where many do not fill it either, bursts
-are asked for, and what is lost of them is read singly. A burst that comes slower than reads did (one autopilot leaves two thirds of a link without flow
+are requested, and what is lost of them is read singly. A burst that comes slower than reads did (one autopilot leaves two thirds of a link without flow
 control to others) was the last one.
 """
 
@@ -36,7 +36,7 @@ PASSED = 3
 UNFILLED = 1.6
 """Answers that take no longer than so many times the shortest, with the most reads under way, do not fill the link."""
 SLOWER = 0.9
-"""Bursts that bring less than this share of what reads brought are not asked for again."""
+"""Bursts that bring less than this share of what reads brought are not requested again."""
 PER_ANSWER, PER_TICK = 2, 4
 """So many requests go at most when an answer comes, and when none does: what vehicles let wait is little."""
 _FULL_ROUNDS = 2
@@ -57,7 +57,7 @@ class _Read:
 
 
 class ReadFtp(Reading):
-    """Reads an open file from the end of what is there up to its size."""
+    """Reads an open file from the end of the local part up to its size."""
 
     transfers = "FILE_TRANSFER"
 
@@ -179,7 +179,7 @@ class ReadFtp(Reading):
             self._more(now_s, PER_ANSWER)
 
     def _count_passed(self, answered: _Read) -> None:
-        """Take for lost what was asked for well before something that has been answered."""
+        """Count as lost what was requested well before an answered request."""
         for number, read in list(self._reads.items()):
             if read.sent_s > answered.sent_s or (read.sent_s == answered.sent_s and read.offset > answered.offset):
                 break
@@ -188,7 +188,7 @@ class ReadFtp(Reading):
                 self._give_up(number)
 
     def _give_up(self, number: int) -> None:
-        """Ask once more for what is lost; it may come late all the same."""
+        """Ask again for what is lost; it may come late all the same."""
         read = self._late[number] = self._reads.pop(number)
         if self._wide is not None:
             self._wide.lost += 1
@@ -261,7 +261,7 @@ class ReadFtp(Reading):
     def _refused(self, error: int, offset: int) -> None:
         if error == Nak.EOF:
             self.ended_early = True
-            self._end(f"the file ends before byte {offset}, and was told to have {self.size_bytes}")
+            self._end(f"the file ends before byte {offset}, but should have {self.size_bytes}")
         else:
             self.session_lost = error in (Nak.BAD_SESSION, Nak.NOT_FOUND, Nak.FAIL)
             self._end(f"the vehicle stopped the transfer: {ERRORS.get(error, f'error {error}')}")

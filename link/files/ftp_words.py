@@ -1,4 +1,4 @@
-"""The words of MAVLink FTP: requests and answers in the payload of FILE_TRANSFER_PROTOCOL, error codes, and the checksum of files."""
+"""The codes of MAVLink FTP: requests and answers in the payload of FILE_TRANSFER_PROTOCOL, error codes, and the checksum of files."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Nak(IntEnum):
 
 
 ERRORS = {
-    1: "it failed", 2: "its file system failed", 3: "a size that it does not take", 4: "the file is not open", 5: "too many files are open",
-    6: "the end of the file", 7: "it does not know this request", 8: "the file exists", 9: "the file is protected", 10: "no such file",
+    1: "it failed", 2: "its file system failed", 3: "a size that it does not accept", 4: "the file is not open", 5: "too many files are open",
+    6: "the end of the file", 7: "it does not support this request", 8: "the file exists", 9: "the file is protected", 10: "no such file",
 }  # fmt: skip
 """Error codes in words."""
 
@@ -71,13 +71,13 @@ class FtpMessage(NamedTuple):
 
 
 def payload(sequence: int, op: Op, *, session: int = 0, offset: int = 0, size: int = 0, data: bytes = b"") -> bytes:
-    """Payload of a request; `size` is how many bytes are asked for, or that of the data."""
+    """Payload of a request; `size` is the number of bytes requested, or that of the data."""
     head = _HEAD.pack(sequence & 0xFFFF, session, op, len(data) if data else size, 0, 0, offset)
     return (head + data).ljust(_PAYLOAD_BYTES, b"\0")
 
 
 def read_payload(given: bytes) -> FtpMessage | None:
-    """Read the payload of a message; None where it says that it has more data than fit."""
+    """Read the payload of a message; None where it claims more data than fit."""
     sequence, session, op, size, asked, complete, offset = _HEAD.unpack_from(given)
     if size > DATA_BYTES:
         return None

@@ -1,7 +1,7 @@
 """Logs by LOG_REQUEST_LIST and LOG_REQUEST_DATA, for vehicles without file transfers.
 
 A vehicle sends one part at a time; some ignore what is asked meanwhile, others break off what they were sending. So a log is
-asked for in long parts, and what is lost of a part is asked for when it has ended: singly, one request after the other at the
+requested in long parts, and what is lost of a part is requested when it has ended: singly, one request after the other at the
 pace of the link, without waiting for each answer.
 """
 
@@ -33,12 +33,12 @@ _LEAST_SILENCE_S, _SILENT_PIECES = 0.6, 8.0
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """A log as LOG_ENTRY tells it."""
+    """A log as reported by LOG_ENTRY."""
 
     number: int
     size_bytes: int
     time_utc: int
-    """When it was begun or ended, POSIX seconds; 0 where the vehicle does not know."""
+    """When it started or ended, POSIX seconds; 0 where the vehicle does not know."""
 
 
 class ListLogs(Exchange):
@@ -94,7 +94,7 @@ class ListLogs(Exchange):
 
 
 class EndLogs(Question):
-    """Tells a vehicle that no more log is wanted, so that it logs again; it does not answer."""
+    """Ends log transfers, so that the vehicle logs again; it does not answer."""
 
     give_up_s = 0.0
 
@@ -102,7 +102,7 @@ class EndLogs(Question):
         super().__init__(target, "LOG_REQUEST_END")
 
     def begin(self, now_s: float) -> None:
-        """Say it twice: one may be lost."""
+        """Send the request twice: one may be lost."""
         for _ in range(2):
             self.ask()
         self.next_s = now_s
@@ -112,7 +112,7 @@ class EndLogs(Question):
 
 
 class ReadLog(Reading):
-    """Reads a log from the end of what is there up to its size."""
+    """Reads a log from the end of the local part up to its size."""
 
     transfers = "LOG_"
 
@@ -153,7 +153,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._pace_s  # all that is missing is on its way
         elif self._short is not None and self._short <= self.pieces.end:
             self.ended_early = True
-            self._end(f"the log ends at byte {self._short}, and was told to have {self.size_bytes}")
+            self._end(f"the log ends at byte {self._short}, but should have {self.size_bytes}")
         else:
             self._asked_s.clear()
             first = self.pieces.top
@@ -164,7 +164,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._silence_s()
 
     def _hole(self, now_s: float) -> tuple[int, int] | None:
-        """What is missing and was not asked for of late."""
+        """Missing parts that were not requested recently."""
         patience_s = max(self.round_trip.retry_s(1), 4.0 * self._pace_s)
         for offset, size in self.pieces.holes(4 * PIECE_BYTES):
             if now_s > self._asked_s.get(offset, -1e9) + patience_s:
@@ -202,7 +202,7 @@ class ReadLog(Reading):
             self.next_s = now_s + self._silence_s()
 
     def _asked_exactly(self, end: int) -> bool:
-        """Whether a piece is short because no more was asked for."""
+        """Whether a piece is short because no more was requested."""
         return (self._part is not None and end == self._part[1]) or any(
             offset < end <= offset + 4 * PIECE_BYTES for offset in self._asked_s
         )

@@ -1,4 +1,4 @@
-"""A file that comes in pieces, some late and some twice: what is whole from the beginning on is written at once."""
+"""A file that arrives in pieces, some late and some twice: the complete part from the beginning is written at once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Pieces:
         self._waiting_bytes = 0
 
     def put(self, offset: int, data: bytes) -> int:
-        """Take a piece; returns how many of its bytes are new. An `OSError` says that it cannot be written."""
+        """Store a piece; returns how many of its bytes are new. Raises an `OSError` if it cannot be written."""
         last = offset + len(data)
         if not data or last <= self.end or self._waiting_bytes > _AHEAD_BYTES < offset - self.end:
             return 0
@@ -68,7 +68,7 @@ class Pieces:
                 self.end = begin + len(piece)
 
     def holes(self, piece_bytes: int) -> Iterator[tuple[int, int]]:
-        """Yield offset and length of what is missing before `top`, in pieces of at most so many bytes."""
+        """Yield offset and length of what is missing before `top`, in pieces of at most as many bytes."""
         for begin, end in self._holes:
             for offset in range(begin, end, piece_bytes):
                 yield offset, min(piece_bytes, end - offset)

@@ -1,4 +1,4 @@
-"""What reading a file and reading a log have in common: where the pieces go, and why it ended."""
+"""Common parts of reading a file and reading a log: the destination of the pieces, and the reason of the end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Reading(Exchange):
-    """Reads from the end of what is there up to a size."""
+    """Reads from the end of the local part up to a size."""
 
     def __init__(
         self, target: Target, pieces: Pieces, size_bytes: int, progress: Callable[[int], None] | None = None

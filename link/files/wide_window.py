@@ -1,7 +1,7 @@
-"""How many reads to have under way on a fast or long link: more, as long as more come home.
+"""The number of parallel reads on a fast or long link: it grows as long as more data arrive.
 
 Answers that come late say little there: where many are under way, the jitter of the link alone makes some late. So what counts is what arrives. A number of
-reads is tried for a few round trips; while a greater one brings more it grows, and then it stays at the best, and is looked at again now and then.
+reads is tried for a few round trips; while a greater one brings more it grows, and then it stays at the best, and is checked again now and then.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class WideWindow:
         self._trying, self._failed, self._held = True, 0, 0
 
     def learn(self, now_s: float, came_bytes: int, round_s: float, least_s: float) -> float:
-        """Take what has come until now, and how long answers take, and took at least; returns how many reads to have under way."""
+        """Take the data received so far, and the usual and minimum answer times; returns how many reads to keep in flight."""
         took_s = now_s - self._begun_s
         if took_s < max((1.0 if self._fresh else ROUNDS) * round_s, LEAST_S):
             return self.window
         came, lost = came_bytes - self._begun_bytes, self.lost
         self._begun_s, self._begun_bytes, self.lost = now_s, came_bytes, 0
-        if self._fresh:  # what came until now was asked for with the number before
+        if self._fresh:  # what came until now was requested with the number before
             self._fresh = False
         elif self._trying:
             self._judge(came / took_s, full=lost > LOSSY * came / DATA_BYTES or round_s > LATER * least_s)

@@ -1,4 +1,4 @@
-"""Clients that packets are forwarded to: sockets that never block, each with bounds of its own."""
+"""Clients of forwarding: sockets that never block, each with its own bounds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RATE_PACKETS = 200.0
 
 @dataclass(slots=True)
 class Allowance:
-    """What one client may still say (a token bucket)."""
+    """Remaining allowance of one client (a token bucket)."""
 
     left_bytes: float = BURST_BYTES
     since_s: float = 0.0
@@ -109,7 +109,7 @@ class Client:
 
 
 class Endpoint(Protocol):
-    """One address to forward to: one client, or those who connect to it."""
+    """One address to forward to: one client, or the clients that connect to it."""
 
     clients: list[Client]
 
@@ -164,7 +164,7 @@ class _Datagrams:
 
 
 class UdpClients:
-    """Whoever speaks to a listening UDP address."""
+    """Clients of a listening UDP address."""
 
     def __init__(self, address: Address, signing: Callable[[], Signing | None]) -> None:
         family, target = resolve(address, socket.SOCK_DGRAM)
@@ -239,7 +239,7 @@ class _Stream:
         return True
 
     def read(self) -> bytes | None:
-        """What has come; None where it has gone."""
+        """Bytes received; None where the client has gone."""
         if self.socket is None:
             return None
         try:
@@ -257,7 +257,7 @@ class _Stream:
 
 
 class TcpClients:
-    """Whoever connects to a listening TCP port."""
+    """Clients of a listening TCP port."""
 
     def __init__(self, address: Address, signing: Callable[[], Signing | None]) -> None:
         family, target = resolve(address, socket.SOCK_STREAM)
@@ -312,7 +312,7 @@ class TcpClients:
 def open_endpoint(text: str, signing: Callable[[], Signing | None]) -> Endpoint:
     """Open an address to forward to.
 
-    An `InputError` says that it is none, or that it is taken; a `LinkLostError` that nobody answers there.
+    Raises an `InputError` if it is not a connection string, or if it is taken; a `LinkLostError` if nobody answers there.
     """
     address = parse_address(text, option="--forward")
     try:
@@ -324,5 +324,5 @@ def open_endpoint(text: str, signing: Callable[[], Signing | None]) -> Endpoint:
     except InputError as error:
         raise InputError([replace(fault, field="--forward") for fault in error.faults]) from None
     except LinkLostError as error:
-        problem = one_line(str(error)).replace("; is the vehicle on?", "; nobody listens there")
+        problem = one_line(str(error)).replace("; is the vehicle on?", "; no program listens there")
         raise LinkLostError(f"--forward: {problem}") from error

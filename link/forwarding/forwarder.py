@@ -106,7 +106,7 @@ class Forwarder:
         for_one = message is not None and message.name in _LOGS
         for client in self.clients():
             if for_one and client is not self._wants_logs:
-                continue  # pieces of a log name no target: they are for the one who asked last
+                continue  # pieces of a log name no target: they are for the latest requester
             if system == 0 or _hears(client, system, component):
                 client.put(frame)
 
@@ -117,7 +117,7 @@ class Forwarder:
             client.put(frame)
 
     def came_back(self, frame: bytes, now_s: float) -> bool:
-        """Whether a frame from the vehicles' side is one that a client had us pass on."""
+        """Whether a frame from the vehicles' side is an echo of one that a client had us pass on."""
         return self._to_vehicles.holds(frame, now_s)
 
     def _lives_with_client(self, system: int, now_s: float) -> bool:
@@ -173,7 +173,7 @@ class Forwarder:
         client.garbage_bytes = 0
         self._muted = {one: until for one, until in self._muted.items() if now_s < until}
         self._muted[client] = now_s + _MUTED_S
-        what = "sends nothing that is MAVLink" + (" signed with our key" if self._signs else "")
+        what = "does not send MAVLink" + (" signed with our key" if self._signs else "")
         self._noted.take(
             client, None, "garbage", None, f"client {client.name} {what}: it is ignored", now_s, fold_s=60.0
         )
@@ -188,7 +188,7 @@ class Forwarder:
         self._meet(client, sender, now_s)
         does = effect(message, self.rates_kept)
         if does is Effect.CHANGE and "target_system" not in message.fields:
-            return None  # telemetry of somebody: no vehicle needs it
+            return None  # telemetry of another vehicle: no vehicle needs it
         target: int = message.fields.get("target_system", 0)
         if passes(does, self.permission):
             self._to_vehicles.fresh(frame, now_s)
@@ -206,11 +206,11 @@ class Forwarder:
     ) -> bool:
         """Whether a packet is our own, an echo, or in the name of a vehicle."""
         if self._to_clients.holds(frame, now_s):
-            said = f"client {client.name} sends back what it was sent (a loop of routers): its echoes are dropped"
+            said = f"client {client.name} echoes packets (a loop of routers): its echoes are dropped"
         elif self._is_vehicle(sender[0], message, now_s):
             said = f"client {client.name} speaks as vehicle {sender[0]}: those packets are dropped"
         elif sender == self.own:
-            said = f"client {client.name} has our system and component id, {sender[0]} and {sender[1]}: give it another"
+            said = f"client {client.name} uses our system and component id, {sender[0]} and {sender[1]}: change its id"
         else:
             return False
         self._noted.take(client, None, "impersonates", None, said, now_s, fold_s=60.0)
@@ -226,12 +226,12 @@ class Forwarder:
         if sender not in client.speakers:
             if len(client.speakers) >= _MAX_SENDERS:
                 return
-            said = f"client {client.name} is there (system {sender[0]}, component {sender[1]})"
+            said = f"client {client.name} joined (system {sender[0]}, component {sender[1]})"
             self._noted.take(client, sender, "joined", None, said, now_s, fold_s=60.0)
         client.speakers[sender] = now_s
 
     def _refuse(self, client: Client, message: Message, sender: tuple[int, int], does: Effect, now_s: float) -> None:
-        """Say that something is not passed on, also to the one who waits for an answer."""
+        """Report that a message is not passed on, also to the sender that waits for an answer."""
         target = message.fields.get("target_system", 0)
         if does is Effect.RATE:
             self._answer(client, message, sender)

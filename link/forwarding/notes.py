@@ -1,4 +1,4 @@
-"""What is noticed of other ground stations, for the operator and the journal: each thing once, and never more lines than a person reads."""
+"""Observations of other ground stations, for the operator and the journal: each once, in a limited number of lines."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Note:
 
 @dataclass(slots=True)
 class Notes:
-    """All notes, those that repeat themselves left out."""
+    """All notes, without repetitions."""
 
     tell: Callable[[Note], None] | None = None
     """Told of each note at once; without it they are kept for `all`."""
@@ -61,7 +61,7 @@ class Notes:
         *,
         fold_s: float = _FOLD_S,
     ) -> None:
-        """Keep a note; what goes on, or is tried again, is noted once, and of what is refused in any number only the first."""
+        """Keep a note; a lasting or repeated event is noted once, and of frequent refusals only the first."""
         key = (client.name, sender, what, ordered)
         last = self._told.get(key)
         if len(self._told) > _MAX_TOLD:
@@ -70,7 +70,7 @@ class Notes:
         if last is not None and now_s <= last + fold_s:
             return
         if what in ("refused", "joined") and _is_one_of_many(client.noted_s, now_s):
-            said = f"client {client.name} has much refused, or many ids: that is not told one by one while it goes on"
+            said = f"client {client.name}: many messages refused, or many ids; further ones are not listed"
             self.take(client, None, "flood", None, said, now_s, fold_s=60.0)
             return
         system, component = sender or (None, None)

@@ -1,4 +1,4 @@
-"""What the messages of other ground stations do to a vehicle, and which of them pass."""
+"""The effect of messages of other ground stations on a vehicle, and which of them pass."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Permission(StrEnum):
 
 
 class Effect(StrEnum):
-    """What a message does to a vehicle."""
+    """Effect of a message on a vehicle."""
 
     READ = "read"
     """It asks, or says that somebody is there."""
@@ -71,7 +71,7 @@ _HEARTBEAT_STREAMS = frozenset((1, 3, 4))
 
 
 def effect(message: Message, ours: Collection[int] = ()) -> Effect:
-    """Tell what a message of another station does; `ours` are the ids of messages whose rate we keep."""
+    """Return the effect of a message of another station; `ours` are the ids of messages whose rate we keep."""
     name = message.name
     if name in _READS:
         return Effect.READ

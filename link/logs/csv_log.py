@@ -132,8 +132,8 @@ def _several(table: Table, key: str, count: int) -> tuple[str, ...]:
 class CsvLog:
     """A table of telemetry of one vehicle: read once piece by piece to check it, and again for each use.
 
-    Which column is what is found out from the header where `columns` do not say it. An `InputError` says that there is
-    no table, or that a column is missing.
+    Which column is what is found out from the header where `columns` do not say it. Raises an `InputError` if there is
+    no table, or if a column is missing.
     """
 
     def __init__(self, path: Path, columns: LogColumns | None = None) -> None:
@@ -157,7 +157,7 @@ class CsvLog:
                 yield track
 
     def _index(self) -> None:
-        """Go through the table once: its times, what of it is no row, and the package."""
+        """Read the table once: its times, invalid rows, and the package."""
         count = skipped = back = 0
         first = latest = math.nan
         payloads: list[float] = []
@@ -179,7 +179,7 @@ class CsvLog:
             (f"{back} rows are earlier than their predecessors; the predecessors' times are used",) if back else ()
         )
         if not self._absolute:
-            doubts += ("the times are relative: they count from the start of the log",)
+            doubts += ("the times are relative to the start of the log",)
         self.summary = LogSummary(
             format="csv",
             messages=count,
@@ -194,7 +194,7 @@ class CsvLog:
         )
 
     def _kept(self) -> Iterator[tuple[list[list[str]], list[list[str]], NDArray[np.float64], NDArray[np.float64]]]:
-        """Read the rows that have a time and those that have none, the times, which never decrease, and as they are told."""
+        """Read the rows that have a time and those that have none, the times, which never decrease, and as written."""
         latest = -math.inf
         for rows in self._pieces():
             times = self._times(rows)
@@ -245,7 +245,7 @@ class CsvLog:
         time = next((name for name in _TIME_NAMES if name in header), None)
         if time is None or not known:
             remedy = "give a mapping with --columns, see docs/how-to/replay.md"
-            raise InputError(Fault("has no columns that are known as telemetry", str(self._path), 1, remedy=remedy))
+            raise InputError(Fault("has no known telemetry columns", str(self._path), 1, remedy=remedy))
         return LogColumns(
             time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None
         )

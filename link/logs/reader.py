@@ -1,4 +1,4 @@
-"""Formats of flight logs: how each is recognised by its first bytes, not by its name, and which class reads it."""
+"""Formats of flight logs: recognition by the first bytes, not by the name, and the class that reads each."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def suffixes() -> str:
 def format_of(path: Path) -> str:
     """Return the format of a log, a name in `FORMATS`, found from its first bytes.
 
-    An `InputError` says that the file cannot be read, is empty, or is none of these.
+    Raises an `InputError` if the file cannot be read, is empty, or is none of these.
     """
     try:
         with path.open("rb") as stream:
@@ -116,7 +116,7 @@ def format_of(path: Path) -> str:
 
 
 def open_log(path: Path, columns: LogColumns | None = None) -> Log:
-    """Open and index a log of any format; an `InputError` says that the file cannot be read, or is no log."""
+    """Open and index a log of any format. Raises an `InputError` if the file cannot be read, or is not a log."""
     found = FORMATS[format_of(path)]
     reader: Callable[..., Log] = load(found.reader)
     return reader(path, columns) if found.takes_columns else reader(path)

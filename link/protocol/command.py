@@ -16,7 +16,7 @@ RESULTS = {
     0: "accepted",
     1: "not now, try again",
     2: "denied",
-    3: "it does not know this command",
+    3: "it does not support this command",
     4: "it failed",
     5: "in progress",
     6: "cancelled",
@@ -60,7 +60,7 @@ class Command(Question):
         """MAV_RESULT; None for silence."""
 
     def ask(self) -> None:
-        """Give it; a COMMAND_LONG says how often it was given."""
+        """Send it; a COMMAND_LONG carries the number of attempts."""
         super().ask()
         if self.place is None:
             self.outbox[-1][1]["confirmation"] = min(self._tries, 255)

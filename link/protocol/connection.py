@@ -181,7 +181,7 @@ class Connection(Carrier):
 
     @property
     def qualities(self) -> tuple[RadioQuality, ...]:
-        """How good each radio is, the one in use first."""
+        """Quality of each radio, the one in use first."""
         if self.radios is None:
             return (self._quality,)
         used = self.radios.used
@@ -324,18 +324,18 @@ class Connection(Carrier):
             self.forwarder.rates_kept = frozenset((*self.forwarder.rates_kept, *numbers))
 
     def supervise(self, system: int | None, *, commanded: bool = False) -> None:
-        """Tell all other stations, every second, that we supervise a vehicle, and whether we have commanded it already."""
+        """Announce to all other stations, every second, that we supervise a vehicle, and whether we have commanded it already."""
         self.supervises, self.commanded = system, commanded
 
     @property
     def transferring(self) -> bool:
-        """Whether a transfer of ours is under way, during which nothing else of its kind may be asked for."""
+        """Whether a transfer of ours is under way, during which no other of its kind may start."""
         return self._exchange is not None and not self._exchange.done and bool(self._exchange.transfers)
 
     def refuse_conflict(self) -> None:
         """Refuse to send to a vehicle that cannot tell us from another station.
 
-        A `StationConflictError` says that another station speaks with our system id.
+        Raises a `StationConflictError` if another station speaks with our system id.
         """
         if self.conflict is not None:
             raise StationConflictError(self.conflict.system, self.conflict.component)

@@ -27,7 +27,7 @@ def wire_item(message: Message) -> WireItem:
 
 
 class Download(Exchange):
-    """Reads what a vehicle holds, item by item in order: PX4 ends the transfer at any other."""
+    """Downloads a list of a vehicle, item by item in order: PX4 ends the transfer at any other."""
 
     transfers = "MISSION_"
 
@@ -128,7 +128,7 @@ class Download(Exchange):
 
 
 class Clear(Question):
-    """Clears what a vehicle holds of one kind; to ask twice does no harm."""
+    """Clears a vehicle's list of one kind; repeating it does no harm."""
 
     give_up_s, soonest_s = GIVE_UP_S, 0.0
     transfers = "MISSION_"

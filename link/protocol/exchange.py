@@ -1,6 +1,6 @@
 """Exchanges: request-reply state machines with one vehicle, without any input or output of their own.
 
-An exchange is told of messages and of time, and says what to send and when it wants to be told of time again. The same
+An exchange receives messages and the time, and returns what to send and when it must next see the time. The same
 one runs on sockets at wall time and against a simulated vehicle in virtual time. A procedure is a generator of
 exchanges: it yields one, and goes on when that is done.
 """
@@ -21,7 +21,7 @@ Steps = Generator["Exchange", None, T]
 """A procedure: yields exchanges one after the other and returns what came of them."""
 
 FIRST_RETRY_S = 0.25
-"""What MAVLink allows for an item, while the round trip is not known."""
+"""What MAVLink allows for an item, while the round trip is unknown."""
 _MIN_RETRY_S = 0.03
 _FEW_TRIES = 6
 _UNCLEAR, _SLOWEST = 4, 16.0
@@ -61,7 +61,7 @@ class RoundTrip:
             self._slower = min(self._slower * 2.0, _SLOWEST)
 
     def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
-        """How long to wait for an answer before asking again; longer with each `attempt` after the first few.
+        """Time to wait for an answer before repeating the request; longer with each `attempt` after the first few.
 
         An answer may be `spreads` later than usual; few where asking too early costs nothing but a packet.
         """
@@ -114,7 +114,7 @@ class Exchange(ABC):
 
 
 class Question(Exchange):
-    """An exchange whose question is put again until it is answered or given up."""
+    """An exchange whose question is repeated until it is answered or given up."""
 
     give_up_s = 5.0
     """Without an answer for so long, it ends."""
@@ -157,12 +157,12 @@ class Question(Exchange):
 
 
 class Carrier(ABC):
-    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
+    """Runner of exchanges with a vehicle: the connection itself, or another library on it."""
 
     def perform(self, steps: Steps[T]) -> T:
         """Carry a procedure out, and return what came of it.
 
-        A `StationConflictError` says that another station speaks with our system id.
+        Raises a `StationConflictError` if another station speaks with our system id.
         """
         try:
             while True:

@@ -9,7 +9,7 @@ from skyway.missions.autopilots.wire import WireItem
 
 
 class MissionKind(IntEnum):
-    """What is transferred: MAV_MISSION_TYPE."""
+    """Kind of a transferred list: MAV_MISSION_TYPE."""
 
     MISSION = 0
     FENCE = 1
@@ -33,10 +33,10 @@ PASSING = frozenset({ERROR, DENIED, CANCELLED})
 
 RESULTS = {
     0: "accepted",
-    1: "an error, without saying which",
-    2: "the frame (what altitudes count from) is not supported",
+    1: "an unspecified error",
+    2: "the frame (reference of altitudes) is not supported",
     3: "the command is not supported",
-    4: "there is no memory for so many items",
+    4: "not enough memory for so many items",
     5: "an item is invalid",
     6: "parameter 1 is invalid",
     7: "parameter 2 is invalid",

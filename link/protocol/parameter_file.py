@@ -41,7 +41,7 @@ class ParameterLine:
 
 
 def parameter_lines(path: Path) -> list[ParameterLine]:
-    """Read a parameter file line by line; an `InputError` lists every line that is no parameter."""
+    """Read a parameter file line by line. Raises an `InputError` that lists every line that is not a parameter."""
     found = []
     faults = []
     for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):

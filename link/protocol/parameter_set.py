@@ -39,7 +39,7 @@ class SavedSet:
     stack: str = ""
     """The autopilot that the file names, in small letters; empty where it names none."""
     of_others: int = 0
-    """Lines for other components of the vehicle (camera, gimbal), which are left out."""
+    """Lines for other components of the vehicle (camera, gimbal), which are omitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def check_ending(path: Path) -> None:
 
 
 def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], stack: str, system: int) -> str:
-    """Return what stands in the file of a set, as the ending of its name says; values that are no number as comments."""
+    """Return the text of the file of a set, in the format of its suffix; values that are not numbers as comments."""
     check_ending(path)
     tabbed = path.suffix.lower() in QGROUNDCONTROL
     lines = [*(f"# {line}" for line in head), f"# Stack: {stack}", "#"]
@@ -85,7 +85,7 @@ def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], 
     for one in sorted(values, key=lambda value: value.name):
         shown = value_text(one.value, one.kind)
         if not math.isfinite(one.value):
-            lines.append(f"# {one.name} is {shown}, which is no number")
+            lines.append(f"# {one.name} is {shown}, which is not a number")
         elif tabbed:
             lines.append(f"{system}\t{_AUTOPILOT}\t{one.name}\t{shown}\t{one.kind}")
         else:
@@ -94,12 +94,12 @@ def set_text(path: Path, values: Iterable[ParameterValue], head: Sequence[str], 
 
 
 def value_text(value: float, kind: int) -> str:
-    """Every digit of a value: whole numbers have up to ten, 32-bit floats are told apart by nine."""
+    """A value with all digits: whole numbers have up to ten, 32-bit floats need nine."""
     return str(int(value)) if is_whole(kind) and math.isfinite(value) and value == int(value) else f"{value:.9g}"
 
 
 def read_set(path: Path) -> SavedSet:
-    """Read a set; an `InputError` lists the lines that are no parameters, or that contradict each other."""
+    """Read a set. Raises an `InputError` that lists lines that are not parameters, or contradict each other."""
     first: dict[str, tuple[int, float]] = {}
     faults = []
     of_others = 0
@@ -113,7 +113,7 @@ def read_set(path: Path) -> SavedSet:
             faults.append(Fault(problem, str(path), line.number, line.name, f"{line.value:.9g}", "leave one of them"))
     refuse(faults)
     if not first:
-        raise InputError("holds no parameters of an autopilot", str(path), remedy="lines NAME,VALUE")
+        raise InputError("has no parameters of an autopilot", str(path), remedy="lines NAME,VALUE")
     named = _STACK.search(read_text(path, max_bytes=_MAX_BYTES)[:_HEAD_CHARACTERS])
     values = {name: value for name, (_, value) in first.items()}
     return SavedSet(path, values, "" if named is None else named[1].lower(), of_others)
@@ -122,7 +122,7 @@ def read_set(path: Path) -> SavedSet:
 def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: Family) -> SetDifference:
     """Compare a set with what a vehicle has.
 
-    An `InputError` says that the set is another autopilot's, or lists the values that its parameters cannot hold.
+    Raises an `InputError` if the set is for another autopilot, or with the values that its parameters cannot hold.
     """
     if saved.stack and not saved.stack.startswith(family.name):
         remedy = f"a set that was saved from {family.name}"

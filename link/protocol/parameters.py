@@ -118,9 +118,9 @@ class SetParameter(Question):
 class ReadParameters(Exchange):
     """Reads parameters by name, and distinguishes absent parameters from lost answers.
 
-    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are asked for in
+    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are requested in
     rounds, and each round ends with a question that every vehicle answers: the first parameter of its list. Where that
-    answer comes and those to a name asked for before it do not, round after round, so often that losses do not explain it
+    answer comes and those to a name requested before it do not, round after round, so often that losses do not explain it
     (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. Where nothing comes at
     all for `GIVE_UP_S`, the link is lost, and nothing is known.
     """
@@ -150,7 +150,7 @@ class ReadParameters(Exchange):
         self._ask(now_s)
 
     def _ask(self, now_s: float) -> None:
-        """Begin a round: those that were asked for least often, and last the question that is always answered."""
+        """Begin a round: those that were requested least often, and last the question that is always answered."""
         self._round = tuple(sorted(self._open, key=self._silent.__getitem__)[:_ASK_AT_ONCE])
         if not self._round:
             self.finish()
@@ -188,7 +188,7 @@ class ReadParameters(Exchange):
             self._ask(now_s)
 
     def tick(self, now_s: float) -> None:
-        """End a round: what was asked for and has not come was lost, or is not there."""
+        """End a round: requested values that did not arrive were lost, or do not exist."""
         if now_s >= min(self._heard_s + GIVE_UP_S, self._begun_s + _LONGEST_S):
             self.finish()
             return
@@ -277,7 +277,7 @@ class ParameterCheck:
 
     @property
     def to_set(self) -> float | None:
-        """What to set it to; None where nothing is to be set."""
+        """Value to set; None where nothing is to be set."""
         if self.ok or self.wanted.value is None or self.actual is None or not self.wanted.believes(self.actual):
             return None
         if self.wanted.rule == "bits":
@@ -286,7 +286,7 @@ class ParameterCheck:
 
     @property
     def problem(self) -> str:
-        """What is wrong with it, with the remedy; empty where it will do."""
+        """The problem with its remedy; empty where there is none."""
         wanted = self.wanted
         if self.ok:
             return ""

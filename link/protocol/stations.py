@@ -1,4 +1,4 @@
-"""Other ground stations that are heard, and other supervisors among them: who says that it flies which vehicle."""
+"""Other ground stations on the link, including other supervisors, and the vehicles that they supervise."""
 
 from __future__ import annotations
 

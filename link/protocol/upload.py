@@ -3,7 +3,7 @@
 The vehicle asks for items and repeats its question by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
 longer than a round trip for its next question: then either our item or its question was lost, and we cannot know
 which. So we send that item and the one after it: a vehicle that has not got the first takes both, one that has got it
-takes the second, and an item that is not expected is ignored. The transfer is never begun again on silence.
+takes the second, and an item that is not expected is ignored. The transfer is never restarted on silence.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BUSY_S = 12.0
 """How long a vehicle may be busy with somebody else."""
 _DOUBT_S = 1.5
 _STUCK_S = 15.0
-"""How long one item may be asked for again and again."""
+"""Limit for repeated requests of one item."""
 _LAST_TRIES = 12
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5
@@ -50,7 +50,7 @@ class UploadEnd(Enum):
 class Upload(Exchange):
     """Sends items, in the autopilot's numbering from 0, to a vehicle.
 
-    `progress` is told how many of them have been asked for, and of how many.
+    `progress` is called with the number requested so far, and the total.
     """
 
     transfers = "MISSION_"
@@ -83,7 +83,7 @@ class Upload(Exchange):
         self._busy = self._listed = False
 
     def begin(self, now_s: float) -> None:
-        """Say how many items there are."""
+        """Send the number of items."""
         self._begun_s = self.heard_s = self._moved_s = now_s
         self._count(now_s)
 

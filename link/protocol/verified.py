@@ -49,7 +49,7 @@ class UploadState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class UploadOutcome:
-    """How an upload ended, and what the vehicle holds now."""
+    """Outcome of an upload, and the vehicle's list after it."""
 
     state: UploadState
     """Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what was
@@ -128,7 +128,7 @@ def encode(part: Part, family: Family, current: int = 0) -> tuple[WireItem, ...]
 
 
 def decode(items: Sequence[WireItem], kind: MissionKind, family: Family) -> Part:
-    """Take something from the wire; an `InputError` says that the items make no fence, or no rally points."""
+    """Decode a received list. Raises an `InputError` if the items do not form a fence, or rally points."""
     if kind is MissionKind.MISSION:
         return family.from_wire(items)
     return fence_from_wire(items) if kind is MissionKind.FENCE else rally_from_wire(items)

@@ -61,7 +61,7 @@ class Thinned(Generic[Rows]):
             self._parts, self._kept, self._stride = [whole], len(whole), 2 * self._stride
 
     def rows(self) -> Rows:
-        """What was kept."""
+        """The rows kept."""
         return self._kind.joined(self._parts)
 
 
@@ -105,7 +105,7 @@ class WindTally:
 class FlightMonitor:
     """Watches one vehicle, and the wind by a filter that has its drag and forecast.
 
-    `listener` is told each whole second: telemetry rows, and the filter's course over the same seconds.
+    `listener` is called each whole second: telemetry rows, and the filter's course over the same seconds.
     """
 
     def __init__(self, wind: LiveWind, listener: Listener | None = None) -> None:

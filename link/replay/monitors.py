@@ -51,7 +51,7 @@ class Notice:
 
 @dataclass(slots=True)
 class Leg:
-    """One flight, from leaving the ground to landing; what is not known is NaN."""
+    """One flight, from leaving the ground to landing; unknown values are NaN."""
 
     start_s: float
     end_s: float
@@ -70,7 +70,7 @@ class Leg:
 
     @property
     def time_s(self) -> float:
-        """How long it has lasted."""
+        """Its duration so far."""
         return self.end_s - self.start_s
 
     def add(self, time_s: float, row: NDArray[np.float64]) -> None:
@@ -288,7 +288,7 @@ class WindWatch:
 
 
 class TrustWatch:
-    """Tells when the position of a vehicle in the air is no more to be trusted, and when it is again."""
+    """Reports when the position of a vehicle in the air is no longer reliable, and when it is again."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None

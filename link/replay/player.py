@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
 BEFORE_S, AFTER_S = 2.0, 8.0
-"""How much of another log is made into messages around what is asked for."""
+"""How much of another log is made into messages around what is requested."""
 MAX_SPEED = 1000.0
 
 
@@ -81,7 +81,7 @@ class TlogPackets(Packets):
 
 
 class SamplePackets(Packets):
-    """Messages made from the telemetry of a log that is no MAVLink log."""
+    """Messages made from the telemetry of a log without MAVLink."""
 
     def __init__(self, log: Log, start_s: float, end_s: float) -> None:
         super().__init__(start_s, end_s)
@@ -121,7 +121,7 @@ class Player:
 
     @property
     def ended(self) -> bool:
-        """Whether it stands at the end it plays towards; an empty log has ended."""
+        """Whether it has reached the end in its direction of play; an empty log has ended."""
         if not math.isfinite(self.source.start_s):
             return True
         return self.position_s >= self.source.end_s if self.speed >= 0.0 else self.position_s < self.source.start_s

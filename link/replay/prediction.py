@@ -46,7 +46,7 @@ class Prediction:
 def predict(found: Replay, drone: Drone, payload_kg: float) -> Prediction:
     """Predict the energy of a replayed flight with a drone's energy model.
 
-    An `InputError` says that the package is heavier than the drone carries, or that the log has no flight.
+    Raises an `InputError` if the package is heavier than the drone carries, or if the log has no flight.
     """
     if not 0.0 <= payload_kg <= drone.max_payload_kg:
         remedy = f"{drone.id} carries 0 to {drone.max_payload_kg:g} kg"

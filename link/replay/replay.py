@@ -86,9 +86,9 @@ class Replay:
 
 
 def choose_system(summary: LogSummary, system: int | None) -> int | None:
-    """Return the vehicle to look at: the one asked for, else the first that gave telemetry.
+    """Return the vehicle to replay: the requested one, else the first that sent telemetry.
 
-    An `InputError` says that it gave no telemetry in this log.
+    Raises an `InputError` if it gave no telemetry in this log.
     """
     if system is None:
         return summary.systems[0] if summary.systems else None
@@ -102,7 +102,7 @@ def choose_system(summary: LogSummary, system: int | None) -> int | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOptions:
-    """Which part of a log is gone through, and what is known beforehand."""
+    """Part of a log to replay, and data known beforehand."""
 
     system: int | None = None
     """Vehicle; by default the first."""
@@ -130,9 +130,9 @@ def replay(
 ) -> Replay:
     """Replay a log as if it were live.
 
-    `notice` is told what the monitors notice, second by second as they notice it, and what the vehicle said.
+    `notice` is called with the monitors' findings, second by second, and the vehicle's messages.
     `wait_until` is called before each second of the log is looked at, with the time of its last sample: it keeps pace
-    with a clock. The listener is told every second of telemetry with the wind that was estimated then.
+    with a clock. The listener gets every second of telemetry with the wind estimated then.
     """
     asked = options or ReplayOptions()
     system = choose_system(log.summary, asked.system)
@@ -267,7 +267,7 @@ class _Told:
                 self._notice(Notice(event.time_s, "mission", event.text))
 
     def add(self, notices: list[Notice]) -> None:
-        """Pass on what the monitors noticed, and before each what the vehicle had said by then."""
+        """Pass on the monitors' findings, and before each the vehicle's messages up to then."""
         for one in notices:
             self.until(one.time_s)
             if one.event and len(self._events) < MAX_EVENTS:

@@ -65,7 +65,7 @@ class WindAt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AgainstForecast(msgspec.Struct, frozen=True, kw_only=True):
-    """The forecast's mean wind, how far that was off on average, and how far the forecast was at each time."""
+    """The forecast's mean wind, its mean error, and its error at each time."""
 
     speed_mps: float | None
     from_deg: float | None
@@ -95,7 +95,7 @@ class AirspeedUsed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DragUsed(msgspec.Struct, frozen=True, kw_only=True):
-    """The drag in use, and what the flight tells about it."""
+    """The drag in use, and what the flight reveals about it."""
 
     source: str
     as_live: bool
@@ -133,7 +133,7 @@ class EventAt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PredictedEnergy(msgspec.Struct, frozen=True, kw_only=True):
-    """Energy that a drone's model predicts for the flight, beside what was measured."""
+    """Energy that a drone's model predicts for the flight, beside the measured energy."""
 
     drone: str
     mass_kg: float | None
@@ -182,7 +182,7 @@ def instant(found: Replay, time_s: float) -> Instant:
 def replay_report(
     found: Replay, prediction: Prediction | None = None, parameters: dict[str, str] | None = None
 ) -> ReplayReport:
-    """Work out everything that is told of a replay; unknown numbers are None."""
+    """Compute the report of a replay; unknown numbers are None."""
     summary = found.summary
     return ReplayReport(
         format=summary.format,

@@ -27,7 +27,7 @@ def vehicle_of(summary: LogSummary, system: int | None, given: Kind | None = Non
     """Return what the vehicle of a log is.
 
     `given` is what a person says, for logs that do not say it themselves; a `drag` of a multirotor given with it says
-    as much. An `InputError` says that the log says otherwise, or that there is no such kind.
+    as much. Raises an `InputError` if the log says otherwise, or if there is no such kind.
     """
     found = summary.vehicle(system)
     if given is None:

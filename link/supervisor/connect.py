@@ -1,4 +1,4 @@
-"""Meeting the vehicle at the beginning: who it is, where it is, what it holds."""
+"""Connecting to the vehicle at the beginning: its identity, its position, its contents."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 KNOWN_S = 45.0
 """So long we wait for position, charge and whether it is armed."""
 LOOK_AGAIN_S = 15.0
-"""What would end a delivery before it has begun is looked at for so long."""
+"""Wait this long on a fault that would end a delivery before its start."""
 
 
 def connecting(ctx: Context) -> After:

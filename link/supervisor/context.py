@@ -1,4 +1,4 @@
-"""A delivery under way: its parts, each written by its owner alone, and the passing of time."""
+"""A delivery under way: its parts, each written only by its owner, and the passing of time."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ TICK_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """A delivery under way: what it was given, and one owner for each part of what becomes of it.
+    """A delivery under way: its inputs, and one owner for each part of its state.
 
     A part is written by its own methods alone; every state reads all of them (decision 0075).
     """
@@ -83,23 +83,23 @@ class Context:
     proof: Proof = field(default_factory=Proof)
 
     def policy(self) -> OnlinePolicy:
-        """Make what decides on the ground and in the air, and tells what can be reached."""
+        """Build the policy that decides on the ground and in the air, and computes reachable stations."""
         m = self.job
         return OnlinePolicy(m.scenario, self.request, m.parameters, drag=m.drag)
 
     @property
     def request(self) -> Request:
-        """What is asked now: the delivery, or from the target on what follows it."""
+        """The current request: the delivery, or from the target on the flight after it."""
         onward = self.delivery.onward
         return self.job.request if onward is None else onward.request(self.job.request)
 
     @property
     def work(self) -> WorkProgress:
-        """How far the work is, where work is flown."""
+        """Progress of the work, where the drone flies a mission."""
         return self.delivery.work
 
     def delivers_at(self, station: str | None) -> bool:
-        """Whether the package is to be handed over at a station."""
+        """Whether the package is to be delivered at a station."""
         hands_over = self.job.hands_over and self.job.work is None
         return hands_over and self.delivery.onward is None and station == self.job.request.destination
 
@@ -122,7 +122,7 @@ class Context:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are not known."""
+        """Latitude and longitude; None where they are unknown."""
         return self.observed.place
 
     @property
@@ -132,12 +132,12 @@ class Context:
 
     @property
     def remote_id(self) -> RemoteIdWatch:
-        """Who flies, as it is broadcast."""
+        """Identity of the operator, as broadcast."""
         return self.observed.remote_id
 
     @property
     def stands_in_air(self) -> bool:
-        """Whether it was told to stop on its way: by a person, or for another aircraft."""
+        """Whether it was told to hover on its way, by a person or for another aircraft."""
         return self.conversation.paused or self.give_way.holds
 
     def here_station(self) -> str | None:
@@ -187,7 +187,7 @@ class Context:
         return changes
 
     def _after_reboot(self) -> None:
-        """A vehicle that has restarted is asked for its telemetry again."""
+        """Telemetry is requested again from a vehicle that has restarted."""
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
             self.note(
@@ -201,7 +201,7 @@ class Context:
         if rule.overdue is None or self.clock.now_s() - self.status.entered_s <= rule.longest_s:
             return
         flies = self.in_air and rule.overdue is State.STOPPED
-        reason = f"the state {self.state} has lasted longer than its limit of {duration(rule.longest_s)}"
+        reason = f"the state {self.state} exceeded its limit of {duration(rule.longest_s)}"
         raise Turn(State.HOLDING if flies else rule.overdue, reason)
 
     def wait(self, duration_s: float) -> None:
@@ -222,7 +222,7 @@ class Context:
         return self.journal.write(self.state, entry, reason, flight=self.delivery.flight)
 
     def tell(self, line: str) -> None:
-        """Say something to the operator."""
+        """Send a message to the operator."""
         self.operator.tell(line)
 
     def say(self, entry: Entry, reason: str) -> None:

@@ -1,4 +1,4 @@
-"""What is said between the supervisor and the operator: questions, answers, orders, Ctrl-C."""
+"""The conversation between the supervisor and the operator: questions, answers, commands, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Conversation:
 
     @property
     def attended(self) -> bool:
-        """Whether an answer may come: somebody is there, or has said something that is not yet taken."""
+        """Whether an answer may come: somebody is attending, or has typed something not yet read."""
         return self.operator.present or bool(self._words)
 
     def next_word(self) -> str | None:
@@ -68,7 +68,7 @@ class Conversation:
         self.paused = False
 
     def pause(self, *, on: bool) -> None:
-        """Note that it stands still in the air, or flies on."""
+        """Record that the drone hovers, or flies on."""
         self.paused = on
 
     def allow(self, *, once: bool = True) -> None:
@@ -76,7 +76,7 @@ class Conversation:
         self.asked_once = once
 
     def ask_again(self, *, stays: bool) -> None:
-        """Note that a person has ended the flight: the next take-off is asked for, or there is none before somebody says `go`."""
+        """Record that a person ended the flight: ask before the next take-off, or make none before somebody types `go`."""
         self.asked_once = False
         self.stays = self.stays or stays
 
@@ -87,7 +87,7 @@ class Conversation:
             self.commander.restore(Person(told.holder, told.holder_name or "somebody"))
 
     def listen(self, ctx: Context) -> None:
-        """Take what the operator says at any time; Ctrl-C on the ground, or twice in the air, is raised as a `Turn`."""
+        """Read what the operator types at any time; Ctrl-C on the ground, or twice in the air, raises a `Turn`."""
         if (said := self.operator.heard()) is not None:
             self._take(ctx, replace(said, word=" ".join(said.word.split()).lower()))
         if over := self.commander.overdue(ctx.vehicle.connection.clock.now_s()):
@@ -140,11 +140,11 @@ class Conversation:
             now = ", ".join(offered(ctx)) or "nothing"
             return f"in the state {ctx.state} there is: {now}"
         if self.question is not None and said.about != self.asked_n:
-            return "it answers another question than the one that is open"
+            return "it does not answer the open question"
         return ""
 
     def _do(self, ctx: Context, said: Said) -> None:
-        """Do what was said at once, or keep it for the one who asked."""
+        """Act on an answer at once, or keep it for its question."""
         word = said.word.partition(" ")[0]
         if self.question is not None or ctx.state is State.HOLDING or word == "charged":
             self._words.append(said.word)
@@ -179,7 +179,7 @@ class Conversation:
         )
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
-        """Let time pass until the operator says one of some words; it stops (a `Turn`) where nobody is there any more."""
+        """Let time pass until the operator types one of some words; stops (a `Turn`) where nobody attends any more."""
         asked = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
         self.question, self.answers, self.asked_n = question, words, asked.n
@@ -190,7 +190,7 @@ class Conversation:
                         return word
                     self.operator.ask(f"not understood. Please answer: {', '.join(words)}")
                 if not self.attended:
-                    raise Turn(State.STOPPED, f"nobody is there any more to answer the question: {question}")
+                    raise Turn(State.STOPPED, f"nobody can answer the question any more: {question}")
                 ctx.tick()
         finally:
             self.question, self.answers = None, ()

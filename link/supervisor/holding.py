@@ -1,4 +1,4 @@
-"""Somebody else has control: nothing is commanded, all is watched, until the operator gives the word."""
+"""Holding: somebody else has control; the supervisor watches and sends no commands until the operator answers."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ WORDS = "go (take control, continue the delivery), land (land where it is) or le
 
 
 def holding(ctx: Context) -> After:
-    """Command nothing; watch, record, and go on only on the operator's word."""
+    """Command nothing; monitor, record, and continue only on the operator's word."""
     ctx.conversation.forget()
     if ctx.link.resting:  # what it does now is seen in seconds, not when it rests
         request_telemetry(ctx)
     _tell_what_differs(ctx)
     if ctx.operator.present:
-        ctx.operator.ask(f"nothing is commanded until you answer: {WORDS}")
+        ctx.operator.ask(f"sending no commands until you answer: {WORDS}")
     else:
-        ctx.tell("nothing is commanded; nobody is there to answer, so it is watched until it stands disarmed")
+        ctx.tell("sending no commands; nobody can answer, so the drone is watched until it stands disarmed")
     ground_s = math.nan
     while True:
         ctx.tick()
@@ -50,11 +50,11 @@ def holding(ctx: Context) -> After:
             station = ctx.here_station()
             ctx.delivery.stand_at(station)
             if station is None:
-                where = "where it stands is not known" if ctx.place is None else "away from any station"
+                where = "at an unknown position" if ctx.place is None else "away from any station"
                 return State.ENDED_ELSEWHERE, f"somebody else landed the drone, {where}: fetch it there"
             return (
                 State.STOPPED,
-                f"somebody else landed the drone at {station}, and nobody is there to continue: start again with --resume",
+                f"somebody else landed the drone at {station}, and nobody can answer: start again with --resume",
             )
 
 
@@ -87,13 +87,13 @@ def _tell_what_differs(ctx: Context) -> None:
         for word, difference in found[:SHOWN]:
             ctx.say(OperatorNote(), f"changed by somebody else: {word}, {difference}")
         if not found:
-            ctx.tell("what the drone holds still means what this delivery sent")
+            ctx.tell("the drone still has what this delivery sent")
     except LinkError as error:
-        ctx.tell(f"what was changed could not be read: {error}")
+        ctx.tell(f"the change could not be read: {error}")
 
 
 def _restored_turn(ctx: Context) -> bool:
-    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is not known here."""
+    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is unknown here."""
     leg = ctx.delivery.leg
     return ctx.divert.turned and leg is not None and leg.destination != ctx.divert.station
 

@@ -1,4 +1,4 @@
-"""What a supervisor is charged with: a plan, the region it was made in, and how to go about it."""
+"""The job of a supervisor: a plan, its region, and its options."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class DeliveryJob:
     options: MissionOptions = field(default_factory=MissionOptions)
     """How missions are made, and who releases the package."""
     drag: DragModel | None = None
-    """Of the drone, for the wind by its tilt; None is not known."""
+    """Of the drone, for the wind by its tilt; None is unknown."""
     replanning: bool = True
     """Under the online policy; else the plan is flown as it is, whatever comes."""
     work: WorkPlanner | None = None
@@ -66,7 +66,7 @@ class DeliveryJob:
     asking: Asking = "once"
     """``each`` take-off, ``once``, or ``never``."""
     set_parameters: bool = True
-    """Set parameters that a leg needs, told before the take-off and asked for with it."""
+    """Set parameters that a leg needs, told before the take-off and requested with it."""
     restore_parameters: bool = True
     """Give the vehicle back at the end what was set."""
     traffic: TrafficRule = field(default_factory=TrafficRule)
@@ -87,7 +87,7 @@ class DeliveryJob:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a supervised delivery ended."""
+    """Outcome of a supervised delivery."""
 
     state: str
     """The last state."""
@@ -100,7 +100,7 @@ class Outcome:
     """What became of the package: ``delivered``, ``not delivered`` or ``unsure``; empty where it was never to be released."""
     proof_reason: str = ""
     handed_over: bool = False
-    """The package was handed over, whatever became of the drone on its way back."""
+    """The package was delivered, whatever became of the drone on its way back."""
 
     @property
     def delivered(self) -> bool:

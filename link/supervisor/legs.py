@@ -1,4 +1,4 @@
-"""Single legs: the one under way, and their missions, as planned and from wherever the vehicle is in the air."""
+"""Legs: the one under way, and their missions, as planned and from any position in the air."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LegMission:
-    """What is uploaded for one leg."""
+    """The upload for one leg."""
 
     document: MissionDocument
     """Mission, fence and rally points."""
@@ -74,13 +74,13 @@ class Leg:
 
     @property
     def home_ground_m(self) -> float:
-        """Ground above sea level that heights of its mission count from; NaN where it is not known."""
+        """Ground above sea level that heights of its mission count from; NaN where it is unknown."""
         home = self.mission.document.mission.home
         return math.nan if home is None or home.altitude_m is None else home.altitude_m
 
     @property
     def top_m(self) -> float:
-        """Greatest height above sea level that its mission orders; NaN where it is not known."""
+        """Greatest height above sea level that its mission orders; NaN where it is unknown."""
         items = self.mission.document.mission.items
         heights = (item.z for item in items if item.command is Command.NAV_WAYPOINT)
         return self.home_ground_m + max(heights, default=math.nan)

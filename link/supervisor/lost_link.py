@@ -1,4 +1,4 @@
-"""A lost link: nothing is commanded, we listen until the vehicle is heard and answers again."""
+"""Lost link: the supervisor sends no commands and listens until the vehicle answers again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def lost_link(ctx: Context) -> After:
     """Listen until it is heard and answers again, then find it where it is."""
     before = ctx.status.before
     alone = f"without the link {left_words(ctx)}" if before in IN_AIR else "the drone was on the ground"
-    ctx.tell(f"link lost: {alone}. Nothing is commanded; listening until it answers again")
+    ctx.tell(f"link lost: {alone}. Sending no commands; listening until the drone answers")
     begun = ctx.clock.now_s()
     while True:
         ctx.tick()

@@ -116,7 +116,7 @@ class Supervisor:
         )
 
     def run(self) -> Outcome:
-        """Take it to its end; an `InputError` says that the journal, or the recording, cannot be written any more."""
+        """Run to the end. Raises an `InputError` if the journal or the recording can no longer be written."""
         ctx = self.context
         steps = STEPS if ctx.job.work is None else WORK_STEPS
         while ctx.state not in ENDS:

@@ -1,4 +1,4 @@
-"""What follows the hand-over: the way back of the drone, or the way on of a package that could not be handed over.
+"""Flights after the hand-over: the way back of the drone, or the way on of a package that could not be delivered.
 
 It is flown as the delivery is, under the same policy, from the target to a destination of its own: without the package, or with it.
 """
@@ -42,7 +42,7 @@ class Onward:
     loaded: bool
     """The package is aboard."""
     delivered: bool
-    """The package was handed over."""
+    """The package was delivered."""
     leave_s: float
     """It stays at the target until then, POSIX seconds."""
 
@@ -56,7 +56,7 @@ class Onward:
 
 
 def after_hand_over(ctx: Context, done: str) -> After:
-    """Go on with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
+    """Continue with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
     stands = f"{done}; the drone stands disarmed with {percent(ctx.battery.soc)}"
     back = None if ctx.job.composition.way_back is None else ctx.job.composition.way_back.plan
     if back is None or ctx.conversation.stays:
@@ -65,7 +65,7 @@ def after_hand_over(ctx: Context, done: str) -> After:
 
 
 def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
-    """Go on after a package that could not be handed over, or was lost: with it where that was asked for, else without."""
+    """Continue after a package could not be delivered, or was lost: with it where that was requested, else without."""
     way = ctx.job.composition.way_back
     plan = None if way is None else way.undelivered if loaded else way.plan
     if plan is None or ctx.conversation.stays:
@@ -77,7 +77,7 @@ def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
 
 
 def package_goes_on(ctx: Context, why: str) -> str:
-    """Have the package go on from the air: to where it was to go if it could not be handed over, else back; returns where."""
+    """Divert the package in the air: to its destination for undelivered packages, else back; returns where."""
     way = ctx.job.composition.way_back
     goal = ctx.job.composition.origin if way is None or way.undelivered is None else way.undelivered.destination
     onward = Onward(goal, loaded=True, delivered=False, leave_s=ctx.now_s)
@@ -149,13 +149,13 @@ def arrived(ctx: Context, onward: Onward) -> After:
     if onward.loaded:
         return (
             State.STOPPED,
-            f"the package could not be handed over at {target}: it is at {onward.destination}; {stands}",
+            f"the package could not be handed over at {target} and is at {onward.destination}; {stands}",
         )
     return State.STOPPED, f"not delivered: {why}; {stands}"
 
 
 def another_pad(ctx: Context, known: Information) -> bool:
-    """Take the nearest pad that is free where the planned one is not, if any pad will do; says whether it did.
+    """Switch to the nearest free pad where the planned one is occupied, if any pad will do; returns whether it did.
 
     Of those that half more than the flight takes in still air is enough for, above the reserve: the policy decides whether it is flown.
     """

@@ -1,4 +1,4 @@
-"""The person who watches: told, asked, and heard without ever keeping the vehicle waiting."""
+"""The operator: receives messages and questions, and never blocks the vehicle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Said:
 
 
 class Operator(Protocol):
-    """Whoever decides what a program must not."""
+    """The person who decides what a program must not."""
 
     interrupts: int
     """How often Ctrl-C was pressed."""

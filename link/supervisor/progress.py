@@ -1,4 +1,4 @@
-"""How far a delivery is: the plan in force, the leg under way, where the vehicle stands and where it has been."""
+"""Progress of a delivery: the plan in force, the leg under way, the vehicle's place and the places visited."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class DeliveryProgress:
     """The progress of one delivery; written by the methods here alone."""
 
     resumed: bool = False
-    """It was begun by an earlier run of the program."""
+    """It was started by an earlier run of the program."""
     plan: Composition | None = None
     """From where the vehicle stands, or from the leg under way, on."""
     leg: Leg | None = None
@@ -51,7 +51,7 @@ class DeliveryProgress:
     work: WorkProgress = field(default_factory=WorkProgress)
     """How far the work is, where work is flown instead of a delivery."""
     onward: Onward | None = None
-    """Where it goes after the target; None until the package was handed over, or could not be."""
+    """Where it goes after the target; None until the package was delivered, or could not be."""
 
     # The plan
 
@@ -60,12 +60,12 @@ class DeliveryProgress:
         self.plan, self.called_off = plan, False
 
     def go_on(self, onward: Onward) -> None:
-        """Go on from the target: with no charge asked for, and all stations unvisited."""
+        """Continue from the target: with no required charge, and all stations unvisited."""
         self.onward, self.charge_to, self.charged = onward, None, False
         self.visited = set()
 
     def call_off(self, onward: Onward) -> None:
-        """Go on elsewhere from the air: the plan in force tells places until it lands, and nothing else."""
+        """Divert in the air: the plan in force supplies places until it lands, and nothing else."""
         self.go_on(onward)
         self.called_off = True
 
@@ -74,7 +74,7 @@ class DeliveryProgress:
         return self.plan is not None and bool(self.plan.services) and self.plan.services[0].origin == station
 
     def reach(self, station: str | None) -> None:
-        """Take the flown leg from the plan; a plan that does not go on from this station is dropped."""
+        """Remove the flown leg from the plan; a plan that does not continue from this station is dropped."""
         plan = None if self.called_off else self.plan
         if self.called_off:
             self.take_plan(None)
@@ -114,7 +114,7 @@ class DeliveryProgress:
     # Where it stands
 
     def stand_at(self, station: str | None) -> None:
-        """Take the station where it stands."""
+        """Set the station where it stands."""
         self.station = station
 
     def note_landing(self, where: str | None) -> None:
@@ -128,13 +128,13 @@ class DeliveryProgress:
     def restore(
         self, station: str | None, visited: Iterable[str], diverts: Iterable[str], charge_to: float | None
     ) -> None:
-        """Bring back what a journal says."""
+        """Restore the progress from a journal."""
         self.station = station or self.station
         self.visited = set(visited)
         self.prepare(diverts, charge_to)
 
     def restore_flight(self, flight: int) -> None:
-        """Bring back how many flights were begun."""
+        """Restore the number of flights started."""
         self.flight = flight
 
     def station_at(self, place: tuple[float, float] | None, scenario: Scenario) -> str | None:

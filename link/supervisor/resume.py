@@ -1,4 +1,4 @@
-"""Going on with a delivery: from its journal after a crash of the program, and from the vehicle itself."""
+"""Resuming a delivery: from its journal after a crash of the program, and from the vehicle itself."""
 
 from __future__ import annotations
 
@@ -131,11 +131,11 @@ def _number(value: float | None) -> float:
 
 
 def resume(ctx: Context, who: Identity) -> After:
-    """Find the vehicle where it is, and go on from there: never upload or start what was flown already."""
+    """Locate the vehicle and continue from there: never upload or start again what was flown already."""
     if ctx.observed.is_another(who.uid):
         return (
             State.STOPPED,
-            f"{who} is not the drone of this journal: connect that one, or name the journal of this one with --resume",
+            f"{who} is not the drone of this journal: connect the right drone, or give the journal of this drone with --resume",
         )
     where = "in the air" if ctx.in_air else "on the ground"
     ctx.note(Resumed(mode=ctx.vehicle.mode), f"found {who} {where}")
@@ -143,13 +143,13 @@ def resume(ctx: Context, who: Identity) -> After:
 
 
 def take_up(ctx: Context) -> After:
-    """Tell from the vehicle itself where the delivery stands."""
+    """Determine the stage of the delivery from the vehicle itself."""
     if not ctx.on_ground and not ctx.in_air:
         _settle(ctx)
     if ctx.in_air:
         return _in_the_air(ctx)
     if not ctx.on_ground:
-        return State.HOLDING, "the drone is armed on the ground, and this program did not arm it"
+        return State.HOLDING, "the drone is armed on the ground, but not by this program"
     delivery = ctx.delivery
     station, leg = ctx.here_station(), delivery.leg
     if leg is not None and (station != leg.origin or ctx.work.done is not None):
@@ -180,7 +180,7 @@ def _settle(ctx: Context) -> None:
 
 
 def _in_the_air(ctx: Context) -> After:
-    """Go on with a flight where the vehicle flies what we gave it."""
+    """Continue with a flight where the vehicle flies what we gave it."""
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"
@@ -188,11 +188,11 @@ def _in_the_air(ctx: Context) -> After:
         return after
     mode = ctx.vehicle.mode
     if mode == "hold" and ctx.stands_in_air:
-        return (State.DIVERTING if divert.station else State.FLYING), "still paused on its way, as ordered"
-    strange = f"the drone is in mode {mode}, which this program did not command"
+        return (State.DIVERTING if divert.station else State.FLYING), "still paused, as ordered"
+    strange = f"somebody else switched the drone to mode {mode}"
     if divert.station is not None and not divert.turned:
         if mode in ("mission", "hold", "guided"):
-            return State.DIVERTING, f"the divert to {divert.station} was not finished: it is sent again"
+            return State.DIVERTING, f"the divert to {divert.station} was not finished: sending it again"
         return State.HOLDING, strange
     if mode not in ("mission", "takeoff"):
         return State.HOLDING, strange
@@ -204,8 +204,8 @@ def _in_the_air(ctx: Context) -> After:
         raise
     except LinkError as error:
         raise Turn(
-            State.HOLDING, f"whether the drone flies the mission of this delivery could not be checked: {error}"
+            State.HOLDING, f"could not check whether the drone flies the mission of this delivery: {error}"
         ) from error
     if differences:
-        return State.HOLDING, f"the drone flies another mission than that of this delivery: {differences[0]}"
+        return State.HOLDING, f"the drone does not fly the mission of this delivery: {differences[0]}"
     return State.FLYING, f"on its way to {leg.destination}"

@@ -1,4 +1,4 @@
-"""The states of a supervised delivery, what may follow what, and how long each may last: one table.
+"""The states of a supervised delivery, their transitions, and their time limits: one table.
 
 Picture and table in the documentation are made from it, and the supervisor refuses to leave it.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class State(StrEnum):
-    """Where a supervised delivery stands."""
+    """State of a supervised delivery."""
 
     CONNECTING = "connecting"
     REPLANNING = "replanning"
@@ -63,7 +63,7 @@ TABLE: Mapping[State, Rule] = {
         (_S.REPLANNING, _S.FLYING, _S.DIVERTING, _S.LANDED, *_GROUND_TROUBLE, _S.DELIVERED),
         120.0,
         _S.STOPPED,
-        "identify the drone, find where it is; after a resume also what it was doing",
+        "identify the drone and its position; after a resume, also what it was doing",
     ),
     _S.REPLANNING: Rule(
         (_S.WAITING, _S.PREFLIGHT, _S.REPLANNING, *_GROUND_TROUBLE),
@@ -102,7 +102,7 @@ TABLE: Mapping[State, Rule] = {
         (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE),
         4 * 3600.0,
         _S.HOLDING,
-        "fly the leg; progress, charge and wind are watched",
+        "fly the leg, and watch progress, charge and wind",
     ),
     _S.DIVERTING: Rule(
         (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE),
@@ -133,7 +133,7 @@ TABLE: Mapping[State, Rule] = {
         ),
         3600.0,
         _S.LEFT,
-        "no contact: the drone follows its failsafe parameters; nothing is commanded",
+        "no contact: the drone follows its failsafe parameters; skyway sends no commands",
     ),
     _S.HOLDING: Rule(
         (
@@ -149,13 +149,13 @@ TABLE: Mapping[State, Rule] = {
         ),
         math.inf,
         None,
-        "somebody else has control: nothing is commanded until the operator answers",
+        "somebody else has control: skyway sends no commands until the operator answers",
     ),
     _S.DELIVERED: Rule((), math.inf, None, "the package has arrived, the drone stands disarmed"),
     _S.DONE: Rule((), math.inf, None, "the work is done, the drone stands disarmed where it ends"),
     _S.STOPPED: Rule((), math.inf, None, "on the ground at a known place, disarmed, not delivered"),
     _S.ENDED_ELSEWHERE: Rule((), math.inf, None, "on the ground, disarmed, away from any station"),
-    _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash or a roll-over: somebody must go there"),
+    _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash or a roll-over: go there"),
     _S.LEFT: Rule((), math.inf, None, "the program has ended; the drone follows its parameters"),
 }
 
@@ -174,7 +174,7 @@ class OffTableError(SkywayError):
 
 
 class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
-    """The delivery goes to another state, from the midst of what it is doing."""
+    """Transition of the delivery to another state, raised in the midst of an action."""
 
     def __init__(self, state: State, reason: str) -> None:
         super().__init__(reason)
@@ -192,7 +192,7 @@ class Status:
     """The state before a lost link or a hold."""
 
     def enter(self, after: State, now_s: float) -> None:
-        """Enter the next state; an `OffTableError` says that the table has no way there."""
+        """Enter the next state. Raises an `OffTableError` if the table does not allow it."""
         check(self.state, after)
         aside = (State.LOST_LINK, State.HOLDING)
         if self.state not in aside or after not in aside:
@@ -205,4 +205,6 @@ class Status:
 def check(before: State, after: State) -> None:
     """Raise `OffTableError` for a step that the table does not allow."""
     if after not in TABLE[before].following:
-        raise OffTableError(f"no way from the state {before} to {after}: this is a defect in skyway, please report it")
+        raise OffTableError(
+            f"no transition from the state {before} to {after}: this is a defect in skyway, please report it"
+        )

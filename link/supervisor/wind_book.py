@@ -1,4 +1,4 @@
-"""What is known of the wind in a delivery: the forecast it began with, and all that was measured since."""
+"""Knowledge of the wind in a delivery: the initial forecast, and all measurements since."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ MIN_HEIGHT_SHARE = 0.6
 class WindBook:
     """The wind of one delivery, from a forecast at any height.
 
-    The rules say how wind grows with height. Where the drag of the drone is not known, its tilt does not measure the
+    The rules say how wind grows with height. Where the drag of the drone is unknown, its tilt does not measure the
     wind, and only an estimate of the autopilot itself counts. `ground_m` gives the ground above sea level at a latitude
-    and longitude; by default it is not known. Between the sites the wind is off by the error `field`, at cruise height. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
+    and longitude; by default it is unknown. Between the sites the wind is off by the error `field`, at cruise height. `at_stations` says which winds others have observed by an instant, POSIX seconds. For the others
     see `update_forecast`.
     """
 
@@ -74,7 +74,7 @@ class WindBook:
         self._gap_mps = 0.0
 
     def expected(self, time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """What the first forecast says of cruise height: (north, east), m/s."""
+        """Wind of the first forecast at cruise height: (north, east), m/s."""
         return self._expected(time_s, lat_deg, lon_deg, self.cruise_height_m)
 
     def hear(self, sample: TelemetrySample, home_ground_m: float = math.nan) -> None:
@@ -85,7 +85,7 @@ class WindBook:
                 self._measured_at = sample.lat_deg, sample.lon_deg
 
     def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
-        """Height above the ground below; above where it took off, where the ground is not known."""
+        """Height above the ground below; above where it took off, where the ground is unknown."""
         if not (math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg)):
             return sample.height_m
         below_m = home_ground_m - self._ground_m(round(sample.lat_deg, 3), round(sample.lon_deg, 3))
@@ -106,7 +106,7 @@ class WindBook:
         )
 
     def restore(self, told: Sequence[Observation]) -> None:
-        """Bring back what a journal says was measured."""
+        """Restore measured winds from a journal."""
         numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in told)
         self.earlier = tuple(WindObservation(**one) for one in numbers)
 
@@ -135,7 +135,7 @@ class WindBook:
 
     @property
     def measured_s(self) -> float:
-        """When the wind was measured in flight last, POSIX seconds; NaN where it never was."""
+        """Time of the last wind measurement in flight, POSIX seconds; NaN where there is none."""
         return max((one.time_s for one in self.observations), default=math.nan)
 
     @property
@@ -145,11 +145,11 @@ class WindBook:
 
     @property
     def roughness(self) -> float:
-        """How much the wind changed along the flights so far: see `models.wind.estimation.roughness`."""
+        """Variation of the wind along the flights so far: see `models.wind.estimation.roughness`."""
         return roughness(self.observations, self._field)
 
     def forecast_at(self, time_s: float, lat_deg: float, lon_deg: float, *, updated: bool) -> WindSummary:
-        """Summarise what the first forecast, or the updated one, says of cruise height at a place and an instant."""
+        """Summarise the first forecast, or the updated one, at cruise height at a place and an instant."""
         ensemble = self.forecast(time_s) if updated else self.base
         here = (Passage(lat_deg, lon_deg, time_s, time_s),)
         return summarise_wind(ensemble, here, self.cruise_height_m, self.exponent)
@@ -167,21 +167,21 @@ class WindBook:
 
     @property
     def origin(self) -> str:
-        """Where a wind that is told before a take-off comes from, for a person: it is never measured there and then."""
+        """Source of the wind in a briefing before take-off, in words: it is never measured on the spot."""
         if self.observations:
-            return "forecast corrected by measurements of earlier legs"
-        return "forecast corrected by the winds observed" if self._at_stations else "forecast"
+            return "forecast updated with measurements of earlier legs"
+        return "forecast updated with the observed winds" if self._at_stations else "forecast"
 
     @property
     def source(self) -> str:
-        """Where what is believed comes from: ``measured``, ``held`` or ``forecast``."""
+        """Source of the wind in use: ``measured``, ``held`` or ``forecast``."""
         now = self.estimate
         if now is not None:
             return now.source
         return "held" if self.earlier else "forecast"
 
     def forecast(self, time_s: float, *, now: bool = False) -> WindEnsemble:
-        """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
+        """Return the forecast brought up to date, at cruise height; computed again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
             self._updated = self._update(slot_s=SLOT_S, here=self._measured_at)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
-"""Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
+"""Messages that telemetry is made of, and how often they are requested: attitude, position, …, wind."""
 WIND = 168
 _TIMES = frozenset(("SYSTEM_TIME", "TIMESYNC"))
 _WINDOW = 256
@@ -70,7 +70,7 @@ class LiveTelemetry:
         if self.clock.reboots != reboots:
             self.reached.clear()
         if self.clock.reboots != reboots or time_s < self._newest_s - _STEP_S:
-            self._assembler.forget()  # also where another time base takes over: what was told so far is of another time
+            self._assembler.forget()  # also where another time base takes over: data so far are on another time
             self._doubts.forget()
             self._plausible.forget()
             self._newest_s = time_s
@@ -89,7 +89,7 @@ class LiveTelemetry:
         return sample
 
     def _timely(self, message: Message, posix_s: float) -> bool:
-        """Whether the times in a message can be; one whose times cannot is left out whole."""
+        """Whether the times in a message can be; one whose times cannot is omitted whole."""
         fields = message.fields
         boot_ms = fields.get("time_boot_ms")
         if message.name == "TIMESYNC" and fields["tc1"] and fields["ts1"]:

@@ -109,7 +109,7 @@ class Plausible:
         kept = self._kept.setdefault(name, deque(maxlen=_KEPT))
         if len(kept) >= _KEPT // 3:
             usual = median(kept)
-            if name == "voltage_v":  # what was usual before a fall is no rise
+            if name == "voltage_v":  # a return to the level before a fall is not a rise
                 self._highest_v = max(self._highest_v, usual)
                 strange = value < (1.0 - SHARE_OF_VOLTS) * usual or value > (1.0 + SHARE_OF_VOLTS) * self._highest_v
             else:
@@ -124,7 +124,7 @@ class Plausible:
         return value
 
     def _begins(self, amperes: float) -> bool:
-        """Whether a current is one of motors that have just begun to turn."""
+        """Whether a current is one of motors that have just started to turn."""
         return amperes < 10.0 * MIN_AMPERES and max(self._kept["current_a"]) < MIN_AMPERES
 
 
@@ -162,7 +162,7 @@ class BootTimes:
         return newest_s - _BACK_S <= boot_s <= newest_s + _LATE_S + _SPEEDUP * max(posix_s - heard_s, 0.0)
 
     def utc_believed(self, utc_s: float, boot_s: float) -> bool:
-        """Whether the UTC of a vehicle is taken: once told, another is not until it has been told for long."""
+        """Whether a UTC of the vehicle is accepted: after the first, a different one only once it has been reported for long."""
         offset_s = utc_s - boot_s
         if math.isnan(self._offset_s) or abs(offset_s - self._offset_s) <= _OFFSET_S:
             self._offset_s, self._offsets = offset_s, 0

@@ -1,4 +1,4 @@
-"""Message rates: measured, and requested again where they fall short."""
+"""Message rates: measured, and requested again if too low."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class RateCheck:
     message: str
     wanted_hz: float
     measured_hz: float
-    """`wanted_hz`, `measured_hz`: as it was asked for, and as the vehicle sent it then; losses of the radio do not
+    """`wanted_hz`, `measured_hz`: as it was requested, and as the vehicle sent it then; losses of the radio do not
     count as not sent."""
     corrected_hz: float | None
-    """As it was sent after it was asked for again; None where that was not needed."""
+    """As it was sent after it was requested again; None where that was not needed."""
     ok: bool
     """Whether it comes as often as wanted, in the end."""
 
@@ -57,7 +57,7 @@ class RateKeeper:
     def __init__(self, live: LiveTelemetry) -> None:
         self.live = live
         self.wanted_hz: dict[int, float] = {}
-        """What was asked for."""
+        """What was requested."""
         self._asked_hz: dict[int, float] = {}
         self._rounds: dict[int, int] = {}
         self._checks: dict[int, RateCheck] = {}
@@ -71,7 +71,7 @@ class RateKeeper:
         return tuple(self._checks.values())
 
     def want(self, rates_hz: Mapping[int, float], now_s: float) -> None:
-        """Take over what has just been asked for."""
+        """Take over the rates just requested."""
         if rates_hz == self.wanted_hz:  # the vehicle has taken these rates again, without our corrections
             self._asked_hz = dict(rates_hz)
             self._rounds.clear()
@@ -91,12 +91,12 @@ class RateKeeper:
             return {}
         if (
             not self._begun_boot_s and self.live.clock.boot_s > 0.0
-        ):  # its own clock is known from now on, not since it was begun
+        ):  # its own clock is known from now on, not since it started
             self._begin(now_s)
         self._counts[name] = self._counts.get(name, 0) + 1
         if now_s < self._begun_s + CHECK_S:
             return {}
-        if self.live.clock.reboots != self._reboots:  # it has forgotten what it was asked for
+        if self.live.clock.reboots != self._reboots:  # it has forgotten the requests
             self._reboots, wanted, self.wanted_hz = self.live.clock.reboots, self.wanted_hz, {}
             self.want(wanted, now_s)
             return dict(wanted)

@@ -1,6 +1,6 @@
-"""Lists that a vehicle holds, looked at again and again where it does not tell when they change.
+"""Lists stored on a vehicle, read repeatedly if the vehicle does not report changes.
 
-Vehicles that give opaque ids in MISSION_CURRENT need none of this. Of the others the number of items is asked for every second,
+Vehicles that give opaque ids in MISSION_CURRENT need none of this. The others are asked for the number of items every second,
 and the items themselves in turn, so that a list of up to 48 is looked through within a second and a half.
 """
 
@@ -32,7 +32,7 @@ class _List:
 
 @dataclass(slots=True)
 class StoredLists:
-    """The lists of one vehicle; the first look at each is what later ones are compared with."""
+    """The lists of one vehicle; later reads are compared with the first."""
 
     home_items: int = 0
     """Items at the beginning of a mission that are no part of it, and change by themselves."""
@@ -42,7 +42,7 @@ class StoredLists:
     _next: int = 0
 
     def forget(self, kind: str) -> None:
-        """Take whatever is there next as what was before: an order of ours changes it."""
+        """Accept the next ids as the known ones: an order of ours changes the list."""
         if kind in KINDS:
             self._lists[KINDS.index(kind)] = _List()
 
@@ -103,5 +103,5 @@ def _items(count: int) -> str:
 
 
 def _value(value: Any) -> Any:
-    """Return a value as it is compared: what is no number is equal to itself."""
+    """Return a value for comparison: NaN is equal to itself."""
     return round(value, 4) if isinstance(value, float) and math.isfinite(value) else str(value)

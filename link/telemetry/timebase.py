@@ -98,7 +98,7 @@ class VehicleClock:
         self.offset_s: float | None = None
         """POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time."""
         self.reboots = 0
-        """How often its time has begun again."""
+        """How often its time has started again."""
         self._newest_boot_s = 0.0
         self._begin()
 
@@ -114,12 +114,12 @@ class VehicleClock:
 
     @property
     def boot_s(self) -> float:
-        """Newest time since boot that it has told, s."""
+        """Newest reported time since boot, s."""
         return self._newest_boot_s
 
     @property
     def speed(self) -> float:
-        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is not known."""
+        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is unknown."""
         return self._ours.speed
 
     @property
@@ -129,7 +129,7 @@ class VehicleClock:
 
     @property
     def base(self) -> TimeBase:
-        """Where times come from."""
+        """Source of the times."""
         if self._theirs.seen:
             doubt = "its clock and its time since boot differ in speed (a simulation): time since boot is used"
             return TimeBase("the vehicle's time since boot, started at its clock (SYSTEM_TIME)", doubts=(doubt,))

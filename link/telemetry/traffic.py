@@ -20,7 +20,7 @@ _MAX_AIRCRAFT = 500
 
 @dataclass(frozen=True, slots=True)
 class TrafficLimits:
-    """What counts as near; an aircraft that does not tell its height counts as being at ours."""
+    """Limits of nearness; an aircraft without a reported height counts as being at ours."""
 
     away_m: float = 3000.0
     height_m: float = 300.0
@@ -33,7 +33,7 @@ class TrafficLimits:
 
 @dataclass(frozen=True, slots=True)
 class Aircraft:
-    """One aircraft, as it was told last."""
+    """One aircraft, from its latest report."""
 
     name: str
     """Its callsign, or its ICAO address."""
@@ -45,7 +45,7 @@ class Aircraft:
     """When, by the clock."""
     away_m: float
     above_m: float
-    """`away_m`, `above_m`: from the drone; NaN where either place is not known."""
+    """`away_m`, `above_m`: from the drone; NaN where either place is unknown."""
 
     def __str__(self) -> str:
         height = (
@@ -72,7 +72,7 @@ class Traffic:
         self.limits = limits
 
     def hear(self, message: Message, own: TelemetrySample | None, now_s: float) -> None:
-        """Take an ADSB_VEHICLE; what is old, or without a place, is left out."""
+        """Take an ADSB_VEHICLE; what is old, or without a place, is omitted."""
         flags, number = message["flags"], message["ICAO_address"]
         lat, lon = message["lat"] * 1e-7, message["lon"] * 1e-7
         if not flags & _COORDINATES or message["tslc"] > _OLD_S or not (abs(lat) <= 90.0 and abs(lon) <= 180.0):

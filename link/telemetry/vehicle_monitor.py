@@ -81,7 +81,7 @@ class VehicleMonitor:
     """One vehicle on a connection that several may share, as it shows itself.
 
     It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not
-    decide. A `VehicleTimeoutError` says that no such vehicle is heard, an `InputError` that several are, or that its
+    decide. Raises a `VehicleTimeoutError` if no such vehicle is heard, an `InputError` if several are, or if its
     autopilot is none that we know.
     """
 
@@ -98,7 +98,7 @@ class VehicleMonitor:
         self.live = LiveTelemetry(self.peer.system)
         """Its telemetry."""
         self.rates = RateKeeper(self.live)
-        """Whether telemetry comes as often as it was asked for."""
+        """Whether telemetry comes as often as it was requested."""
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
         self._changes: list[Change] = []
@@ -157,7 +157,7 @@ class VehicleMonitor:
                 self.connection.send(asked, self.system, **fields, **self._addressed)
 
     def watch_lists(self, *, watched: bool) -> None:
-        """Look at what it holds again and again, where it does not tell ids of that by itself."""
+        """Poll its stored lists regularly, where it does not report their ids itself."""
         self._lists = StoredLists(self.family.home_items) if watched else None
 
     def _note_list(self, lists: StoredLists, message: Message) -> None:
@@ -170,7 +170,7 @@ class VehicleMonitor:
             self._changed(*found)
 
     def _note_parameter(self, message: Message) -> None:
-        """Compare a parameter with what it was when it was told last."""
+        """Compare a parameter with its last report."""
         told = read_value(message, bytewise=self.family.bytewise_parameters)
         before = self._parameters.get(told.name)
         if before is None and len(self._parameters) >= _MAX_PARAMETERS:
@@ -226,7 +226,7 @@ class VehicleMonitor:
         del self._changes[:-_MAX_CHANGES]
 
     def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:
-        """Say that an order of ours is about to change something, to one of these; none stands for anything."""
+        """Announce that an order of ours is about to change something, to one of these values; none means any value."""
         if self._lists is not None:
             self._lists.forget(what)
         self._expected[what] = (frozenset(after), self.connection.clock.now_s() + for_s)
@@ -237,7 +237,7 @@ class VehicleMonitor:
         return found
 
     def take_lists_changed(self) -> bool:
-        """Whether somebody else has changed a list that it holds since this was asked last."""
+        """Whether another station has changed a stored list since the last call."""
         found, self._lists_changed = self._lists_changed, False
         return found
 
@@ -258,19 +258,19 @@ class VehicleMonitor:
 
     @property
     def changing(self) -> bool:
-        """Whether it has just told of a change that we did not ask for, and that is not confirmed yet."""
+        """Whether it has just reported a change that we did not order, and that is not confirmed yet."""
         return bool(self._unconfirmed)
 
     @property
     def mission_state(self) -> str:
-        """What it says of its mission: one of `MISSION_STATES`."""
+        """Its reported mission state: one of `MISSION_STATES`."""
         said = self.peer.latest.get("MISSION_CURRENT")
         number = 0 if said is None else said["mission_state"]
         return MISSION_STATES[number] if number < len(MISSION_STATES) else MISSION_STATES[0]
 
     @property
     def reboots(self) -> int:
-        """How often it has restarted since it was met."""
+        """Number of restarts since it was first heard."""
         return self.live.clock.reboots
 
     @property
@@ -279,11 +279,11 @@ class VehicleMonitor:
         return self.connection.clock.now_s() - self.peer.heard_s
 
     def texts(self) -> list[str]:
-        """What it has said, the newest last; only the last 200 are kept."""
+        """Its messages, newest last; only the last 200 are kept."""
         return [text for _, text in self.peer.texts]
 
     def new_texts(self) -> list[tuple[int, str]]:
-        """What it has said since this was asked last: MAV_SEVERITY and text, the oldest first.
+        """Its messages since the last call: MAV_SEVERITY and text, oldest first.
 
         A long text comes in pieces: the newest one is kept back as long as more of it may come.
         """
@@ -319,13 +319,13 @@ class VehicleMonitor:
 
     @property
     def disturbed(self) -> bool:
-        """Whether somebody else has changed something since `changes` was asked last."""
+        """Whether another station has changed something since the last call of `changes`."""
         return any(not change.ours for change in self._changes)
 
     def samples(self, duration_s: float = math.inf, *, undisturbed: bool = False) -> Iterator[TelemetrySample]:
         """Yield telemetry as it comes.
 
-        Ends after the time, when the vehicle falls silent for 10 s, or, where that is asked for, when it is `disturbed`.
+        Ends after the time, when the vehicle falls silent for 10 s, or, where that is requested, when it is `disturbed`.
         """
         clock = self.connection.clock
         end = clock.now_s() + duration_s

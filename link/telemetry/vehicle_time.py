@@ -15,7 +15,7 @@ _CATCHING_UP = 0.5
 class VehicleTime:
     """A clock that follows the times a vehicle's telemetry has.
 
-    Between samples it goes on with the wall; while nothing is heard too. It never goes back, and never stands still: where it
+    Between samples it continues with the wall; while nothing is heard too. It never goes back, and never stands still: where it
     was ahead of the vehicle, as after a change of the simulation's speed, it goes on at half speed until it is not. So what waits
     for an instant never waits forever. Time-outs stay the wall's.
     """
@@ -29,7 +29,7 @@ class VehicleTime:
         self._known = False
 
     def posix_s(self) -> float:
-        """POSIX seconds of now, by the vehicle."""
+        """The vehicle's present time, POSIX seconds."""
         sample = self._vehicle.live.sample
         wall = self._clock.now_s()
         if sample is not None and sample.time_s != self._sample_s and self._vehicle.live.clock.base.absolute:

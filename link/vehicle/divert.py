@@ -1,6 +1,6 @@
 """Diverting: leave the mission and land elsewhere, by reposition (PX4) or GUIDED (ArduPilot).
 
-A `Diversion` is begun, and stepped with the samples that whoever watches the flight gets anyway.
+A `Diversion` is started, and then stepped with the samples that the supervisor gets anyway.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Refuge:
 
 
 class DivertState(StrEnum):
-    """How far a diversion has come."""
+    """Progress of a diversion."""
 
     ORDERED = "ordered"
     FLYING = "flying"
@@ -78,9 +78,9 @@ class Diversion:
         self._closest_m, self._closer_s = math.inf, math.nan
 
     def begin(self) -> None:
-        """Tell it where to go.
+        """Send it to its refuge.
 
-        A `CommandRefusedError` says that it will not, with its reason; a `VehicleTimeoutError` that it did not answer,
+        Raises a `CommandRefusedError` if it will not, with its reason; a `VehicleTimeoutError` if it did not answer,
         though asked several times: it may not have heard.
         """
         self._order_again()
@@ -112,9 +112,9 @@ class Diversion:
         return mode != self._before or time_s > self._order_s + _SETTLE_S
 
     def hear(self, sample: TelemetrySample) -> DivertState:
-        """Go on by what the vehicle tells now; returns the state.
+        """Continue by the vehicle's latest report; returns the state.
 
-        A `LinkError` says that an order was refused, or not answered.
+        Raises a `LinkError` if an order was refused, or not answered.
         """
         if self.state.over or self.state is DivertState.ORDERED:
             return self.state
@@ -158,7 +158,7 @@ class Diversion:
             self._order_again()
 
     def away_m(self, sample: TelemetrySample) -> float:
-        """How far a sample is from the refuge, m; NaN where its position is not known."""
+        """Distance of a sample from the refuge, m; NaN where its position is unknown."""
         if math.isnan(sample.lat_deg) or math.isnan(sample.lon_deg):
             return math.nan
         return float(distance_m(sample.lat_deg, sample.lon_deg, self.refuge.lat_deg, self.refuge.lon_deg))

@@ -1,4 +1,4 @@
-"""Calibration and health of a vehicle before the first flight of a day: what it tells of itself, item by item.
+"""Calibration and health of a vehicle before the first flight of a day: its own reports, item by item.
 
 Nothing is changed on it, and what it does not tell is unknown, never good. What few vehicles tell (cells, cycles, motors) does not
 keep one on the ground; it is said that it is unknown.
@@ -29,7 +29,7 @@ _SENSORS = {
     0x80000: "second compass", 0x100000: "geofence", 0x200000: "attitude and heading", 0x400000: "terrain", 0x1000000: "logging",
     0x2000000: "battery", 0x4000000: "proximity sensor", 0x20000000: "obstacle avoidance", 0x40000000: "propulsion",
 }  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR; what is left out says nothing of health (controllers, the answer of the pre-arm checks)."""
+"""MAV_SYS_STATUS_SENSOR; what is omitted says nothing of health (controllers, the answer of the pre-arm checks)."""
 _NEEDED = 0x1 | 0x2 | 0x8 | 0x20
 """Sensors without which no delivery is flown: they must be there."""
 _SOUND = 0x1 | 0x2 | 0x4 | 0x10 | 0x20
@@ -46,7 +46,7 @@ _CLIPS = 100
 
 @dataclass(frozen=True, slots=True)
 class HealthItem:
-    """One thing that was looked at."""
+    """One checked item."""
 
     name: str
     verdict: Verdict
@@ -76,9 +76,9 @@ class Vibration:
 
 
 def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[HealthItem]:
-    """Ask a vehicle for everything; `flown` is how it shook on its last flight, as far as that is known.
+    """Check all of a vehicle's health; `flown` is its vibration on the last flight, as far as known.
 
-    A `VehicleTimeoutError` says that it no longer answers.
+    Raises a `VehicleTimeoutError` if it no longer answers.
     """
     family = vehicle.family
     yield sensors(_told(vehicle, "SYS_STATUS", 1))
@@ -106,9 +106,9 @@ def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str,
 
 
 def sensors(told: Mapping[str, Any] | None) -> HealthItem:
-    """Judge the sensors, by SYS_STATUS: each that is switched on is healthy, and those that are needed are there."""
+    """Check the sensors by SYS_STATUS: each enabled one is healthy, and required ones are present."""
     if told is None:
-        return HealthItem("sensors", "unknown", "the vehicle does not tell (SYS_STATUS)")
+        return HealthItem("sensors", "unknown", "the vehicle does not report it (SYS_STATUS)")
     present, enabled, healthy = (
         int(told[f"onboard_control_sensors_{word}"]) for word in ("present", "enabled", "health")
     )
@@ -125,14 +125,14 @@ def sensors(told: Mapping[str, Any] | None) -> HealthItem:
 def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
     """Judge the autopilot's filter: it has attitude, velocity and place, and agrees with its sensors."""
     if told is None:
-        return HealthItem("filter", "unknown", f"the vehicle does not tell ({family.filter_message[0]})")
+        return HealthItem("filter", "unknown", f"the vehicle does not report it ({family.filter_message[0]})")
     flags = int(told["flags"])
     tests = {name: float(told[name]) for name in family.filter_tests}
     known = {name: value for name, value in tests.items() if math.isfinite(value)}
     if flags & _SOUND != _SOUND or flags & _GLITCHES:
         return HealthItem("filter", "no", f"no sound estimate of attitude, velocity and place (flags {flags:#x})")
     if not known:
-        return HealthItem("filter", "unknown", "the vehicle does not tell how its sensors agree")
+        return HealthItem("filter", "unknown", "the vehicle does not report how its sensors agree")
     worst = max(known, key=known.__getitem__)
     name = " ".join(_WORDS.get(word, word) for word in worst.split("_"))
     said = f"{name} {known[worst]:.2f}, less than {family.filter_limit:g} allowed"
@@ -140,7 +140,7 @@ def filter_state(told: Mapping[str, Any] | None, family: Family) -> HealthItem:
 
 
 def calibrations(places: Sequence[Calibration], values: Mapping[str, float]) -> Iterator[HealthItem]:
-    """Judge the calibrations: one for every sensor that is used, and at least one of each kind."""
+    """Check the calibrations: one for every sensor in use, and at least one of each kind."""
     for sensor in Counter(place.sensor for place in places):
         mine = [place for place in places if place.sensor == sensor]
         known = [place for place in mine if place.identified in values]
@@ -165,7 +165,7 @@ def _fault(place: Calibration, values: Mapping[str, float]) -> str:
     if len(offsets) < len(place.offsets):
         return f"{', '.join(name for name in place.offsets if name not in values)} not reported"
     if not all(map(math.isfinite, offsets)):
-        return f"{place.offsets[0]} and the others of {place.identified} are no numbers"
+        return f"{place.offsets[0]} and the others of {place.identified} are not numbers"
     if offsets and place.zero_is_none and not any(offsets):
         return f"{', '.join(place.offsets)} are 0: never calibrated"
     length = math.hypot(*offsets)
@@ -179,7 +179,7 @@ def _fault(place: Calibration, values: Mapping[str, float]) -> str:
 def receiver(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the satellite receiver, by GPS_RAW_INT."""
     if told is None:
-        return HealthItem("GPS", "unknown", "the vehicle does not tell (GPS_RAW_INT)")
+        return HealthItem("GPS", "unknown", "the vehicle does not report it (GPS_RAW_INT)")
     fix, satellites, eph = int(told["fix_type"]), int(told["satellites_visible"]), int(told["eph"])
     hdop = math.nan if eph == _UNTOLD_EPH else eph / 100.0
     said = f"fix {fix}, {satellites} satellites, HDOP {'not reported' if math.isnan(hdop) else f'{hdop:.1f}'}"
@@ -189,15 +189,15 @@ def receiver(told: Mapping[str, Any] | None) -> HealthItem:
 
 
 def cells(told: Mapping[str, Any] | None) -> HealthItem:
-    """Judge how far the cells of the battery are apart, by BATTERY_STATUS: told singly, or shared out evenly, or not at all."""
+    """Check the spread of the battery's cells by BATTERY_STATUS: reported singly, shared out evenly, or not at all."""
     if told is None:
-        return HealthItem("battery cells", "unknown", "the vehicle does not tell (BATTERY_STATUS)", needed=False)
+        return HealthItem("battery cells", "unknown", "the vehicle does not report it (BATTERY_STATUS)", needed=False)
     if fault := int(told.get("fault_bitmask", 0)):
         return HealthItem("battery cells", "no", f"the battery reports a fault (bits {fault:#x})")
     volts = [value / 1e3 for value in told["voltages"] if value != _UNTOLD_CELL]
     volts += [value / 1e3 for value in told.get("voltages_ext", ()) if value not in (0, _UNTOLD_CELL)]
     if len(volts) < 2 or len(set(volts)) == 1:
-        shared = "its cells are not measured singly" if volts else "no voltage is reported"
+        shared = "its cells are not reported individually" if volts else "no voltage is reported"
         return HealthItem("battery cells", "unknown", shared, needed=False)
     spread = max(volts) - min(volts)
     said = f"{len(volts)} cells, {min(volts):.2f} to {max(volts):.2f} V, {with_unit(spread * 1e3, 'mV', 0)} apart"
@@ -211,9 +211,11 @@ def cycles(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the age of the battery, by SMART_BATTERY_INFO, which smart batteries have."""
     count = -1 if told is None else int(told["cycle_count"])
     if told is None or not 0 <= count < _UNTOLD_CELL:
-        return HealthItem("battery cycles", "unknown", "the battery does not tell (SMART_BATTERY_INFO)", needed=False)
+        return HealthItem(
+            "battery cycles", "unknown", "the battery does not report them (SMART_BATTERY_INFO)", needed=False
+        )
     full, design = float(told["capacity_full"]), float(told["capacity_full_specification"])
-    holds = f"; it holds {percent(full / design)} of what it is made for" if full > 0.0 and design > 0.0 else ""
+    holds = f"; it holds {percent(full / design)} of its design capacity" if full > 0.0 and design > 0.0 else ""
     said = f"{count} cycles{holds}"
     return HealthItem(
         "battery cycles",
@@ -225,7 +227,7 @@ def cycles(told: Mapping[str, Any] | None) -> HealthItem:
 def motors(told: Mapping[str, Any] | None) -> HealthItem:
     """Judge the motors' controllers, by ESC_INFO: all are heard, none reports a failure."""
     if told is None or not int(told["count"]):
-        return HealthItem("motors", "unknown", "their controllers do not tell (ESC_INFO)", needed=False)
+        return HealthItem("motors", "unknown", "the motor controllers do not report (ESC_INFO)", needed=False)
     count, heard = int(told["count"]), int(told["info"])
     silent = [n + 1 for n in range(min(count, 8)) if not heard >> n & 1]
     failing = [n + 1 for n, flags in enumerate(told["failure_flags"][: min(count, 4)]) if flags]
@@ -239,11 +241,11 @@ def motors(told: Mapping[str, Any] | None) -> HealthItem:
 def vibration(flown: Vibration | None, family: Family) -> HealthItem:
     """Judge how the vehicle shook on its last flight."""
     if flown is None or not math.isfinite(flown.worst_mps2):
-        return HealthItem("vibration", "unknown", "no flight of it was watched from here yet", needed=False)
+        return HealthItem("vibration", "unknown", "skyway has not watched a flight of it yet", needed=False)
     raised, most = family.vibration_mps2
     said = f"{with_unit(flown.worst_mps2, 'm/s²', 1)} on the last flight, {flown.clips} times at the limit of an accelerometer"
     if flown.worst_mps2 >= most or flown.clips > _CLIPS:
         return HealthItem("vibration", "no", f"{said}; {most:g} m/s² and {_CLIPS} times at most")
     return HealthItem(
-        "vibration", "ok", f"{said}; above {raised:g} m/s² look at its mounts" if flown.worst_mps2 >= raised else said
+        "vibration", "ok", f"{said}; above {raised:g} m/s² check its mounts" if flown.worst_mps2 >= raised else said
     )

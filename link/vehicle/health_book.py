@@ -1,4 +1,4 @@
-"""What was found of the health of vehicles, kept in a file of the work folder: checks by day, and how each shook on its last flight."""
+"""Health records of vehicles in a file of the work folder: checks by day, and the vibration of the last flight."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class CheckKept(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema", t
 
 
 class ShakeKept(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema", tag="skyway.health-flight/1"):
-    """How a vehicle shook on a flight that ended at `time`."""
+    """Vibration of a vehicle on a flight that ended at `time`."""
 
     uid: str
     time: str
@@ -61,7 +61,7 @@ Kept = CheckKept | ShakeKept
 
 
 class HealthBook:
-    """The file in a folder; a vehicle that tells no hardware id is nowhere in it."""
+    """The file in a folder; a vehicle without a hardware id is not in it."""
 
     def __init__(self, folder: Path, zone: tzinfo | None = None) -> None:
         self.path, self._zone = folder / NAME, zone
@@ -77,7 +77,7 @@ class HealthBook:
         )
 
     def last_flight(self, uid: int) -> Vibration | None:
-        """How a vehicle shook on its last flight; None where none was watched."""
+        """Vibration of a vehicle on its last flight; None where none was monitored."""
         flights = [one for one in self._of(uid) if isinstance(one, ShakeKept)]
         return Vibration(flights[-1].worst_mps2, flights[-1].clips) if flights else None
 
@@ -101,7 +101,7 @@ class HealthBook:
         return instant.astimezone(self._zone).date()
 
     def _of(self, uid: int) -> list[Kept]:
-        """What is kept of a vehicle; lines that make no sense are left out."""
+        """What is kept of a vehicle; lines that make no sense are omitted."""
         if not uid:
             return []
         try:
@@ -134,7 +134,7 @@ def _kept(line: bytes) -> Kept | None:
 
 
 class VibrationWatch:
-    """Listens to how a vehicle shakes while it is armed; VIBRATION is asked for once a second."""
+    """Records the vibration of a vehicle while it is armed; requests VIBRATION once a second."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle

@@ -1,4 +1,4 @@
-"""The second driver, based on MAVSDK over one of our connections: unsigned and in real time only; a check of the default one.
+"""The second driver, based on MAVSDK over one of our connections: unsigned and in real time only; a check of the default driver.
 
 MAVSDK is fed over its raw connection: what comes in on our transport is handed to it, what it wants to say goes out on
 our transport, and both are recorded. So everything that a `Connection` sees (telemetry, texts, other stations) is seen
@@ -50,7 +50,7 @@ _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, 
 class MavsdkRunner(Carrier):
     """Speaks with one vehicle by MAVSDK, which sends the heartbeats of the connection meanwhile.
 
-    A `LinkLostError` says that MAVSDK takes no raw connection, a `VehicleTimeoutError` that it does not find the
+    Raises a `LinkLostError` if MAVSDK takes no raw connection, a `VehicleTimeoutError` if it does not find the
     vehicle.
     """
 

@@ -1,4 +1,4 @@
-"""Operator control: which ground station is in control of a vehicle, where the vehicle says so (CONTROL_STATUS).
+"""Operator control: the ground station in control of a vehicle, if the vehicle reports it (CONTROL_STATUS).
 
 Source: https://github.com/mavlink/mavlink/pull/2313 (merged 2026), and #2158 for the layout before it.
 """
@@ -41,7 +41,7 @@ def allows_takeover(peer: Peer) -> bool:
 
 
 def may_command(peer: Peer, system: int) -> bool:
-    """Whether a station may give orders, as far as the vehicle says."""
+    """Whether a station may give orders, as far as the vehicle reports."""
     told = _status(peer)
     return told is None or told["gcs_main"] in (0, system) or system in told["gcs_secondary"]
 

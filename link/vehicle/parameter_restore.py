@@ -1,4 +1,4 @@
-"""Sets of parameters given to a vehicle: one by one, each read back."""
+"""Restoring sets of parameters on a vehicle: one by one, each read back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def restore_set(vehicle: Vehicle, changes: Sequence[SetChange], tell: Callable[[
     """Set the parameters of a set on a disarmed vehicle; returns why not all were, or nothing.
 
     `tell` takes each and what was done: ``set`` (and read back), ``refused``, ``gone``, ``unknown`` (sent, and not read back) or
-    ``not reached``. After a refusal it goes on with the next; where the vehicle is armed, or no longer answers, it stops.
+    ``not reached``. After a refusal it continues with the next; where the vehicle is armed, or no longer answers, it stops.
     """
     vehicle.connection.run_for(_REFRESH_S)  # whether it is armed may be old: somebody has thought about a question
     vehicle.refuse_other_supervisor()

@@ -1,4 +1,4 @@
-"""What a vehicle is asked: commands with their answers, telemetry, parameters and settings."""
+"""Requests to a vehicle: commands with their answers, telemetry, parameters and settings."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ class AskedVehicle(VehicleMonitor):
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for messages by their ids, or for those that telemetry is made of; returns the ids of those refused.
 
-        A rate of 0 is the autopilot's own. A `VehicleTimeoutError` says that there was no answer; what was not asked
-        for yet is asked for again as long as it does not come.
+        A rate of 0 is the autopilot's own. Raises a `VehicleTimeoutError` if there was no answer; what was not asked
+        for yet is requested again as long as it does not come.
         """
         wanted, refused = self.its_messages(rates_hz), []
         self.connection.keep_rates(wanted)
@@ -109,7 +109,7 @@ class AskedVehicle(VehicleMonitor):
     def parameter(self, name: str) -> ParameterValue:
         """Read a parameter.
 
-        A `ParameterAbsentError` says that the vehicle answers, and has none of that name; a `VehicleTimeoutError` that
+        Raises a `ParameterAbsentError` if the vehicle answers, and has none of that name; a `VehicleTimeoutError` if
         it does not answer.
         """
         read = self.read_parameters((name,))
@@ -122,7 +122,7 @@ class AskedVehicle(VehicleMonitor):
     def set_parameter(self, name: str, value: float) -> ParameterValue:
         """Set a parameter, and read it back.
 
-        A late answer to an earlier question tells the old value as a refusal does: only one that is told after each of
+        A late answer to an earlier question has the old value, like a refusal: only one that is told after each of
         `SETS` tries is a refusal.
         """
         if not math.isfinite(value):
@@ -151,7 +151,7 @@ class AskedVehicle(VehicleMonitor):
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
         """Read the parameters that a mission relies on, under whichever of their names this firmware has.
 
-        A `VehicleTimeoutError` says that the link is away: what did not come is not known to be absent.
+        Raises a `VehicleTimeoutError` if the link is away: what did not come is not known to be absent.
         """
         wanted = [p.called(*self.own_names[p.key]) if p.key in self.own_names else p for p in wanted]
         read = self.read_parameters(tuple(dict.fromkeys(name for parameter in wanted for name in parameter.names)))
@@ -164,7 +164,7 @@ class AskedVehicle(VehicleMonitor):
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
         """Read settings by their keys (`missions.autopilots.settings`), in our units, as far as this firmware has them.
 
-        A `VehicleTimeoutError` says that it did not tell one, and may have it.
+        Raises a `VehicleTimeoutError` if it did not tell one, and may have it.
         """
         settings = self.family.settings
         checks = self.check_required([settings[key].need("read", None, "") for key in keys])

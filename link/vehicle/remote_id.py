@@ -1,4 +1,4 @@
-"""Remote ID over MAVLink: who flies is kept sent to the module of a vehicle, and whether that is ready is read.
+"""Remote ID over MAVLink: sends the operator's data to the module of a vehicle, and reads whether it is ready.
 
 The module (``MAV_TYPE_ODID``) sends heartbeats, and OPEN_DRONE_ID_ARM_STATUS with what it lacks. ArduRemoteID wants the system message every 3 s and the
 others every 22 s, ArduPilot likewise: all are sent once a second, as QGroundControl does. https://mavlink.io/en/services/opendroneid.html
@@ -47,7 +47,7 @@ class ModuleStatus:
 
 
 def module_status(peer: Peer, now_s: float) -> ModuleStatus:
-    """Tell what is known of the module of a vehicle at a time of the connection's clock."""
+    """Return the known status of a vehicle's module at a time of the connection's clock."""
     told = {name: found for name in (MODULE, ARM_STATUS) if (found := peer.beside.get(name)) is not None}
     fresh = {name: message for name, (at_s, message) in told.items() if now_s <= at_s + SILENT_S}
     if ARM_STATUS in fresh:
@@ -58,7 +58,7 @@ def module_status(peer: Peer, now_s: float) -> ModuleStatus:
 
 
 class RemoteIdSender:
-    """Keeps sending who flies one vehicle."""
+    """Sends the operator data of one vehicle continuously."""
 
     def __init__(self, connection: Connection, peer: Peer, who: RemoteId) -> None:
         self.connection, self.peer, self.who = connection, peer, who

@@ -1,4 +1,4 @@
-"""A vehicle on a link: who it is, what moves it, and the lists that it holds."""
+"""A vehicle on a link: its identity, its control, and its stored lists."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ TYPES = {1: "plane", 2: "quadrotor", 3: "coaxial", 4: "helicopter", 13: "hexarot
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who a vehicle is."""
+    """Identity of a vehicle."""
 
     system: int
     """MAVLink system id."""
@@ -104,7 +104,7 @@ class Vehicle(AskedVehicle):
 
     @property
     def blocked(self) -> UploadOutcome | None:
-        """An upload after which it is not started: what the vehicle holds is not known, or it will not fly it."""
+        """An upload after which it is not started: what the vehicle holds is unknown, or it will not fly it."""
         return next(iter(self._blocked.values()), None)
 
     def _refuse_while_blocked(self, what: str) -> None:
@@ -115,7 +115,7 @@ class Vehicle(AskedVehicle):
         """End what speaks with it besides the connection, which stays open."""
 
     def identify(self) -> Identity:
-        """Tell who it is; what it does not tell stays unknown."""
+        """Return its identity; parts that it does not report stay unknown."""
         found = self._do(AskFor(self.peer.target, "AUTOPILOT_VERSION", 148)).message
         identity = Identity(self.system, self.family.name, self.peer.kind)
         if found is None:
@@ -130,11 +130,11 @@ class Vehicle(AskedVehicle):
 
     @property
     def obeys_us(self) -> bool:
-        """Whether it obeys our orders, as far as it says who is in control."""
+        """Whether it obeys our orders, as far as it reports who is in control."""
         return operator_control.may_command(self.peer, self.connection.system)
 
     def take_control(self) -> None:
-        """Ask for control where it says who has it; a `CommandRefusedError` says that another station keeps it."""
+        """Request control where it reports who has it. Raises a `CommandRefusedError` if another station keeps it."""
         if self.controller in (None, self.connection.system):
             return
         result = self._do(operator_control.request(self.peer.target, self.connection.system)).result
@@ -151,7 +151,7 @@ class Vehicle(AskedVehicle):
             self._do(operator_control.release(self.peer.target, self.connection.system))
 
     def arm(self, patience_s: float = 0.0) -> None:
-        """Arm, until a heartbeat says so; try again for so long while it is not ready."""
+        """Arm, until a heartbeat confirms it; retry for so long while it is not ready."""
         self.check_ground_station()
         end = self.connection.clock.now_s() + patience_s
         while True:
@@ -165,7 +165,7 @@ class Vehicle(AskedVehicle):
                 return
 
     def disarm(self) -> None:
-        """Disarm, until a heartbeat says so."""
+        """Disarm, until a heartbeat confirms it."""
         self._switch_motors("disarm", on=False)
 
     def _switch_motors(self, what: str, *, on: bool) -> None:
@@ -178,7 +178,7 @@ class Vehicle(AskedVehicle):
         raise CommandRefusedError(what, f"it agrees, and stays {'dis' if on else ''}armed", self.texts()[-2:])
 
     def set_mode(self, name: str) -> None:
-        """Switch the mode, and wait until a heartbeat says so."""
+        """Switch the mode, and wait until a heartbeat confirms it."""
         number = self.family.modes.numbers.get(name)
         if number is None:
             raise InputError(Fault("no such mode", value=name, remedy=f"one of {', '.join(self.family.modes.numbers)}"))
@@ -209,7 +209,7 @@ class Vehicle(AskedVehicle):
             self.set_mode("hold")
 
     def resume(self) -> None:
-        """Go on with the mission."""
+        """Continue with the mission."""
         self._refuse_while_blocked("not resumed")
         if self.family.pauses_in_mission and self.mode == "mission":
             self.command("continue", _PAUSE, 1.0)
@@ -263,7 +263,7 @@ class Vehicle(AskedVehicle):
         return line_m if math.isfinite(line_m) else None
 
     def reset_battery(self, soc: float) -> float:
-        """Tell the counter of its battery what that holds; a vehicle without such a command refuses it.
+        """Set its battery counter to the true charge; a vehicle without such a command refuses it.
 
         Returns the state of charge that it reports within 3 s, 0-1; NaN where it reports none.
         """

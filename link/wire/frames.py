@@ -80,7 +80,7 @@ class Rejected:
 
     @property
     def untrusted(self) -> int:
-        """Those that somebody else may have sent."""
+        """Frames that another sender may have forged."""
         return self.unsigned + self.forged + self.replayed + self.elsewhere
 
     @property
@@ -91,7 +91,7 @@ class Rejected:
 
 @dataclass(slots=True)
 class FrameReader:
-    """Finds messages in bytes; what is no message is skipped, and nothing makes it grow."""
+    """Finds messages in bytes; other bytes are skipped, and memory is bounded."""
 
     signing: Signing | None = None
     datagrams: bool = False

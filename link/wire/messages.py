@@ -69,7 +69,7 @@ def kinds() -> dict[int, MessageKind]:
 
 
 def _esc_info() -> MessageKind:
-    """ESC_INFO, which pymavlink 2.4.50 leaves out, as it has been in common.xml since 2020."""
+    """ESC_INFO, which pymavlink 2.4.50 omits, as it has been in common.xml since 2020."""
     fields = (
         ("time_usec", 0, 0), ("error_count", 1, 4), ("counter", 5, 0), ("failure_flags", 6, 4), ("temperature", 10, 4),
         ("index", 14, 0), ("count", 15, 0), ("connection_type", 16, 0), ("info", 17, 0),

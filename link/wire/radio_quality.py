@@ -1,4 +1,4 @@
-"""How good a radio is: packets lost by their sequence numbers, what RADIO_STATUS tells, delay."""
+"""Quality of a radio: packets lost by their sequence numbers, RADIO_STATUS, delay."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNKNOWN = 255
 
 @dataclass(slots=True)
 class RadioQuality:
-    """What is known of one radio."""
+    """Quality of one radio."""
 
     name: str
     heard_s: float = -math.inf

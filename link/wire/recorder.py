@@ -25,7 +25,7 @@ _MAX_NAMES = 10_000
 class Recorder:
     """Writes ``YYYY-mm-dd-HHMMSS-NAME.tlog``: before each frame its time in microseconds, UTC, big-endian.
 
-    The folder is made if it is not there; the next file is begun at `max_bytes`. Where it cannot be written, an
+    The folder is made if it is not there; the next file starts at `max_bytes`. Where it cannot be written, an
     `InputError` ends all: better no flight than one without a record.
     """
 

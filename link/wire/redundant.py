@@ -1,7 +1,7 @@
-"""Several radios to one vehicle: each packet once, the better radio used, and the other one where that falls silent.
+"""Several radios to one vehicle: each packet once, on the better radio, with a switch when it falls silent.
 
 A radio may carry the same channel of the vehicle as another (a copy, byte by byte), or a channel of its own (other packet numbers). Of copies every
-packet is taken once, whichever brings it; of channels those of the radio in use, since what is asked for on one is answered on it.
+packet is taken once, whichever brings it; of channels those of the radio in use, since what is requested on one is answered on it.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class RedundantTransport:
     def _echo(self, radio: Radio) -> None:
         radio.echoes += 1
         if radio.echoes == 1:
-            self._notes.append(f"radio {radio.name} sends back what it is sent: its echoes are dropped")
+            self._notes.append(f"radio {radio.name} echoes packets: its echoes are dropped")
 
     def _new(self, radio: Radio, frame: bytes, now_s: float) -> bool:
         """Whether a frame is to be taken: the first of copies, and of other channels those of the radio in use."""
@@ -178,7 +178,7 @@ class RedundantTransport:
         self.used, self._better_since_s = radio, math.inf
 
     def write(self, data: bytes) -> None:
-        """Send by the radio in use; the others get what keeps their way open, and tells them that we are here."""
+        """Send by the radio in use; the others get just enough to keep their path open and announce us."""
         self._sent.append(data)
         for radio in self.radios:
             if radio is self.used or self._is_heartbeat(data):

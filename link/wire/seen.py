@@ -1,4 +1,4 @@
-"""Frames seen a moment ago: what comes by two ways, or comes back, is told from what is new."""
+"""Recently seen frames: distinguishes duplicates and echoes from new frames."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _MIN_BAUD = 1200
 class SerialLine:
     """A device at a baud rate, 8N1 without flow control; opened again every second after it was unplugged.
 
-    An `InputError` says that the device cannot be opened, or does not know the rate.
+    Raises an `InputError` if the device cannot be opened, or does not know the rate.
     """
 
     def __init__(self, address: Address) -> None:
@@ -58,7 +58,7 @@ class SerialLine:
         return None
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         early = time.monotonic() < self._tried_s + _AGAIN_S
         if self._descriptor is None and (early or self._open() is not None):
             time.sleep(min(timeout_s, _AGAIN_S))

@@ -1,4 +1,4 @@
-"""MAVLink 2 message signing: frames signed, and signatures checked before anything of the frame is believed.
+"""MAVLink 2 message signing: signs frames, and checks signatures before a frame is used.
 
 Our own, because pymavlink's check takes over the time of a packet before it has checked who signed it, so that one
 forged packet from the future would shut out the genuine sender.

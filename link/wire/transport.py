@@ -55,10 +55,10 @@ class Transport(Protocol):
 
 
 def open_transport(address: Address) -> Transport:
-    """Open what a connection string says.
+    """Open the transport that a connection string names.
 
-    An `InputError` says that the address is taken or unknown, or that the device cannot be opened; a `LinkLostError`
-    that nobody answers there.
+    Raises an `InputError` if the address is taken or unknown, or if the device cannot be opened; a `LinkLostError`
+    if nobody answers there.
     """
     if address.kind == "serial":
         try:
@@ -75,7 +75,7 @@ def open_transport(address: Address) -> Transport:
 
 
 class UdpSocket:
-    """UDP: `udpout` speaks first to one address, `udpin` answers those who spoke."""
+    """UDP: `udpout` sends first to one address, `udpin` answers its senders."""
 
     def __init__(self, address: Address) -> None:
         family, target = resolve(address, socket.SOCK_DGRAM)
@@ -122,7 +122,7 @@ class UdpSocket:
         return True
 
     def write_to(self, system: int, data: bytes) -> None:
-        """Send towards one vehicle, or to all where its way is not known."""
+        """Send towards one vehicle, or to all where its way is unknown."""
         route = self._routes.get(system)
         if self._target is None and route is not None:
             self._send(data, route[0])
@@ -178,7 +178,7 @@ class _Stream:
 class TcpClient(_Stream):
     """TCP to one address; tries again every second after the other side has gone.
 
-    A `LinkLostError` says that nobody listens there at the start.
+    Raises a `LinkLostError` if nobody listens there at the start.
     """
 
     def __init__(self, address: Address) -> None:
@@ -222,7 +222,7 @@ class TcpClient(_Stream):
             self._dialled = None
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         if self._socket is None:
             self._dial(timeout_s)
             return b""
@@ -274,7 +274,7 @@ class TcpServer(_Stream):
         self._heard_s = 0.0
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """What has come."""
+        """Bytes received."""
         waiting = [self._listener] if self._socket is None else [self._listener, self._socket]
         ready, _, _ = select.select(waiting, [], [], timeout_s)
         data = b""

@@ -1,4 +1,4 @@
-"""Autopilot families: one folder for each, with all in which it differs from the others.
+"""Autopilot families: one folder for each, with all its differences from the others.
 
 A new family is a folder here and its name in `NAMES`; what the folder holds says `family`.
 """

@@ -1,4 +1,4 @@
-"""Calibrations that an autopilot keeps in its parameters: of which sensor, under which names, and what they are without one."""
+"""Calibrations that an autopilot stores in its parameters: the sensors, the names, and the values without a calibration."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _NOT_READ = "unknown: the parameters that decide it could not be read"
 
 @dataclass(frozen=True, slots=True)
 class LinkLoss:
-    """What the settings of a family say about the loss of a link."""
+    """Behaviour at a lost link, from the settings of a family."""
 
     action: str
     exceptions: str
@@ -50,9 +50,9 @@ class Failsafes(ABC):
         """Return what it does at the first threshold at which it does something."""
 
     def by_itself(self, values: Mapping[str, float]) -> list[str]:
-        """Return what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
+        """Return its automatic actions in a mission, a line for each cause: what an operator reads before a take-off."""
         if not values:
-            return ["what it does by itself is unknown: its failsafe parameters could not be read"]
+            return ["its behaviour without commands is unknown: its failsafe parameters could not be read"]
         return [
             f"link to skyway lost: {self.without_us(values)}",
             f"remote control lost: {self._without_pilot(values)}",
@@ -60,13 +60,13 @@ class Failsafes(ABC):
         ]
 
     def when_left(self, values: Mapping[str, float]) -> str:
-        """Say in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
+        """Describe in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
         if not values:
-            return "what it does then is unknown: its failsafe parameters could not be read"
+            return "its behaviour then is unknown: its failsafe parameters could not be read"
         return f"{self.without_us(values)}; {self.battery_first(values)}"
 
     def finishes_alone(self, values: Mapping[str, float]) -> bool | None:
-        """Return whether it finishes its leg and lands without us; None where that cannot be told.
+        """Return whether it finishes its leg and lands without us; None where that is unknown.
 
         It goes on where it does nothing, or nothing in a mission; without an exception, only the former is known to.
         """
@@ -104,7 +104,7 @@ class Failsafes(ABC):
         return self.settings[key].names[0].name
 
     def action(self, key: str, words: Mapping[int, str], values: Mapping[str, float]) -> str:
-        """What a setting makes it do, with the name of its parameter."""
+        """Effect of a setting, with the name of its parameter."""
         name = self.name(key)
         if key not in values:
             return f"does what {name} says, which could not be read"

@@ -1,4 +1,4 @@
-"""Interface of an autopilot family: everything in which one autopilot differs from another.
+"""Interface of an autopilot family: all differences between autopilots.
 
 A family is a folder here and its name in `missions.autopilots.NAMES`. No other code compares names or MAV_AUTOPILOT numbers:
 it asks the family.

@@ -16,7 +16,7 @@ FAMILIES: dict[str, Family] = {name: import_module(f"{autopilots.__name__}.{name
 
 
 def default_family() -> Family:
-    """Return the family that people get who name none."""
+    """Return the default family."""
     return FAMILIES[autopilots.NAMES[0]]
 
 

@@ -107,7 +107,7 @@ class Settings:
         return self._by_name.get(name)
 
     def in_our_units(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return parameters, by name and in the autopilot's units, as settings by key and in ours; others are left out."""
+        """Return parameters, by name and in the autopilot's units, as settings by key and in ours; others are omitted."""
         known = ((self.find(name), value) for name, value in values.items())
         return {found[0].key: value / UNITS[found[1].unit] for found, value in known if found is not None}
 

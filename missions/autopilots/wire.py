@@ -86,7 +86,7 @@ def _integer(value: int | None, scaled: bool, number: int) -> int:  # noqa: FBT0
         return 0
     plain = value if scaled else round(value / E7)
     if abs(plain) > _INT32_MAX:
-        raise InputError("is too large for the wire", field=f"item {number}", value=value)
+        raise InputError("is too large for MAVLink", field=f"item {number}", value=value)
     return plain
 
 
@@ -131,5 +131,5 @@ def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
 
 
 def no_such_command(item: MissionItem) -> str:
-    """Say that an autopilot has no such command; of one without a name here, that no version we know has it."""
+    """Describe that an autopilot has no such command; for an unnamed one, that no version we know has it."""
     return f"it has no {item.name}" if isinstance(item.command, Command) else f"no known version has {item.name}"

@@ -39,7 +39,7 @@ def corridor(
     """Return the inclusion polygon around a route, places flown in order, and its diverts.
 
     Each divert is a part of the route and the station that stays in reach from there. The width is half on either side;
-    nowhere is it narrower. An `InputError` says that it is not between 20 m and 100 km, or that the route crosses the
+    nowhere is it narrower. Raises an `InputError` if it is not between 20 m and 100 km, or if the route crosses the
     180th meridian (neither autopilot has fences across it).
     """
     import shapely

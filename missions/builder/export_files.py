@@ -1,4 +1,4 @@
-"""The files of an exported plan: missions, one for each leg where that is asked, and the parameters that the vehicle needs."""
+"""The files of an exported plan: missions, one for each leg if requested, and the parameters that the vehicle needs."""
 
 from __future__ import annotations
 

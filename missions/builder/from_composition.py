@@ -28,7 +28,7 @@ class Export:
     Attributes
     ----------
     documents : tuple of MissionDocument
-        In flying order; more than one where each leg is a mission of its own.
+        In flying order; more than one where each leg is a separate mission.
     parameters : tuple of Parameter
         What the vehicle must be set to.
     warnings : tuple of str
@@ -54,7 +54,7 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
     composition : Composition
         The plan.
     index : int
-        Of `Composition.there_and_back`, from 0; people are told the number of a leg, from 1.
+        Of `Composition.there_and_back`, from 0; people see the number of a leg, from 1.
     dialect : Family
         For which autopilot.
     options : MissionOptions, optional
@@ -88,7 +88,7 @@ def whole_mission(composition: Composition, dialect: Family, options: MissionOpt
     Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm, and
     a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg. Heights are
     above the home of each leg, since home moves at each arming. With the way back: from the target on, too, where the package is
-    released, the vehicle disarms, and arming resumes. An `InputError` says that a ground height that is needed is unknown.
+    released, the vehicle disarms, and arming resumes. Raises an `InputError` if a ground height that is needed is unknown.
     """
     if not dialect.stays_in_mission_after_landing:
         return _mission_per_leg(composition, dialect, options)
@@ -131,7 +131,7 @@ def armed_mission(composition: Composition, dialect: Family, options: MissionOpt
     """Return all legs in one mission that stays armed on the pads and leaves by the clock.
 
     LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. With the way back it stays armed
-    at the target, too, for the time that is planned there. An `InputError` says that a ground height that is needed is unknown.
+    at the target, too, for the time that is planned there. Raises an `InputError` if a ground height that is needed is unknown.
     """
     begins = takes_off(composition, options)
     delivers, composition = len(composition.services) - 1, composition.there_and_back
@@ -160,8 +160,8 @@ def armed_mission(composition: Composition, dialect: Family, options: MissionOpt
     if not pads:
         return export
     warning = (
-        f"the vehicle stays ARMED at {pads}, propellers turning beside people for the whole hold, and leaves by the"
-        " clock whatever its state of charge"
+        f"the vehicle stays ARMED at {pads}, with propellers turning beside people for the whole hold, and takes off by the"
+        " clock at any state of charge"
     )
     return replace(export, warnings=(warning, *export.warnings))
 

@@ -88,7 +88,7 @@ class LegBuilder:
         if known is None:
             raise InputError(
                 Fault(
-                    "the height of the ground is unknown, so heights above it cannot be given",
+                    "the ground height is unknown, so heights above it cannot be computed",
                     field=f"stations[{station}].elevation_m",
                     remedy=f"add elevation_m to the station, or give --elevation {station}=METRES",
                 )
@@ -128,15 +128,15 @@ class LegBuilder:
         )
 
     def heights(self, service: DroneService) -> WayHeights:
-        """Heights that a leg flies; an `InputError` says where the ground below is not known."""
+        """Flight heights of a leg. Raises an `InputError` where the ground below is unknown."""
         stations = (service.origin, *service.via, service.destination)
         places = [(self.place(station).lat, self.place(station).lon) for station in stations]
         least = [self.place(station).least for station in stations]
         ground_m = [self.ground_m(station) for station in stations]
         found = way_heights(places, ground_m, self.cruise_height_m, self.over, least)
         if found.unknown is not None:
-            problem = f"leg {service.origin} to {service.destination}: the ground is not known"
-            remedy = "a void of the terrain model, or beyond it: give a model that covers the leg"
+            problem = f"leg {service.origin} to {service.destination}: the ground height is unknown"
+            remedy = "give a terrain model that covers the leg: there is a void, or the leg leaves the model"
             raise InputError(Fault(problem, field="terrain", value=place_text(*found.unknown), remedy=remedy))
         return found
 
@@ -193,9 +193,9 @@ class LegBuilder:
         return [replace(above, command=Command.NAV_TAKEOFF), above]
 
     def leg(self, service: DroneService, *, last: bool, onward: DroneService | None = None) -> MissionDocument:
-        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers.
+        """Return one leg as a separate mission, heights above the ground at its take-off; the last one delivers.
 
-        Where the package is released in the air it goes on with the flight `onward`, and lands where that does.
+        Where the package is released in the air it continues with the flight `onward`, and lands where that does.
         """
         ground = self.ground_m(service.origin)
         items = [*self.departure(service, ground), *self.way(service, ground)]
@@ -256,7 +256,7 @@ class LegBuilder:
         return MissionDocument(self.mission(items, home or self.home(station)))
 
     def delivery(self) -> list[MissionItem]:
-        """What follows the landing at the target: release and disarm."""
+        """Items after the landing at the target: release and disarm."""
         return [*self.release(), *self.dialect.disarm()]
 
     def release(self) -> list[MissionItem]:
@@ -307,7 +307,7 @@ class LegBuilder:
         return levels
 
     def _level_within_m(self, stations: Sequence[str]) -> float:
-        """Height above sea level that clears any straight way between these stations; no height where it is not known."""
+        """Height above sea level that clears any straight way between these stations; no height where it is unknown."""
         if self.over is None:
             return -math.inf
         level = level_within_m([(self.place(one).lat, self.place(one).lon) for one in stations], self.over)
@@ -364,7 +364,7 @@ class LegBuilder:
         ]
         if hovers(self.options.release):
             found.append(
-                "the drone does not land at the target: a package that stays aboard flies on with it; what a winch or a payload place does is not told by the mission"
+                "the drone does not land at the target, and a package that stays on board flies on with it; the mission does not contain the commands of a winch or a payload place"
             )
         if self.options.release == "hand":
             found.append("the package is released by a person after the landing at the target: confirm it in skyway")

@@ -1,4 +1,4 @@
-"""Recharge holds: stays on a pad as mission items, and as notes to who flies one mission a leg."""
+"""Recharge holds: stays on a pad as mission items, and as notes for a pilot who flies one mission per leg."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def recharge_hold(composition: Composition, number: int) -> MissionItem:
 
 
 def hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
-    """Return what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
+    """Return what the plan does on the ground before these legs: a mission that disarms does not contain it."""
     notes = []
     for number in numbers:
         stop = _stop_before(composition, number)

@@ -1,4 +1,4 @@
-"""Release of a package in the air: the items over the target, from the way there to the way on.
+"""Release of a package in the air: the items over the target, from the way there to the flight on.
 
 A winch: hover, line out, wait until it is, line in, wait. DO_WINCH takes no time by itself on ArduPilot; PX4 goes on when its winch has answered, or after MIS_COMMAND_TOUT:
 so the hover that waits is an item of its own, which both fly. A payload place (ArduPilot's NAV_PAYLOAD_PLACE) sinks until the thrust falls, opens the gripper
@@ -39,11 +39,11 @@ def released_on_way(
 ) -> list[MissionItem]:
     """Return the items from over the target on: the release, and the flight on, which lands.
 
-    An `InputError` says that there is no flight on.
+    Raises an `InputError` if there is no flight on.
     """
     if onward is None or onward.origin != station:
         remedy = "plan with --release winch or place: such a plan keeps the charge for it"
-        problem = f"the drone does not land at {station}, and the plan has no way on from there"
+        problem = f"the drone does not land at {station}, and the plan has no flight on from there"
         raise InputError(Fault(problem, field="release", value=build.options.release, remedy=remedy))
     if build.options.release == "place" and not build.dialect.places_payloads:
         remedy = "--release winch, gripper or hand"

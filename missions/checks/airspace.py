@@ -1,4 +1,4 @@
-"""Check of the route against the airspace: zones in three dimensions and in time, and the greatest height above ground."""
+"""Check of the route against the airspace: zones in three dimensions and in time, and the maximum height above ground."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _ways(
 def _above_terrain(
     lat: NDArray[np.float64], lon: NDArray[np.float64], height_m: NDArray[np.float64], over: Over
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite where it is not known."""
+    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite where it is unknown."""
     length_m, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
     count = np.ceil(length_m / SAMPLE_M).astype(np.int64) + 2
     first = np.concatenate(([0], np.cumsum(count)[:-1]))
@@ -173,7 +173,7 @@ def _above_terrain(
 
 
 def _grounds(knots: Sequence[Knot], lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ground above home at each place, where it is not known linearly between where it is."""
+    """Ground above home at each place, where it is unknown linearly between where it is."""
     steps = [geodesy.distance_m(*a, *b) for a, b in pairwise(zip(lat.tolist(), lon.tolist(), strict=True))]
     flown = np.insert(np.cumsum(steps), 0, 0.0)
     known = [i for i, knot in enumerate(knots) if knot.ground_m is not None]

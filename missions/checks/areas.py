@@ -63,7 +63,7 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
 
 
 def fence_shapes(fence: Geofence, *, every: bool) -> tuple[shapely.Geometry | None, shapely.Geometry | None]:
-    """Return where a fence lets a vehicle be, and where not; None for either where it says nothing."""
+    """Return the areas that a fence allows and prohibits; None for either where it has none."""
     import shapely
 
     inside = [_shape(area) for area in fence.areas if area.inclusion]
@@ -93,8 +93,8 @@ def _broken_areas(fence: Geofence) -> Iterator[Finding]:
         claimed = area.extra.get(CLAIMED_COUNT)
         if claimed is not None:
             message = (
-                f"fence polygon {number} says {claimed:g} vertices and has {len(area.vertices)}: vehicles"
-                " acknowledge such a fence and have none afterwards"
+                f"fence polygon {number} states {claimed:g} vertices but has {len(area.vertices)}: vehicles"
+                " acknowledge such a fence but do not store it"
             )
             yield Finding("error", None, "fence-vertex-count", message, "add the missing vertex, or correct the count")
         elif not _shape(area).is_valid:

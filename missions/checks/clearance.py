@@ -1,4 +1,4 @@
-"""Check of ground clearance, where the ground is known: homes, landings, stations.
+"""Check of ground clearance at known ground heights: homes, landings, stations.
 
 Between two places whose ground is known the vehicle must be above the higher one: the ground need not fall, or rise,
 where the vehicle does. How far above is the mission's own clearance: what it keeps over the two ends of the flight.
@@ -114,7 +114,7 @@ def next_ground_m(mission: Mission, leg: RouteLeg) -> float:
 
 
 def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
-    """Ground of the landing, where its altitude says so: many files carry any altitude there.
+    """Ground height of the landing, where its altitude gives it: many files carry an arbitrary altitude there.
 
     Below zero it can be nothing else; above, only where the vehicle comes down to it from straight above.
     """
@@ -133,7 +133,7 @@ def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
 
 
 def _own_clearance(leg: RouteLeg, knots: Sequence[Knot]) -> float:
-    """Least height that the mission keeps where it knows the ground; 0 where an end is not known."""
+    """Least height that the mission keeps where it knows the ground; 0 where an end is unknown."""
     if leg.landing != "land" or len(knots) < 2 or knots[1].ground_m is None or knots[-1].ground_m is None:
         return 0.0
     over = [knot.height_m - knot.ground_m for knot in knots[1:] if knot.ground_m is not None]
@@ -149,7 +149,7 @@ def _check_flight(knots: Sequence[Knot], own_m: float) -> Iterator[Finding]:
             continue
         if _is_straight(way):
             yield from _check_segment(way, own_m)
-        else:  # what lies between is not known: it must not sink below the known end before it is elsewhere
+        else:  # what lies between is unknown: it must not sink below the known end before it is elsewhere
             yield from _check_open_end(way[0], way[1])
             yield from _check_open_end(way[-1], way[-2])
     if known and known[-1] < len(knots) - 1:
@@ -162,7 +162,7 @@ def _check_segment(way: Sequence[Knot], own_m: float) -> Iterator[Finding]:
     ground, slopes = max(grounds), max(grounds) - min(grounds) > SLACK_M
     lowest = min(way, key=lambda knot: knot.height_m)
     item = way[1].item if lowest is way[0] else lowest.item
-    if lowest.height_m <= ground and (slopes or ground != 0.0):  # 0 to 0 is told by the check of heights
+    if lowest.height_m <= ground and (slopes or ground != 0.0):  # 0 to 0 is reported by the check of heights
         yield _finding("error", item, lowest.height_m, ground, own_m)
     elif slopes and lowest.height_m < ground + own_m - SLACK_M:
         yield _finding("warning", item, lowest.height_m, ground, own_m)
@@ -171,7 +171,7 @@ def _check_segment(way: Sequence[Knot], own_m: float) -> Iterator[Finding]:
 def _check_open_end(known: Knot, other: Knot) -> Iterator[Finding]:
     """Judge a way between a place of known ground and one of unknown ground."""
     ground = known.ground_m
-    if ground and known.height_m <= ground:  # 0 is told by the check of heights
+    if ground and known.height_m <= ground:  # 0 is reported by the check of heights
         yield _finding("error", known.item, known.height_m, ground, 0.0)
     elif ground and other.height_m <= ground:
         yield _finding("warning", other.item, other.height_m, ground, 0.0)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FlightConditions:
-    """What a mission is flown with, and in.
+    """Conditions of a mission check: drone, load, wind.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ def _or_typical(
 
 
 def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -> tuple[LegEnergy, ...]:
-    """Work out every flight of a route, with charging on the ground between them."""
+    """Compute every flight of a route, with charging on the ground between them."""
     weight = conditions.weather.probability
     near = NearStations(conditions.stations)
     soc = conditions.soc_start

@@ -1,4 +1,4 @@
-"""Findings whose remedy is certain: what a vehicle makes of the mission anyway is written down."""
+"""Findings with only one correction: what a vehicle makes of the mission anyway."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _E7 = 10_000_000
 
 
 def fixed(document: MissionDocument, findings: Sequence[Finding]) -> tuple[MissionDocument, tuple[str, ...]]:
-    """Return the document with those findings mended, and what was done, a line each."""
+    """Return the document with those findings fixed, and the changes, one a line."""
     items = list(document.mission.items)
     told = []
     for finding in findings:

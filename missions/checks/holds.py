@@ -25,8 +25,10 @@ def check_energy(route: Route, legs: Sequence[LegEnergy], conditions: FlightCond
     """Judge the energies of a mission: payload, wind, reserve, holds."""
     drone = conditions.drone
     if conditions.payload_kg > drone.max_payload_kg:
-        message = f"a package of {conditions.payload_kg:g} kg, and the {drone.name} lifts {drone.max_payload_kg:g} kg"
-        yield Finding("error", None, "payload", message, "fly another vehicle")
+        message = (
+            f"the package has {conditions.payload_kg:g} kg, but the {drone.name} lifts {drone.max_payload_kg:g} kg"
+        )
+        yield Finding("error", None, "payload", message, "use another vehicle")
     for leg in legs:
         yield from _wind(leg, conditions)
         yield from _reserve(leg, conditions)
@@ -50,7 +52,7 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             f"{_which_wind(conditions)}the commanded ground speed needs {speed_text(-leg.least_airspeed_margin_mps)} more"
             f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower"
         )
-        yield Finding("warning", leg.worst_item, "speed-not-held", message, "order a lower ground speed")
+        yield Finding("warning", leg.worst_item, "speed-not-held", message, "command a lower ground speed")
 
 
 def _which_wind(conditions: FlightConditions) -> str:
@@ -72,9 +74,9 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
         yield Finding("error", leg.item_to, BATTERY_EMPTY, message, "land and recharge on the way")
     elif leg.soc_end < reserve:
         message = f"ends at {percent(leg.soc_end)} charge, below the reserve of {percent(reserve)}"
-        yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter way")
+        yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter route")
     elif leg.p_reserve < 1.0 - EPSILON:
-        message = f"keeps the reserve of {percent(reserve)} with probability {probability(leg.p_reserve, 1)} only"
+        message = f"keeps the reserve of {percent(reserve)} only with probability {probability(leg.p_reserve, 1)}"
         yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
 
 
@@ -82,7 +84,9 @@ def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: Fli
     hold_s = leg.ground_hold_s
     if leg.released and flown.pad is None and hold_s != 0.0:
         if not conditions.stations:
-            message = "goes on from where the package is released: a battery charged there is assumed, and nothing is known of a pad"
+            message = (
+                "continues from where the package is released: assuming a battery charged there, but no pad is known"
+            )
             yield Finding(
                 "warning", flown.item_to, "charge-at-target-assumed", message, "give --scenario, which knows the pads"
             )
@@ -94,7 +98,7 @@ def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: Fli
     if hold_s == 0.0 or flown.soc_end is None or following.energy_j is None:
         return
     if conditions.stations and flown.pad is None:
-        message = f"a hold of {duration(hold_s)} where no station has a pad: nothing is charged"
+        message = f"a hold of {duration(hold_s)} at a place without a pad: the battery is not charged"
         yield Finding("warning", flown.item_to, "hold-without-pad", message, "hold at a station")
         return
     power_w = next((s.recharge_power_w for s in conditions.stations if s.name == flown.pad), None)

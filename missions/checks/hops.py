@@ -1,4 +1,4 @@
-"""Hops: straight pieces of way between two places, and what each takes in the wind.
+"""Hops: straight pieces of way between two places, and their time and energy in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it does not.
 Checks fly the hops of a mission one after the other; who looks for places to recharge asks for each by itself.
@@ -43,12 +43,12 @@ class Hops(NamedTuple):
 def hop_times(
     hops: Hops, conditions: FlightConditions, elapsed_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Fly hops, each by itself, in every wind.
+    """Fly hops, each separately, in every wind.
 
     Parameters
     ----------
     elapsed_s : ndarray, shape (members, hops)
-        When each is begun, after the first take-off.
+        When each starts, after the first take-off.
 
     Returns
     -------

@@ -49,7 +49,7 @@ def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
             message = f"orders {item.param2:g} m/s, and the vehicle flies at most {limit:g} m/s over ground"
             yield Finding("error", number, "speed-limit", message, f"order at most {limit:g} m/s")
         elif math.isnan(item.param2) or item.param2 == 0:
-            yield Finding("warning", number, "speed-missing", "orders no speed", "give a speed in m/s")
+            yield Finding("warning", number, "speed-missing", "commands no speed", "give a speed in m/s")
 
 
 def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
@@ -65,7 +65,7 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
 
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
-    """Tell rally points that lie far from every place of the route, with the distance."""
+    """Report rally points far from every place of the route, with the distance."""
     steps, rally = route.steps, document.rally.points
     if not steps or not rally:
         return
@@ -159,7 +159,7 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
             yield _too_low(number, item.z)
     if absolute:
         message = (
-            f"{len(absolute)} heights are above sea level and the height of home is unknown: they were not checked"
+            f"{len(absolute)} heights are above sea level but the height of home is unknown: they were not checked"
         )
         yield Finding("info", absolute[0], "height-reference", message, "give the altitude of the planned home")
 
@@ -180,8 +180,8 @@ def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> 
     if item.command in TAKEOFF_COMMANDS and step.height_m < leaves_m + LOW_TAKEOFF_M:
         yield _too_low(step.item, step.height_m - leaves_m)
     elif flies_on and step.height_m <= lowest_m:
-        message = f"{item.name} at {step.height_m:g} m above home is not above the ground of either end of the flight"
-        yield Finding("warning", step.item, "not-above-ground", message, "right only where the ground is lower there")
+        message = f"{item.name} at {step.height_m:g} m above home is not above the ground at either end of the flight"
+        yield Finding("warning", step.item, "not-above-ground", message, "correct only if the ground is lower there")
     elif step.height_m > USUAL_CEILING_M and item.frame not in TERRAIN_FRAMES:
         message = f"{height_text(step.height_m)} above home: most countries allow {height_text(USUAL_CEILING_M)}"
         yield Finding("info", step.item, "high", message, "needs a permit, unless the ground is higher there")

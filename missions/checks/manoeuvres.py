@@ -1,4 +1,4 @@
-"""Manoeuvres: what a flight takes beyond its straight hops, to gain speed, to brake, to turn, and over the ground before it stands.
+"""Manoeuvres: the time and energy of a flight beyond its straight hops: acceleration, braking, turns, and the last metres of a landing.
 
 A change of velocity dv at the acceleration a costs dv / 2a beyond flying by: as long as it lasts, half the way is covered. A vehicle that
 holds somewhere stops there; one that only turns changes as much velocity as its direction.

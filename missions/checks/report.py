@@ -46,7 +46,7 @@ _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """What a check found: ``skyway.check/1``."""
+    """Result of a check: ``skyway.check/1``."""
 
     schema: str = SCHEMA
     ok: bool

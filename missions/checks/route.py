@@ -60,7 +60,7 @@ class RouteLeg:
     """So many steps are flown with it, where it is released in the air."""
 
     def payloads_kg(self, payload_kg: float) -> list[float]:
-        """Package that is carried on the way to each step, of one that is aboard at the start."""
+        """Package carried on the way to each step, if one is on board at the start."""
         with_it = len(self.steps) if self.released_after is None else self.released_after
         return [payload_kg] * with_it + [0.0] * (len(self.steps) - with_it)
 
@@ -78,14 +78,14 @@ class RouteLeg:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """What a mission flies."""
+    """The route of a mission as flown."""
 
     legs: tuple[RouteLeg, ...]
     """In flying order."""
     endless_jumps: tuple[int, ...]
     """Items that jump back forever."""
     is_cut: bool
-    """True where jumps repeat so often that the rest was left out."""
+    """True where jumps repeat so often that the rest was omitted."""
     order: tuple[int, ...] = ()
     """Numbers of the items in the order in which they are taken, jumps left out: the mission unrolled."""
 

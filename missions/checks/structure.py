@@ -41,11 +41,11 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
     yield from _never_reached(mission, route)
     for number in route.endless_jumps:
         target = mission.items[number].jump_target
-        message = f"jumps back to item {target} forever: only a person or a failsafe ends the flight"
+        message = f"jumps back to item {target} without end: only a person or a failsafe ends the flight"
         yield Finding("warning", number, "endless-jump", message, "give the jump a number of repeats")
     if route.is_cut:
-        message = "the jumps repeat so often that only the beginning of the flight was checked"
-        yield Finding("warning", None, "too-many-repeats", message, "lower the numbers of repeats")
+        message = "too many repeats of jumps: only the beginning of the flight was checked"
+        yield Finding("warning", None, "too-many-repeats", message, "reduce the numbers of repeats")
     for pattern in mission.complex_items:
         if pattern.is_built:
             message = (
@@ -109,7 +109,7 @@ def _landing(mission: Mission, route: Route) -> Iterator[Finding]:
     if route.ends_in_endless_jump:
         return
     if mission.items[last].command == Command.NAV_LOITER_UNLIM:
-        message = "loiters without end: the mission never lands"
+        message = "endless loiter: the mission never lands"
         yield Finding("error", last, "never-lands", message, "land, or return to launch, after it")
         return
     message = "the mission ends in the air: there is no LAND or RETURN_TO_LAUNCH after this item"
@@ -121,10 +121,10 @@ def _jumps(mission: Mission) -> Iterator[Finding]:
     for number, item in enumerate(mission.items):
         target = item.jump_target
         if item.command == Command.DO_JUMP_TAG and item.param1 not in tags:
-            message = f"jumps to tag {item.param1:g}, which no item has"
+            message = f"jumps to tag {item.param1:g}, which does not exist"
             yield Finding("error", number, "jump-target", message, "add a JUMP_TAG, or remove the jump")
         if item.command == Command.DO_JUMP and target is None:
-            yield Finding("error", number, "jump-target", "jumps to no item: its target is not a number")
+            yield Finding("error", number, "jump-target", "its jump target is not a number")
         if target is None or (item.command == Command.DO_SET_MISSION_CURRENT and target == -1):
             continue
         if not 0 <= target < len(mission):
@@ -135,7 +135,7 @@ def _jumps(mission: Mission) -> Iterator[Finding]:
 
 
 def _uses_plain_param5(item: MissionItem) -> bool:
-    """Whether parameters 5 and 6 mean something that is no place."""
+    """Whether parameters 5 and 6 mean something other than a place."""
     if item.command == Command.DO_MOUNT_CONTROL:
         return item.z == MOUNT_MODE_GPS_POINT
     unnamed = not isinstance(item.command, Command)

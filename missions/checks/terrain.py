@@ -1,4 +1,4 @@
-"""Check of heights over a terrain model: does a mission touch the ground or an obstacle, and what does it keep."""
+"""Check of heights over a terrain model: contact with ground or obstacle, and the clearance."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def check_terrain(
 def homes_m(
     mission: Mission, route: Route, over: Over, stations: Sequence[Station]
 ) -> tuple[list[float], list[Finding]]:
-    """How high above the sea each flight counts its heights from, NaN where nothing says so; and what is to be told of it."""
+    """Height above the sea of each flight's home, NaN where it is not given; and notes on it."""
     findings: list[Finding] = []
     homes: list[float] = []
     near = NearStations(stations)
@@ -86,7 +86,7 @@ def homes_m(
 def _home_m(
     mission: Mission, leg: RouteLeg, over: Over, near: NearStations, *, first: bool
 ) -> tuple[float, list[Finding]]:
-    """Height above sea level that a flight counts from, and what is to be told of it.
+    """Height above sea level of a flight's home, and notes on it.
 
     The file's home, or the station there; where the terrain model contradicts it by much, the terrain.
     """
@@ -99,14 +99,14 @@ def _home_m(
         return (ground if said is None else said), []
     if math.isnan(ground) or abs(said - ground) <= DIFFER_M:
         return said, []
-    message = f"home is at {height_text(said)} by the file, and the ground there at {height_text(ground)} by the terrain model: the terrain model counts"  # fmt: skip
+    message = f"home is at {height_text(said)} in the file, but the ground there is at {height_text(ground)} in the terrain model, which is used"  # fmt: skip
     feet = abs(said * 0.3048 - ground) <= DIFFER_M or abs(said - ground * 0.3048) <= DIFFER_M
     remedy = "is one of them in feet?" if feet else "correct the height of home, or the terrain model"
     return ground, [Finding("warning", None, "home-off-terrain", message, remedy)]
 
 
 def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
-    """Sample a flight: climbs and descents straight up and down are left out; None where nothing can be said of it."""
+    """Sample a flight: climbs and descents straight up and down are omitted; None where nothing is known of it."""
     if leg.start is None or not leg.steps or math.isnan(zero_m):
         return None
     every_m = max(over.terrain.spacing_m, 5.0)
@@ -144,7 +144,7 @@ def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | N
 
 
 def _judged(way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], over: Over) -> Iterator[Finding]:
-    """Judge a flight: what it touches, what is not known, and where it keeps less than the clearance."""
+    """Judge a flight: what it touches, what is unknown, and where it keeps less than the clearance."""
     unknown = np.flatnonzero(np.isnan(ground))
     if len(unknown):
         k = int(unknown[0])
@@ -190,7 +190,7 @@ def _place(way: _Way, k: int) -> str:
 def _told(
     way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], obstacles: tuple[NearObstacle, ...]
 ) -> LegHeights | None:
-    """What is told of a flight; None over unknown ground."""
+    """Findings on a flight; None over unknown ground."""
     if np.isnan(ground).any() or np.isnan(top).any():
         return None
     return LegHeights.sampled(way.along_m, ground, top, way.height_m, way.path, obstacles)

@@ -41,10 +41,10 @@ def _of_waypoints(document: MissionDocument) -> Iterator[str]:
         yield "the height of home is unknown: row 0 has NaN"
     comments = sum(COMMENT in item.extra for item in mission.items)
     if comments:
-        yield f"comments of {comments} items: QGroundControl opens no file that has them"
+        yield f"comments of {comments} items: QGroundControl does not open files with comments"
     terrain = sum(item.was_planned_above_terrain for item in mission.items)
     if terrain:
-        yield f"that the heights of {terrain} items were worked out above terrain: they stay, above sea level"
+        yield f"that the heights of {terrain} items were computed above terrain: they stay, above sea level"
     patterns = {n for p in mission.complex_items for n in range(p.first, p.first + p.count)}
     simple = [item for number, item in enumerate(mission.items) if number not in patterns]
     yield from _keys("fields of items", (key for item in simple for key in item.extra if key != COMMENT))
@@ -58,14 +58,14 @@ def _of_waypoints(document: MissionDocument) -> Iterator[str]:
 def _of_plan(document: MissionDocument) -> Iterator[str]:
     missing = [key for key, value in required(document.mission).items() if value is None]
     if missing and document.mission.items:
-        yield f"not known, and filled in because QGroundControl asks for it: {', '.join(missing)}"
+        yield f"unknown, and filled in because QGroundControl requires it: {', '.join(missing)}"
 
 
 def _of_both(document: MissionDocument) -> Iterator[str]:
     for number, area in enumerate(document.fence.polygons):
         claimed = area.extra.get(CLAIMED_COUNT)
         if claimed is not None:
-            yield f"fence polygon {number} said {claimed:g} vertices and has another number: written with the right one"
+            yield f"fence polygon {number} stated {claimed:g} vertices but has another number: written with the right one"
     yield from _keys("of rally points", (key for rally in document.rally.points for key in rally.extra))
 
 

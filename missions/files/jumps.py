@@ -1,4 +1,4 @@
-"""References from item to item: from the numbers of a file to ours."""
+"""References between items: from the numbers of a file to ours."""
 
 from __future__ import annotations
 

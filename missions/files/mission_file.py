@@ -88,7 +88,7 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
 
 
 def files_of(document: MissionDocument, path: Path) -> dict[Path, Callable[[MissionDocument], str]]:
-    """Return the files that `write` would write, and what makes each; an `InputError` for a suffix that is no format."""
+    """Return the files that `write` would write, and their writers. Raises an `InputError` for an unknown suffix."""
     if path.suffix == ".plan":
         return {path: plan_writer.dumps}
     if path.suffix != ".waypoints":

@@ -257,7 +257,7 @@ def _read_fence(source: JsonField) -> Geofence:
 
 
 def _list(field: JsonField) -> list[JsonField]:
-    """Elements of a list that may be left out."""
+    """Elements of a list that may be omitted."""
     return field.elements() if field.value else []
 
 

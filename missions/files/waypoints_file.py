@@ -138,7 +138,7 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
 
 
 def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
-    """Take index, frame, command and autocontinue where some are written as 3.0, are no numbers, or out of range."""
+    """Take index, frame, command and autocontinue where some are written as 3.0, are not numbers, or out of range."""
     values = []
     for field, (column, most) in _WHOLE.items():
         number = finite(cells[column])
@@ -187,7 +187,7 @@ def dumps_mission(document: MissionDocument) -> str:
 
 
 def dumps_fence(document: MissionDocument) -> str:
-    """Return the text of the fence, as Mission Planner keeps it in a file of its own."""
+    """Return the text of the fence in Mission Planner's separate file."""
     return _dumps(document.mission.home, fence_items.from_fence(document.fence))
 
 

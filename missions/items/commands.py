@@ -15,7 +15,7 @@ _FLOWN, _PLACE, _NUMBERS = "flown to", "place", "numbers"
 
 
 class Command(IntEnum):
-    """What an item orders (MAV_CMD without its prefix)."""
+    """Command of an item (MAV_CMD without its prefix)."""
 
     last_params: str
     """What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former
@@ -180,6 +180,6 @@ def command_of(number: int) -> int:
 
 
 def command_name(number: int) -> str:
-    """What people call a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
+    """Common name of a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
     command = _COMMANDS.get(number)
     return f"MAV_CMD {number}" if command is None else command.name

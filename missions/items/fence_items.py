@@ -64,11 +64,11 @@ def _named(table: dict[Command, bool], inclusion: bool) -> Command:  # noqa: FBT
 def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
     """Put a fence together from its items.
 
-    A polygon whose vertices carry another count than there are is taken as it stands and marked with the count it
+    A polygon whose vertices carry another count than there are is kept unchanged and marked with the count it
     claims (`CLAIMED_COUNT`): vehicles acknowledge such a fence and it is invalid afterwards, so the checks call it an
     error.
 
-    An `InputError` names an item that is no fence item, a polygon with fewer than three vertices, or a circle without a
+    An `InputError` names an item that is not a fence item, a polygon with fewer than three vertices, or a circle without a
     radius.
     """
     polygons: list[FencePolygon] = []
@@ -90,7 +90,7 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
             circles.append(FenceCircle(center, item.param1, _CIRCLES[Command(item.command)]))
             position += 1
         elif item.command == HOME_CIRCLE:
-            remedy = "use a circle with a centre of its own (5003)"
+            remedy = "use a circle with its own centre (5003)"
             problem = "not supported: a fence circle around wherever home is"
             raise InputError(problem, file, None, f"item {position}", HOME_CIRCLE, remedy)
         else:

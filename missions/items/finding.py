@@ -10,7 +10,7 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding, with what is needed to correct it."""
+    """One finding, with its remedy."""
 
     severity: Severity
     """``error``: it will not fly, or not safely; ``warning``: look at it; ``info``: worth knowing."""

@@ -17,7 +17,7 @@ MAX_PARAM = float(2**31 - 1)
 
 
 class JsonField:
-    """A value of a JSON file, and where it stands: what is read of it is checked.
+    """A value of a JSON file with its path; reading it validates it.
 
     Errors name the file and the field, as in ``mission.items[3].command``, empty for the whole file.
     """
@@ -89,7 +89,7 @@ class JsonField:
         return value
 
     def quantity(self, *, least: float = -math.inf, positive: bool = False) -> float:
-        """Take a setting that must be there and be a finite number, not below `least`."""
+        """Read a required setting, a finite number not below `least`."""
         value = self.number()
         if math.isnan(value):
             raise self.fault("is missing: a number is needed")

@@ -185,7 +185,7 @@ class Mission:
 
     @property
     def is_for_wings(self) -> bool:
-        """Whether it was planned for an aeroplane or a VTOL: what a multirotor needs says nothing of its battery."""
+        """Whether it was planned for an aeroplane or a VTOL: the needs of a multirotor say nothing of its battery."""
         return self.vehicle_type in WING_TYPES
 
     @property

@@ -17,7 +17,7 @@ UNITS = {"": 1.0, "m": 1.0, "cm": 100.0, "m/s": 1.0, "cm/s": 100.0, "deg": 1.0, 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter and what it must be."""
+    """One parameter and its required value."""
 
     name: str
     """The autopilot's name."""
@@ -48,12 +48,12 @@ class Parameter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every parameter that must be asked for to know which way counts."""
+        """All parameters needed to decide which method applies."""
         return tuple(dict.fromkeys(name for way in self.ways for name in (way.name, way.paired) if name))
 
     @property
     def meaning(self) -> str:
-        """What it is, for a person."""
+        """Its meaning in words."""
         return self.words or self.name
 
     def or_else(self, *others: Parameter) -> Parameter:

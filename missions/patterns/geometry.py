@@ -77,7 +77,7 @@ def sweep(polygon: NDArray[np.float64], heading_deg: float, spacing_m: float) ->
 
     Lines lie `spacing_m` apart, counted from 1,000 m and half the extent beside the centre of the bounding box, as
     QGroundControl counts them. Each runs from the outermost edge of the polygon to the other, across what a concave
-    polygon leaves out. Fewer than two become one line through the centre.
+    polygon omits. Fewer than two become one line through the centre.
     """
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     centre = (low + high) / 2.0

@@ -19,7 +19,7 @@ MAX_BUILT = 20_000
 
 
 def corners(line: JsonField, least: int) -> list[Place]:
-    """Take the places of a polygon or a line, `least` or more."""
+    """Read the vertices of a polygon or a line, `least` or more."""
     points = line.elements()
     if not least <= len(points) <= MAX_BUILT:
         raise line.fault(f"does not have {least} to {MAX_BUILT} points", len(points))

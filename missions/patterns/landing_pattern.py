@@ -26,7 +26,7 @@ THROTTLE_AS_IT_IS = -1
 def expand(kind: str, source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items of a landing pattern as a plan file has them: land start, speed, cameras off, approach, landing.
 
-    An `InputError` says that a place, the radius, the speed or a choice is missing or impossible.
+    Raises an `InputError` if a place, the radius, the speed or a choice is missing or impossible.
     """
     key = "landingApproachCoordinate" if "landingApproachCoordinate" in source else "loiterCoordinate"
     approach, landing = _place(source[key]), _place(source["landCoordinate"])

@@ -26,8 +26,8 @@ CAMERA_TO_THE_RIGHT_DEG = 90
 def structure_scan(source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items of a structure scan of version 3.
 
-    An `InputError` says that a setting is missing or impossible, that the number of layers contradicts the heights, or
-    that there would be too many items.
+    Raises an `InputError` if a setting is missing or impossible, if the number of layers contradicts the heights, or
+    if there would be too many items.
     """
     camera = source["CameraCalc"]
     layer_m = camera["AdjustedFootprintFrontal"].quantity(positive=True)

@@ -2,7 +2,7 @@
 
 Surveys of versions 2 and 3 never hold them, later ones and corridors hold an empty list where a program wrote them.
 Sources: ``SurveyComplexItem``, ``CorridorScanComplexItem`` and ``TransectStyleComplexItem`` of QGroundControl. Not
-built is what needs more than the file: heights worked out above terrain, and settings that contradict each other.
+built is what needs more than the file: heights computed above terrain, and settings that contradict each other.
 Newer QGroundControl for PX4 marks the ends of a transect by gates on the way; waypoints stand at the same places here.
 """
 
@@ -38,7 +38,7 @@ _DISAGREES = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Transects:
-    """What a survey or corridor is flown by."""
+    """Settings of a survey or corridor."""
 
     spacing_m: float
     trigger_m: float

@@ -1,1 +1,1 @@
-"""Recharge stops for any mission: what it does and holds at each point, and the missions that it is cut into."""
+"""Recharge stops for any mission: its actions and state at each point, and the missions that it is cut into."""

@@ -1,4 +1,4 @@
-"""Ways to pads that bend: around zones, exclusion areas and the corners of a fence, where the straight way is closed."""
+"""Ways to pads with bends: around zones, exclusion areas and the corners of a fence, where the straight way is closed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Place = tuple[float, float]
 Via = tuple[Place, ...]
 """Latitude and longitude of the bends of a way, in the order that they are flown."""
 MAX_DETOUR = 3.0
-"""A way that bends is at most so many times as long as the straight one."""
+"""A way that bends is at most as many times as long as the straight one."""
 INSIDE_M = 3.0
 """So far inside a fence a way stays at its corners."""
 _M_PER_DEG = 111_195.0
@@ -52,7 +52,7 @@ class BentWays:
         self.bends = Bends(replace(Airspace.of_polygons(names, areas), max_detour=MAX_DETOUR)) if areas else None
 
     def to(self, places: NDArray[np.float64], goal: Place) -> list[Via | None]:
-        """Return the bends of the ways from places (latitude, longitude) to one; None where there is no way."""
+        """Return the bends of the ways from places (latitude, longitude) to one; None where no way exists."""
         if self.bends is None or not len(places):
             return [None] * len(places)
         found = self.bends.to_one(places, goal)

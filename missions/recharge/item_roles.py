@@ -1,4 +1,4 @@
-"""What each item means where a mission is cut: one table.
+"""The role of each item at a cut: one table.
 
 A mission is cut at a place that it flies through. What was ordered before it is one of these:
 
@@ -7,7 +7,7 @@ A mission is cut at a place that it flies through. What was ordered before it is
 - *event*: it happens once (a picture, the opening of a gripper). It stays where it was, and is never ordered twice.
 - *condition*: it delays the orders behind it. There is no cut before they are done.
 - *way*: the vehicle flies there, or stays there.
-- *bound*: from there on the mission cannot be cut, for what it has begun cannot be begun again elsewhere.
+- *bound*: from there on the mission cannot be cut, for what it has started cannot be restarted elsewhere.
 - *mark*: it numbers, or jumps; an unrolled mission has none.
 """
 
@@ -67,7 +67,7 @@ PICTURES, VIDEO, SPEED = "pictures", "video", "speed"
 
 
 def role_of(item: MissionItem) -> Role:
-    """Return what an item means at a cut; a command that nobody knows happens once."""
+    """Return the role of an item at a cut; an unknown command happens once."""
     if item.command == Command.IMAGE_START_CAPTURE and item.param3 == 0 and item.param2 > 0:
         return "state"  # pictures without end, every so many seconds
     known = _ROLES.get(item.command)
@@ -85,7 +85,7 @@ def state_key(item: MissionItem) -> str:
 
 
 def is_no_region(item: MissionItem) -> bool:
-    """Whether an item ends a region of interest and orders none; ArduPilot takes DO_SET_ROI with a place whatever its mode says."""
+    """Whether an item ends a region of interest without ordering one; ArduPilot takes DO_SET_ROI with a place whatever its mode."""
     no_place = item.param1 == 0.0 and item.point is None
     return item.command == Command.DO_SET_ROI_NONE or (item.command == Command.DO_SET_ROI and no_place)
 

@@ -1,4 +1,4 @@
-"""Ways between the work and the pads: how high they are, which of them may be flown, and what they take.
+"""Ways between the work and the pads: their heights, which of them may be flown, and their time and energy.
 
 A way to a pad climbs where the work is left to a height that is safe all along, is level, and comes down on the pad; the
 way back is the same the other way round. Safe is the greatest height of the mission, the height above the pad's ground that is asked
@@ -80,20 +80,20 @@ class PadWays:
 def pad_grounds_m(pads: Sequence[Station], home_m: float | None, over: Over | None, *, level: bool) -> list[float]:
     """Return the ground of pads above the home of a mission; `level` takes unknown ground to be as high as home.
 
-    An `InputError` names every pad whose ground is not known, or says that the height of home is not.
+    An `InputError` names every pad whose ground is unknown, or says that the height of home is not.
     """
     if level:
         return [0.0 if home_m is None or pad.elevation_m is None else pad.elevation_m - home_m for pad in pads]
     known = [pad.elevation_m if pad.elevation_m is not None else _terrain_m(pad, over) for pad in pads]
-    remedy = "give it, or --terrain, or say --level-ground where the ground is level"
+    remedy = "give it, or --terrain, or --level-ground if the ground is level"
     faults = [
         Fault(f"the ground height of pad {pad.id} is unknown", field="elevation_m", remedy=remedy)
         for pad, ground in zip(pads, known, strict=True)
         if ground is None
     ]
     if home_m is None:
-        remedy = "give --home-elevation, or --terrain, or say --level-ground where the ground is level"
-        faults.insert(0, Fault("the height of the mission's home above the sea is unknown", remedy=remedy))
+        remedy = "give --home-elevation, or --terrain, or --level-ground if the ground is level"
+        faults.insert(0, Fault("the height of the mission's home above sea level is unknown", remedy=remedy))
     if faults or home_m is None:
         raise InputError(faults)
     return [float(ground or 0.0) - home_m for ground in known]
@@ -114,7 +114,7 @@ def pad_ways(
     rules: TransitRules,
     families: Sequence[Family],
 ) -> PadWays:
-    """Work out the ways between all points of a mission and all pads."""
+    """Compute the ways between all points of a mission and all pads."""
     items = document.mission.items
     above_terrain = rules.over is None and any(items[step.item].frame in TERRAIN_FRAMES for step in work.steps)
     highest = max((step.height_m for step in work.steps), default=0.0)
@@ -135,7 +135,7 @@ def pad_ways(
     bent = BentWays(document.fence, rules.zones, shut_ways, every=strict, places=all_places)
 
     def top_m(chain: Sequence[tuple[float, float]], least_m: float) -> float:
-        """Height that a terrain model asks for on a way that bends; NaN where the ground is not known."""
+        """Height that a terrain model asks for on a way that bends; NaN where the ground is unknown."""
         if rules.over is None:
             return least_m
         tops = [
@@ -153,7 +153,7 @@ def pad_ways(
         for number, pad in enumerate(pads):
             if rules.over is not None:
                 top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
-                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is not known
+                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is unknown
             ends = np.empty((len(places), 2, 2))
             ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
             shut = np.flatnonzero(shut_ways(ends))
@@ -207,7 +207,7 @@ def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: Fli
 
 
 def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
-    """Hops from every pad to where the work of every point goes on, until it is as far as the point; likewise ordered."""
+    """Hops from every pad to where the work of every point resumes, until it is as far as the point; likewise ordered."""
     at = [work.at(point.step, point.resume_share) for point in work.points]
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
     hops = _hops(here, heights, ways, ways.back_level_m, ways.back_via, rules, conditions, back=True)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work, WorkPoint
 
 EXACT_M = 1.0
-"""Acceptance radius of places where the work is left and gone on with."""
+"""Acceptance radius of places where the work is left and continued with."""
 
 
 class PartBuilder:
@@ -40,7 +40,7 @@ class PartBuilder:
     def __init__(self, work: Work, ways: PadWays, rules: TransitRules, family: Family) -> None:
         self.work, self.ways, self.rules, self.family = work, ways, rules, family
         if work.mission.home is None:
-            raise ValueError("a mission without a home has no parts")
+            raise ValueError("a mission without a home cannot be cut")
         self.home = work.mission.home
         self.step_of: dict[int, Step] = {step.taken: step for step in work.steps}
         first = work.steps[1].taken if len(work.steps) > 1 else len(work.route.order)
@@ -60,7 +60,7 @@ class PartBuilder:
         return self._of(items, None if span.begin is None else span.begin[1])
 
     def reaches(self, span: Span) -> tuple[Done | None, ...]:
-        """Return of each item of a flight how far the work is done when it is reached; None where it is no place of the work."""
+        """Return for each item of a flight the progress of the work when it is reached; None where it is not a place of the work."""
         if span.only_moves:
             return (None,) * len(self.flight(span).items)
         return tuple(done for _, done in self._items(span))
@@ -251,7 +251,7 @@ class PartBuilder:
 
 
 def orders_off(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
-    """Return the orders that stop what some items begin and no order ends by itself: pictures, video, spraying; each once."""
+    """Return the orders that stop actions which some items start and no order ends: pictures, video, spraying; each once."""
     found: dict[tuple[int, float], MissionItem] = {}
     for item in items:
         off: MissionItem | None = None
@@ -283,7 +283,7 @@ def completed(mission: Mission, *, lands: bool, takes_off_m: float | None) -> tu
         )
         # numbers of items that jumps lead to count from before
         items = [takeoff, *(_later(item) for item in items)]
-        notes.append("there was no TAKEOFF: one was put first")
+        notes.append("there was no TAKEOFF: one was added")
     if not lands:
         items.append(MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION))
         notes.append("the mission ended in the air: it returns to launch")

@@ -1,4 +1,4 @@
-"""Where a mission takes pictures that no item orders one by one: every so many metres, or every so many seconds.
+"""Pictures of a mission that no item commands individually: at a distance or time interval.
 
 Both autopilots take the next picture when they are a distance away from where they took the last one, in a straight line on the map
 (``AP_Camera_Backend.cpp``, ``CameraTrigger.cpp``); both take the first picture of an interval at once. A vehicle that goes on from the place
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MS = 1000.0
 MAX_PICTURES = 200_000
-"""A mission that takes more is not worked out."""
+"""A mission that takes more is not computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +54,12 @@ def ordered(item: MissionItem, before: Taking) -> Taking:
 
 
 def restarts(item: MissionItem) -> bool:
-    """Whether an item lets pictures go on that another one stopped."""
+    """Whether an item resumes pictures that another one stopped."""
     return item.command == Command.DO_TRIGGER_CONTROL and item.param1 == 1.0
 
 
 def takes_one(item: MissionItem) -> bool:
-    """Whether an item takes a picture where it stands."""
+    """Whether an item takes a picture at its place."""
     if item.command == Command.DO_SET_CAM_TRIGG_DIST:
         return item.param1 > 0.0 and item.param3 == 1.0
     if item.command == Command.IMAGE_START_CAPTURE:

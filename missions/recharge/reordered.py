@@ -1,4 +1,4 @@
-"""A mission with its units in another order, so that each is flown as it was: every state restored, every picture where it was.
+"""A mission with its units in another order: every state restored, every picture at its place.
 
 A way that the mission does not have is as high as the ways to pads: no lower than the highest place of the mission, or what a terrain model says.
 """
@@ -58,7 +58,7 @@ class Reordered:
 
 
 class Reorderer:
-    """Writes a mission in other orders. `level_m` tells how high a way between two spots is flown."""
+    """Writes a mission in other orders. `level_m` gives the height of a way between two spots."""
 
     def __init__(
         self, work: Work, division: Division, level_m: Callable[[Spot, Spot], float], *, keeps_height_of_zero: bool
@@ -77,7 +77,7 @@ class Reorderer:
         return [Turn(number) for number in range(len(self.division.units))]
 
     def reordered(self, tour: Sequence[Turn], *, events: bool = True) -> Reordered:
-        """Return the mission with its units in an order; without `events`, what happens once before and behind them is left out."""
+        """Return the mission with its units in an order; without `events`, what happens once before and behind them is omitted."""
         head = [self._written(taken) for taken in range(self.head_until)]
         head = [one for one in tidied(head) if role_of(one) != "mark" and (events or role_of(one) != "event")]
         written = list(head)

@@ -1,4 +1,4 @@
-"""What the flights of a cut mission do: each from where the work goes on to where it is left, from a pad to a pad."""
+"""The flights of a cut mission: each from where the work continues to where it is left, from a pad to a pad."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What one flight does: from where the work goes on to where it is left, from a pad to a pad.
+    """One flight: from where the work continues to where it is left, from a pad to a pad.
 
     Attributes
     ----------

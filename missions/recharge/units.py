@@ -1,4 +1,4 @@
-"""Which parts of a mission are independent of each other, so that their order is free: lines of surveys, and places of inspections.
+"""Independent parts of a mission, whose order is free: lines of surveys, and places of inspections.
 
 A *unit* is flown as it is: a line along which pictures are taken by distance or time, with the places straight before and behind it, or a
 place where pictures are taken or the vehicle stays. Between two units lies a way on which nothing is done. Only what surely means nothing
@@ -85,7 +85,7 @@ def nothing_runs(held: Mapping[str, MissionItem]) -> bool:
 
 
 def lasting(held: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
-    """Return the states that must be the same wherever a unit is flown; speeds of steps are told apart."""
+    """Return the states that must be the same wherever a unit is flown; speeds of steps are distinguished."""
     return {
         key: item
         for key, item in held.items()
@@ -132,7 +132,7 @@ class _Divider:
 
     def division(self) -> Division:
         if len([leg for leg in self.work.route.legs if leg.steps]) > 1:
-            return Division((), ("it lands on the way: all stays in its order",))
+            return Division((), ("it lands on the way: its order is kept",))
         fixed = [self._reason(number) for number in range(self.count)]
         units: list[Unit] = []
         begin = 0
@@ -148,12 +148,12 @@ class _Divider:
                 here = units[-1] if units and units[-1].group == group else None
                 if here is not None and (self._keys(here.first) != self._keys(first) or self._adds(here)):
                     group += 1
-                    self._keep(f"from item {self._item(first)} on other things are ordered than before")
+                    self._keep(f"from item {self._item(first)} on the commanded state differs")
                 unit = Unit(first, last, group, self._is_reversible(first, last))
                 if self._adds(unit) and units and units[-1].group == group:
                     group += 1
                     unit = replace(unit, group=group)
-                    self._keep(f"item {self._item(first)} and what follows orders what could not be taken back")
+                    self._keep(f"item {self._item(first)} and the following items command irreversible actions")
                 units.append(unit)
             begin = end + 1
             if end < self.count and end not in (0, self.count - 1):
@@ -194,7 +194,7 @@ class _Divider:
         if self.order.count(self._item(number)) > 1:
             return "is flown to more than once (a jump)"
         if item.point is None:
-            return "has no place of its own"
+            return "has no position"
         for order in self.after[number]:
             role = role_of(order)
             if role == "bound" or (role == "event" and order.command not in _HARMLESS):
@@ -228,7 +228,7 @@ class _Divider:
                 found[-1] = (found[-1][0], led_out)
                 found.append((led_in, last))
             else:
-                why = "an order waits there" if waits else "between them lies a place that may lead around something"
+                why = "a command waits there" if waits else "a waypoint between them may lead around an obstacle"
                 self._keep(f"items {self._item(before)} and {self._item(first)} stay together: {why}")
                 found[-1] = (found[-1][0], last)
         first, last = found[-1]

@@ -1,8 +1,8 @@
-"""The work of a mission: every point at which it may be left and gone on with, and what holds there.
+"""The work of a mission: every point at which it may be left and resumed, and the state there.
 
 The route is the one that checks judge (`missions.checks.route`): jumps followed, holds counted. Points are the items that are flown to,
 and points on straight legs between them, so that a leg that is longer than a battery can be left on the way. Where pictures are taken
-every so many metres or seconds, a leg is left half-way between two of them, and gone on with from the place of the first, so that none
+every so many metres or seconds, a leg is left half-way between two of them, and continued with from the place of the first, so that none
 is lost and none is taken twice.
 """
 
@@ -69,7 +69,7 @@ class WorkPoint:
     hinders: int | None = None
     """Number of the item for which it cannot be left here; None where it can."""
     resume_share: float = 1.0
-    """Where the leg is gone on with: at the place of the last picture, else at `share`."""
+    """Where the leg is continued with: at the place of the last picture, else at `share`."""
     next_share: float | None = None
     """Where pictures begin again that are taken every so many seconds."""
     on_ground: bool = False
@@ -77,7 +77,7 @@ class WorkPoint:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """A mission as its points, in order, and what it takes pictures of."""
+    """A mission as its points, in order, and its pictures."""
 
     mission: Mission
     route: Route
@@ -133,7 +133,7 @@ def work_of(
     `only`: no other one flies it, too; else it is not left where they go different ways.
     `last_picture`: where the camera took its last picture before.
 
-    An `InputError` says that its home is unknown, that it never ends, that a height is not known, or that there is nothing to fly.
+    Raises an `InputError` if its home is unknown, if it never ends, if a height is unknown, or if there is nothing to fly.
     """
     if mission.home is None:
         remedy = (
@@ -159,7 +159,7 @@ def work_of(
 def too_many_repeats() -> InputError:
     """Return the error of a mission whose jumps are not followed to their end."""
     told = f"the jumps of the mission repeat too often: more than {MAX_REPEATED_STEPS} steps"
-    return InputError(told, field="mission", remedy="lower the numbers of repeats")
+    return InputError(told, field="mission", remedy="reduce the numbers of repeats")
 
 
 class _Reading:

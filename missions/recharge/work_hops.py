@@ -1,4 +1,4 @@
-"""What the work takes: a hop from every point to the next, and the charge that hops take."""
+"""Time and energy of the work: a hop from every point to the next, and the charge of hops."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def work_hops(work: Work, conditions: FlightConditions) -> tuple[Hops, NDArray[n
 def times_and_charges(
     hops: Hops, payload_kg: NDArray[np.float64], conditions: FlightConditions, at_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return seconds and charge of hops that are begun at some times, each of shape (times, hops).
+    """Return seconds and charge of hops that start at some times, each of shape (times, hops).
 
     Of several winds the mean over those that let a hop be flown; infinite where none does.
     """

@@ -68,7 +68,7 @@ class Window:
         return begin_s, end_s
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield what of it lies between two times."""
+        """Yield its parts between two times."""
         day = datetime.fromtimestamp(from_s, self.zone).date() - timedelta(days=2)
         last = datetime.fromtimestamp(until_s, self.zone).date()
         length = timedelta(days=1) if self.end_s <= self.begin_s else timedelta()
@@ -88,14 +88,14 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """A span of dates, in all of which, or in whose windows, a zone is active."""
+    """A span of dates in which, or in whose windows, a zone is active."""
 
     begin_s: float = -math.inf
     end_s: float = math.inf
     windows: tuple[Window, ...] = ()
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield what of it lies between two times."""
+        """Yield its parts between two times."""
         begin_s, end_s = max(self.begin_s, from_s), min(self.end_s, until_s)
         if begin_s > end_s:
             return
@@ -157,9 +157,9 @@ def _window_text(window: Window) -> str:
 
 
 def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> float | None:
-    """When one of `SUN_EVENTS` is at a place on a day of a clock, POSIX seconds; None where the sun has none that day.
+    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None where it does not occur that day.
 
-    A `ModuleNotFoundError` says that astral (extra ``weather``) is not installed.
+    Raises a `ModuleNotFoundError` if astral (extra ``weather``) is not installed.
     """
     from astral import Observer
     from astral.sun import dawn, dusk, sunrise, sunset
@@ -174,7 +174,7 @@ def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> fl
 def clock_s(text: str) -> tuple[float, tzinfo | None] | None:
     """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None where it has none.
 
-    None where it is no time of day.
+    None where it is not a time of day.
     """
     found = _CLOCK.fullmatch(text.strip())
     if found is None:
@@ -209,7 +209,7 @@ def instant_s(text: str, zone: tzinfo = UTC) -> float | None:
 
 
 def days_of(words: Sequence[object]) -> frozenset[int] | None:
-    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is no day."""
+    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is not a day."""
     days: set[int] = set()
     for word in words or ("",):
         name = str(word or "").strip().title()[:3]

@@ -1,4 +1,4 @@
-"""May this way be flown, at this height, at this time: one answer, for planners, missions, checks, flights and reports."""
+"""Whether a way may be flown at a height and a time: one answer for planners, missions, checks, flights and reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Conflict(NamedTuple):
 
 @dataclass(frozen=True)
 class Airspace:
-    """Zones, and how far flights stay away from them.
+    """Zones, and the distance that flights keep from them.
 
     Attributes
     ----------
@@ -55,13 +55,13 @@ class Airspace:
     cruise_height_m : float
         Above the higher ground of a segment, at which flights are flown (`models.flight.rules.FlightRules`).
     max_detour : float
-        A way around zones is at most so many times as long as the straight one; at 1 there are none.
+        A way around zones is at most as many times as long as the straight one; at 1 there are none.
     authorized : frozenset of str
         Ids of zones for which an authorization was given.
     notes : tuple of Fault
         What of the files was not understood, and counts as closed.
     handed : tuple of str
-        Files that were handed over besides those of the scenario.
+        Files given in addition to those of the scenario.
     """
 
     zones: tuple[Zone, ...] = ()
@@ -83,7 +83,7 @@ class Airspace:
     def with_authorized(self, ids: Iterable[str]) -> Airspace:
         """Return the same with authorizations for more zones.
 
-        An `InputError` says that there is no such zone, or that it is prohibited and no authorization opens it.
+        Raises an `InputError` if there is no such zone, or if it is prohibited and no authorization opens it.
         """
         asked = list(dict.fromkeys(ids))
         kinds = {zone.id: zone.kind for zone in self.zones}
@@ -185,7 +185,7 @@ class Airspace:
     def holding(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], climbed: Ways | None = None
     ) -> dict[int, Zone]:
-        """Closed zone by the number of each place that lies in one at any time, its border included: at any height, or where it is climbed."""
+        """Closed zone by the number of each place within one at any time, its border included: at any height, or where it is climbed."""
         way, volume = self.hits(at_any_height(lat, lon, lat, lon) if climbed is None else climbed)
         pairs = zip(way[::-1].tolist(), volume[::-1].tolist(), strict=True)
         return {place: self.zones[self.volumes[one][0]] for place, one in pairs if self.closed[one]}

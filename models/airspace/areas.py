@@ -32,7 +32,7 @@ Place = tuple[float, float]
 
 
 def circle(lon: float, lat: float, radius_m: float, notes: Notes) -> shapely.Geometry | None:
-    """Return the polygon about a circle; None, with a fault, where there is no such circle."""
+    """Return the polygon of a circle; None, with a fault, where the circle is impossible."""
     import shapely
 
     if not _sound([(lon, lat)], notes):
@@ -87,7 +87,7 @@ def polygon(rings: Sequence[Sequence[Place]], notes: Notes) -> shapely.Geometry 
         outline = _widened(outline, THIN_M, lat)
     reason = shapely.is_valid_reason(area) if len(set(rings[0])) >= 3 else "fewer than three corners"
     notes.closed(
-        "geometry", "is no valid polygon", reason, "counted as the convex hull of its corners; put them in order"
+        "geometry", "is not a valid polygon", reason, "counted as the convex hull of its corners; put them in order"
     )
     return outline
 

@@ -242,7 +242,7 @@ def _window(entry: object, notes: Notes, place: tuple[float, float]) -> Window |
     events = [one for one in (first, last) if one]
     known = all(one in SUN_EVENTS for one in events)
     if events and not (known and find_spec("astral")):
-        problem = "depends on the sun" if known else "is no event of the sun"
+        problem = "depends on the sun" if known else "is not an event of the sun"
         counted = "counted as the whole day and night" + ("; install skyway-planner[weather]" if known else "")
         notes.closed("schedule", problem, ", ".join(events), counted)
         # a night that begins on a day ends on the next

@@ -131,7 +131,7 @@ def _facility_cell(
         return None
     feet = geojson_area.number(upper["CEILING"])
     if not feet >= 0.0:
-        notes.closed("CEILING", "is no height", upper["CEILING"], "counted as 0")
+        notes.closed("CEILING", "is not a height", upper["CEILING"], "counted as 0")
         feet = 0.0
     name = _word(upper.get("APT1_NAME")) or _word(upper.get("UNIT")) or "UAS facility map"
     key = _word(upper.get("GLOBALID")) or _word(upper.get("OBJECTID")) or str(number + 1)
@@ -147,7 +147,7 @@ def _danish(feature: dict[str, Any], properties: dict[str, Any], number: int, no
     found = _BUFFER.fullmatch(str(told)) if told not in (None, "") else None
     metres = 0.0 if found is None else float(found[1].replace(",", ".")) * (1000.0 if found[2] in ("km", "KM") else 1.0)
     if told not in (None, "") and found is None:
-        notes.closed("Bufferzone", "is no distance", told, "counted as 5 km")
+        notes.closed("Bufferzone", "is not a distance", told, "counted as 5 km")
         metres = 5000.0
     geometry = feature.get("geometry")
     if isinstance(geometry, dict) and geometry.get("type") == "Point" and metres == 0.0:

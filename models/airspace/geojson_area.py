@@ -25,7 +25,7 @@ def number(value: object) -> float:
 
 
 def places(value: object, notes: Notes) -> list[Place]:
-    """Return positions as (longitude, latitude); none, with a fault, where one is no position."""
+    """Return positions as (longitude, latitude); none, with a fault, where one is not a position."""
     found: list[Place] = []
     for one in value if isinstance(value, list) else [value]:
         if not isinstance(one, list | tuple) or len(one) < 2:

@@ -1,7 +1,7 @@
 """Zones of KML and KMZ: polygons of Google Earth and the map services of some authorities.
 
 Limits and kind stand in ``ExtendedData``, under the names of `models.airspace.geojson`. Altitudes of the corners say how a
-polygon is drawn, not where the zone ends: they are no limits.
+polygon is drawn, not where the zone ends: they are not limits.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def unpacked(data: bytes, file: str, max_bytes: int) -> bytes:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
             if not names:
-                raise InputError("holds no .kml", file, remedy="a KMZ file is a ZIP archive with one")
+                raise InputError("has no .kml", file, remedy="a KMZ file is a ZIP archive with one")
             name = "doc.kml" if "doc.kml" in names else names[0]
             with archive.open(name) as stream:
                 text = stream.read(max_bytes + 1)
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"is no sound KMZ: {error}", file) from error
+        raise InputError(f"is not a valid KMZ file: {error}", file) from error
     if len(text) > max_bytes:
         raise InputError(f"holds more than {max_bytes / 1e6:.0f} MB", file)
     return text
@@ -52,9 +52,9 @@ def read_kml(text: str, notes: Notes, source: str) -> list[Zone]:
     try:
         root = ET.fromstring(text)  # noqa: S314  without a document type there are no entities to expand
     except (ET.ParseError, RecursionError, ValueError) as error:
-        raise InputError(f"is no XML: {error}", source) from error
+        raise InputError(f"is not XML: {error}", source) from error
     if _name(root) != "kml":
-        raise InputError("is no KML", source, None, "root element", _name(root))
+        raise InputError("is not KML", source, None, "root element", _name(root))
     zones = []
     for number, placemark in enumerate(one for one in root.iter() if _name(one) == "Placemark"):
         label = _text(placemark, "name") or f"Placemark {number + 1}"

@@ -1,4 +1,4 @@
-"""Vertical limits of zones: heights with their datum, as numbers or as pilots write them."""
+"""Vertical limits of zones: heights with their datum, as numbers or in pilots' notation."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ NO_CEILING = Limit(math.inf)
 def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *, ceiling: bool) -> Limit:
     """Read a limit given by number, unit and reference.
 
-    What is not given, or not understood, is no limit: the ground, or nothing above. The latter is noted.
+    A missing or unknown limit counts as the ground, or as unlimited above. Unknown ones are noted.
     """
     none = NO_CEILING if ceiling else GROUND
     what = "ceiling" if ceiling else "floor"
@@ -88,7 +88,7 @@ def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *,
             return limit_of_text(value, notes, ceiling=ceiling)
         value = float(value.replace(",", "."))
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        notes.closed(what, "is no height", value, f"counted as {none}")
+        notes.closed(what, "is not a height", value, f"counted as {none}")
         return none
     if ceiling and value >= UNLIMITED:
         return NO_CEILING
@@ -111,7 +111,7 @@ def limit_of_number(value: object, unit: object, datum: object, notes: Notes, *,
 def limit_of_text(text: str, notes: Notes, *, ceiling: bool) -> Limit:
     """Read a limit as pilots write it: ``FL65``, ``2500ft AMSL``, ``100m GND``, ``SFC``, ``UNL``.
 
-    Without a unit it is in feet, without a reference above the sea. What is not understood is no limit, and noted.
+    Without a unit it is in feet, without a reference above the sea. An unknown form counts as no limit, and is noted.
     """
     none = NO_CEILING if ceiling else GROUND
     upper = text.strip().upper()
@@ -141,12 +141,12 @@ def limit_of_text(text: str, notes: Notes, *, ceiling: bool) -> Limit:
 
 
 def _refused(text: str, notes: Notes, none: Limit, *, ceiling: bool) -> Limit:
-    notes.closed("ceiling" if ceiling else "floor", "is no height", text, f"counted as {none}")
+    notes.closed("ceiling" if ceiling else "floor", "is not a height", text, f"counted as {none}")
     return none
 
 
 def in_order(floor: Limit, ceiling: Limit, notes: Notes) -> tuple[Limit, Limit]:
-    """Return floor and ceiling; where the ceiling lies below the floor neither counts, and that is noted."""
+    """Return floor and ceiling; where the ceiling is below the floor both are ignored, with a note."""
     if ceiling.datum == floor.datum and ceiling.value_m < floor.value_m:
         notes.closed("ceiling", "lies below the floor", f"{floor} to {ceiling}", "counted as ground to unlimited")
         return GROUND, NO_CEILING

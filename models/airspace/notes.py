@@ -1,4 +1,4 @@
-"""What was not understood of an airspace file, and how it counts."""
+"""Notes on parts of an airspace file that were not understood, and how they count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CLOSES_NOTHING = "closes nothing"
 
 @dataclass(slots=True)
 class Notes:
-    """Collects what a reader does not understand, each with its place in the file.
+    """Notes of a reader on parts that it does not understand, each with its place in the file.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Notes:
     faults: list[Fault] = field(default_factory=list)
 
     def at(self, feature: str, line: int | None = None) -> None:
-        """Go on with another feature."""
+        """Continue with another feature."""
         self.place = replace(self.place, field=one_line(feature), line=line)
 
     def closed(self, what: str, problem: str, value: object, counted: str) -> None:

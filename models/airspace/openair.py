@@ -88,7 +88,7 @@ class Reader:
         return self.zones
 
     def _unknown(self, text: str) -> None:
-        self.notes.closed("record", "is not known", text, "the rest of the zone counts")
+        self.notes.closed("record", "is not known", text, "only the rest of the zone counts")
 
     def _take(self, word: str, value: str, number: int) -> None:
         if word == "AC":
@@ -143,11 +143,11 @@ class Reader:
             found = self._places(text)
             self.centre = found[0] if len(found) == 1 else None
             if self.centre is None:
-                self._break("V X", "is no position", value)
+                self._break("V X", "is not a position", value)
         elif name.upper() == "D" and text in ("+", "-"):
             self.clockwise = text == "+"
         elif name.upper() == "D":
-            self._break("V D", "is no direction", value)
+            self._break("V D", "is not a direction", value)
         elif name.upper() not in ("Z", "W", "T"):
             self._unknown(f"V {value}")
 
@@ -161,7 +161,7 @@ class Reader:
             for text, missing in ((begin, -math.inf), (end, math.inf))
         ]
         if not slash or times[0] is None or times[1] is None or times[0] > times[1]:
-            self.notes.closed("AA", "is no time", value, "counted as always active")
+            self.notes.closed("AA", "is not a time", value, "counted as always active")
             draft.periods.append(Period())
         else:
             draft.periods.append(Period(times[0], times[1]))
@@ -173,7 +173,7 @@ class Reader:
         if word == "DP":
             found = self._places(value)
             if len(found) != 1:
-                self._break(word, "is no position", value)
+                self._break(word, "is not a position", value)
             draft.ring += found[:1]
         elif word == "DY":
             self._break(word, "airways are not read", value)
@@ -182,7 +182,7 @@ class Reader:
         elif word == "DC":
             radius = _numbers(value)
             if len(radius) != 1:
-                self._break(word, "is no radius", value)
+                self._break(word, "is not a radius", value)
             else:
                 draft.circles.append((*self.centre, radius[0] * M_PER_NM))
         else:
@@ -194,18 +194,18 @@ class Reader:
         if word == "DA":
             numbers = _numbers(value)
             if len(numbers) != 3 or not 0.0 < numbers[0] * M_PER_NM <= areas.MAX_RADIUS_M:
-                self._break(word, "is no arc", value)
+                self._break(word, "is not an arc", value)
                 return []
             return areas.arc(lon, lat, numbers[0] * M_PER_NM, *numbers[1:], clockwise=self.clockwise)
         ends = self._places(value)
         if len(ends) != 2:
-            self._break(word, "is no arc", value)
+            self._break(word, "is not an arc", value)
             return []
         bearings = [geodesy.bearing_deg(lat, lon, y, x) for x, y in ends]
         radius = [geodesy.distance_m(lat, lon, y, x) for x, y in ends]
         mean_m = sum(radius) / 2.0
         if not 0.0 < mean_m <= areas.MAX_RADIUS_M:
-            self._break(word, "is no arc", value)
+            self._break(word, "is not an arc", value)
             return []
         inner = areas.arc(lon, lat, mean_m, *bearings, clockwise=self.clockwise)[1:-1]
         return [ends[0], *inner, ends[1]]
@@ -247,7 +247,7 @@ class Reader:
         """Note that the outline is not understood: the zone is then the hull of what is left of it."""
         if self.draft is not None:
             self.draft.broken = True
-        self.notes.closed(what, problem, value, "the zone counts as the convex hull of what is left of its outline")
+        self.notes.closed(what, problem, value, "counted as the convex hull of the rest of its outline")
 
     def _finish(self) -> None:
         draft, self.draft = self.draft, None

@@ -1,4 +1,4 @@
-"""How high flight levels lie on a day: pressure heights as heights above mean sea level, by QNH and temperature.
+"""Heights of flight levels on a day: pressure heights as heights above mean sea level, by QNH and temperature.
 
 A flight level is a surface of equal pressure: that of the standard atmosphere at its height. An altimeter set to QNH shows that surface higher by the same number of metres at
 all heights, since QNH is reduced by the standard atmosphere too. The true height differs by the temperature: where the air is warmer than the standard by dT at all heights,
@@ -7,7 +7,7 @@ all heights, since QNH is reduced by the standard atmosphere too. The true heigh
 
 of the height A that the altimeter shows, with s the height of the place whose QNH it is: there an altimeter shows its own height at any temperature.
 
-What is not known is taken as far as it can be, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. What is known may change until the flight:
+What is unknown is taken as far as it can be, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. What is known may change until the flight:
 QNH by 6 hPa, which is what "very rapidly" means in three hours (Met Office, "Barometric pressure tendency"), and the air between ground and level by 6 degrees.
 
 Sources: ICAO Doc 7488, Manual of the ICAO Standard Atmosphere (1993); ICAO Doc 8168, volume I, part III, section 1, chapter 4 (temperature corrections; 4 % for 10 degrees).
@@ -90,7 +90,7 @@ NOT_TOLD = Pressure()
 def split_pressure(path: Path) -> tuple[Path, Pressure]:
     """File of a name, and the pressure that is said behind it: ``zones.txt@Q1021``, ``zones.txt@A2992,15C``, ``zones.txt@metar=FILE``.
 
-    An `InputError` says that it is none.
+    Raises an `InputError` if it is none.
     """
     head, mark, told = str(path).rpartition("@")
     if not mark or path.is_file() or not Path(head).is_file():
@@ -116,10 +116,10 @@ def _typed(told: str, file: str) -> Pressure:
     first, _, second = told.partition(",")
     qnh, degrees = _TYPED.fullmatch(first.strip()), _DEGREES.fullmatch(second.strip())
     if qnh is None or (second and degrees is None):
-        raise InputError("what follows its name is no pressure", file, value=told, remedy=remedy)
+        raise InputError("what follows its name is not a pressure", file, value=told, remedy=remedy)
     hpa = float(qnh[1]) if qnh[1] else HPA_PER_INHG * (0.01 * float(qnh[2]) if qnh[2] else float(qnh[3]))
     if not READABLE_HPA[0] <= hpa <= READABLE_HPA[1]:
-        raise InputError("there is no such pressure at sea level", file, value=told, remedy=remedy)
+        raise InputError("is impossible at sea level", file, value=told, remedy=remedy)
     warmth = None if degrees is None else (float(degrees[1]),) * 2
     return Pressure((hpa, hpa), warmth, sure=True)
 
@@ -130,5 +130,5 @@ def _of_metars(path: Path) -> Pressure:
     qnh = [hpa for hpa, _ in found if READABLE_HPA[0] <= hpa <= READABLE_HPA[1]]
     warmth = [degrees for _, degrees in found if degrees is not None]
     if not qnh:
-        raise InputError("tells no QNH", str(path), remedy="METARs with a group such as Q1013 or A2992")
+        raise InputError("has no QNH", str(path), remedy="METARs with a group such as Q1013 or A2992")
     return Pressure((min(qnh), max(qnh)), (min(warmth), max(warmth)) if warmth else None, sure=True)

@@ -1,4 +1,4 @@
-"""Reading airspace files: which format it is says the content, not the name."""
+"""Reading airspace files: the content decides the format, not the name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LON_LAT = ("CRS84", ":4326", ":4258")
 
 @dataclass(frozen=True, slots=True)
 class AirspaceFile:
-    """What an airspace file holds.
+    """Contents of an airspace file.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class AirspaceFile:
 
 
 def inspect_airspace(path: Path) -> AirspaceFile:
-    """Read an airspace file of any form, with its faults; an `InputError` says that it is none.
+    """Read an airspace file of any form, with its faults. Raises an `InputError` if it is not one.
 
     The pressure of the day may follow its name (`split_pressure`): flight levels lie by it.
     """
@@ -79,7 +79,7 @@ def inspect_airspace(path: Path) -> AirspaceFile:
     else:
         shown = one_line(text.lstrip().splitlines()[0])[:40]
         raise InputError(
-            "is no airspace file", file, None, "first line", shown, "ED-269, ED-318, GeoJSON, OpenAir or KML"
+            "is not an airspace file", file, None, "first line", shown, "ED-269, ED-318, GeoJSON, OpenAir or KML"
         )
     if not zones and not notes.faults:
         notes.at("")
@@ -166,7 +166,7 @@ def _json(text: str, file: str, notes: Notes) -> tuple[str, list[Zone]]:
 
 
 def _check_crs(document: dict[str, Any], notes: Notes) -> None:
-    """Refuse coordinates that are no longitudes and latitudes."""
+    """Refuse coordinates that are not longitudes and latitudes."""
     crs = document.get("crs")
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
@@ -180,7 +180,7 @@ def _features(document: object, file: str) -> list[Any]:
     if isinstance(document, list):
         return document
     if not isinstance(document, dict):
-        raise InputError("is no airspace file", file, None, None, document, "expected an object or a list")
+        raise InputError("is not an airspace file", file, None, None, document, "expected an object or a list")
     for name in ("features", *WRAPPERS):
         found = document.get(name)
         if isinstance(found, dict):  # a wrapper in a wrapper

@@ -27,7 +27,7 @@ class Ways(NamedTuple):
     lon2: NDArray[np.float64]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
-    """Least and greatest height above sea level; infinite where they are not known."""
+    """Least and greatest height above sea level; infinite where they are unknown."""
     low_agl_m: NDArray[np.float64]
     high_agl_m: NDArray[np.float64]
     """Least and greatest height above the ground."""
@@ -47,7 +47,7 @@ def flown_at(
 ) -> Ways:
     """Return ways between places (lat1, lon1, lat2, lon2) whose heights and grounds change linearly.
 
-    Heights and grounds at begin and end are above sea level, NaN where they are not known: then the way counts at any.
+    Heights and grounds at begin and end are above sea level, NaN where they are unknown: then the way counts at any.
     """
     level = at_any_height(*places)
     height = np.array(np.broadcast_arrays(*heights_m, level.lat1)[:2], dtype=np.float64)
@@ -66,7 +66,7 @@ def level_flights(
 ) -> Ways:
     """Return ways as high as single segments are flown: level, the cruise height above the higher of the two grounds.
 
-    Where a ground is not known the way is taken to be over level ground.
+    Where a ground is unknown the way is taken to be over level ground.
     """
     level = at_any_height(*places)
     first, last = (np.broadcast_to(np.asarray(one, dtype=np.float64), level.lat1.shape) for one in grounds_m)
@@ -85,7 +85,7 @@ def level_ways(
     level_m: ArrayLike,
     grounds_m: tuple[ArrayLike, ArrayLike],
 ) -> Ways:
-    """Return level ways at heights above sea level, over the least and the greatest ground below each; NaN counts as any height."""
+    """Return level ways at heights above sea level, over the lowest and the highest ground below each; NaN counts as any height."""
     anywhere = at_any_height(*places)
     level, low, high = (
         np.broadcast_to(np.asarray(one, dtype=np.float64), anywhere.lat1.shape) for one in (level_m, *grounds_m)

@@ -1,4 +1,4 @@
-"""Network addresses: what both sides of a link speak and listen at."""
+"""Network addresses, for both sides of a link."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Address:
 
 
 def resolve(address: Address, kind: int) -> tuple[int, Any]:
-    """Return family and socket address of a host, for a kind of socket; an `InputError` where there is no such host."""
+    """Return family and socket address of a host, for a kind of socket. Raises an `InputError` for an unknown host."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except OSError as error:

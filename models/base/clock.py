@@ -17,11 +17,11 @@ class Clock(Protocol):
         ...
 
     def posix_s(self) -> float:
-        """POSIX seconds of now."""
+        """Present time, POSIX seconds."""
         ...
 
     def sleep_until(self, instant_s: float) -> None:
-        """Wait until `now_s` is at least an instant."""
+        """Wait until `now_s` reaches an instant."""
         ...
 
 
@@ -33,10 +33,10 @@ class WallClock:
         return time.monotonic()
 
     def posix_s(self) -> float:
-        """POSIX seconds of now."""
+        """Present time, POSIX seconds."""
         return time.time()
 
     def sleep_until(self, instant_s: float) -> None:
-        """Wait until `now_s` is at least an instant."""
+        """Wait until `now_s` reaches an instant."""
         while (left := instant_s - time.monotonic()) > 0.0:
             time.sleep(left)

@@ -17,7 +17,7 @@ class SkywayError(Exception):
     Attributes
     ----------
     exit_code : int
-        What a command ends with: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
+        Exit code of a command: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
     """
 
     exit_code = 2
@@ -30,7 +30,7 @@ def one_line(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault of an input, with what is needed to correct it."""
+    """One fault of an input, with the data to correct it."""
 
     problem: str
     """What is wrong, in a few words."""
@@ -119,7 +119,7 @@ class AuditError(SkywayError):
         super().__init__(
             one_line(
                 f"the plan of {planner} failed its audit and is withheld: {where}: {what}: claimed {said}, flown {found}; "
-                "another planner may have one (--planner); please report this request"
+                "another planner may have a plan (--planner); please report this request"
             )
         )
         self.planner, self.leg, self.what, self.claimed, self.flown = planner, leg, what, claimed, flown
@@ -160,7 +160,7 @@ class CommandRefusedError(LinkError):
 
 
 class UploadMismatchError(LinkError):
-    """What the vehicle holds is not what was sent; a start is blocked."""
+    """The vehicle's mission differs from what was sent; a start is blocked."""
 
 
 class StationConflictError(LinkError):
@@ -168,8 +168,8 @@ class StationConflictError(LinkError):
 
     def __init__(self, system: int, component: int) -> None:
         super().__init__(
-            f"another ground station speaks with our system id {system} (component {component}): the vehicle cannot "
-            "tell us apart, and its failsafe would count either; choose another id with --gcs-system"
+            f"another ground station uses our system id {system} (component {component}): the vehicle cannot distinguish "
+            "the two, and its failsafe counts both; choose another id with --gcs-system"
         )
         self.system, self.component = system, component
 
@@ -178,5 +178,5 @@ class ParameterAbsentError(LinkError):
     """The vehicle answers, and has no such parameter."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for others")
+        super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for other parameters")
         self.names = tuple(names)

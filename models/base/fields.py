@@ -38,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def finite(text: object) -> float | None:
-    """Return the number that a text or value stands for, or None where it is no finite number."""
+    """Return the number in a text or value, or None where it is not a finite number."""
     if isinstance(text, bool) or (isinstance(text, str) and "_" in text):
         return None
     try:
@@ -78,7 +78,7 @@ class Table:
         high: float = math.inf,
         above: float = -math.inf,
     ) -> float:
-        """Read a finite number in [low, high] and above `above`; required where there is no default."""
+        """Read a finite number in [low, high] and above `above`; required unless there is a default."""
         fallback = math.nan if default is None else default
         value = self._get(key, required=default is None)
         if value is None:
@@ -106,7 +106,7 @@ class Table:
         return value
 
     def text(self, key: str, default: str | None = None, *, choices: Sequence[str] | None = None) -> str:
-        """Read a text that is not empty, one of `choices` where given; required where there is no default."""
+        """Read a text that is not empty, one of `choices` where given; required unless there is a default."""
         value = self._get(key, required=default is None)
         if value is None:
             return default or ""

@@ -24,7 +24,7 @@ def file_error(action: str, path: Path, error: Exception) -> InputError:
 def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     """Read a file of at most `max_bytes` (counted after decompression for ``.gz``).
 
-    An `InputError` says that it is missing, a folder, unreadable, damaged or too large.
+    Raises an `InputError` if it is missing, a folder, unreadable, damaged or too large.
     """
     try:
         opener = gzip.open if path.suffix == ".gz" else open
@@ -66,7 +66,7 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
 def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """Open a file for writing that appears whole when the block ends, and not at all when it fails.
 
-    An `InputError` says that the file exists and `force` is false, or that it cannot be written.
+    Raises an `InputError` if the file exists and `force` is false, or if it cannot be written.
     """
     try:
         if path.exists() and not force:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)
 """Times are rounded to one of these."""
 UNKNOWN = "unknown"
-"""What is said of a figure that is not known, or no finite number."""
+"""What is said of a figure that is unknown, or no finite number."""
 SURE = 0.25
 """A figure is rounded to a step of at least this share of how far its interval reaches."""
 
@@ -76,13 +76,13 @@ def between(figure: Figure) -> str:
 
 
 def rounded_s(figure: Figure) -> float:
-    """Return the value in seconds as `about` says it."""
+    """Return the value in seconds as rounded by `about`."""
     step = step_for(figure.half_width)
     return float(step * round(figure.value / step))
 
 
 def no_earlier(later: Figure, earlier: Figure) -> Figure:
-    """Return a time that is no shorter than another, so that it is none as they are rounded, either: rounded up where its own step would say less."""
+    """Return a time that is not shorter than another, even after rounding: rounded up where its own step would make it shorter."""
     if not (_known(later) and _known(earlier)) or later.value < earlier.value or rounded_s(later) >= rounded_s(earlier):
         return later
     step = step_for(later.half_width)
@@ -185,7 +185,7 @@ def watt_hours(joule: float) -> str:
 
 
 def money(amount: float) -> str:
-    """Return an amount of money, at least to two digits after the point: ``12.40``, ``0.043``."""
+    """Return an amount of money with two or more digits after the point: ``12.40``, ``0.043``."""
     return f"{amount:,.2f}" if abs(amount) >= 0.1 or amount == 0.0 else f"{amount:.2g}"
 
 
@@ -258,7 +258,7 @@ def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = F
 
 
 def later_text(later: Figure) -> str:
-    """Return how much later something arrives on average, or that no difference can be told."""
+    """Return how much later something arrives on average, or that there is no measurable difference."""
     if not _known(later):
         return UNKNOWN
     if later.low == later.high == 0.0:
@@ -270,7 +270,7 @@ def later_text(later: Figure) -> str:
 
 
 def headline(c: Composition, zone: ZoneInfo) -> str:
-    """What to expect, in a line: delivered when, on average, half and 95 % of the times."""
+    """The promise in a line: expected delivery time, mean, median and 95 %."""
     figures = c.arrival.delivery_mean, c.arrival.delivery_p50, c.arrival.delivery_p95
     name = c.depart.astimezone(zone).tzname()
     mean, middle, late = figures

@@ -8,7 +8,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 HIDDEN = {"json": False}
-"""Metadata of a dataclass field that JSON leaves out."""
+"""Metadata of a dataclass field that JSON omits."""
 
 
 def json_text(value: Any, *, indent: int | None = None) -> str:

@@ -1,4 +1,4 @@
-"""Parameters: the tuned numbers of a part, each with default, unit, range, meaning and the measurement that set it.
+"""Parameters: the tuned numbers of a part, each with default, unit, range, meaning and the measurement behind it.
 
 A part is a frozen dataclass derived from `Parameters`; its fields are made by `parameter`, or are parts themselves. From that
 alone a tree of parts is checked, listed, changed by name (``planner.robust.members=50``) and compared with its defaults.
@@ -56,7 +56,7 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One parameter of a tree: its dotted name and value, and what `parameter` was told of it."""
+    """One parameter of a tree: its dotted name, its value, and its arguments of `parameter`."""
 
     name: str
     value: Value
@@ -73,7 +73,7 @@ class Entry:
         return f"{self.low:g} or more" if math.isinf(self.high) else f"{self.low:g} to {self.high:g}"
 
     def fault(self, value: object) -> Fault | None:
-        """What is wrong with a value, or None."""
+        """The problem with a value, or None."""
         if isinstance(self.default, bool):
             return None if isinstance(value, bool) else Fault("is not true or false", field=self.name, value=value)
         numbers = value if isinstance(self.default, tuple) and isinstance(value, tuple) else (value,)
@@ -87,7 +87,7 @@ class Entry:
         return None
 
     def parsed(self, text: str) -> Value:
-        """Return the value that a text stands for; an `InputError` where that is none, or out of range."""
+        """Return the value of a text. Raises an `InputError` if it is not one, or out of range."""
         value: Any = text
         try:
             if isinstance(self.default, bool):
@@ -152,14 +152,14 @@ def with_values(part: P, values: Mapping[str, Value]) -> P:
 def with_settings(part: P, settings: Iterable[str]) -> P:
     """Return a tree with parameters changed as they are typed: ``planner.robust.members=50``.
 
-    An `InputError` says that one is no ``name=value``, has no such parameter, or a value out of range.
+    Raises an `InputError` if one is not ``name=value``, has no such parameter, or a value out of range.
     """
     known = {one.name: one for one in entries(part)}
     values: dict[str, Value] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
-            raise InputError("is no name=value", field="--set", value=setting, remedy="planner.robust.members=50")
+            raise InputError("is not name=value", field="--set", value=setting, remedy="planner.robust.members=50")
         values[name.strip()] = _find(known, name.strip()).parsed(text)
     return with_values(part, values)
 

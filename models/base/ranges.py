@@ -1,4 +1,4 @@
-"""Checks of ranges, with a hint where the number fits another unit: percent, kilometres, grams."""
+"""Checks of ranges, with a hint if the number fits another unit: percent, kilometres, grams."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MIN_PERCENT = 1.0
 
 
 def divided(value: float, by: float, most: float) -> str | None:
-    """What a number may mean that was given in a unit so many times smaller; None where it then is not from 0 to `most`."""
+    """Return the meaning of a number given in a unit so many times smaller; None where it then is not from 0 to `most`."""
     return f"; did you mean {value / by:g}?" if _is_number(value) and 0.0 < value / by <= most else None
 
 
@@ -27,7 +27,7 @@ def range_faults(
 
 
 def fraction_faults(field: str, value: float, high: float, option: str, *, least: float = 0.0) -> list[Fault]:
-    """Faults of a state of charge from 0 to 1; above 0 and below `least` it is a fraction of percent, taken for percent."""
+    """Faults of a state of charge from 0 to 1; above 0 and below `least` it is probably a fraction of a percent."""
     meant = divided(value, 100.0, high) if _is_number(value) and value > 1.0 else None
     faults = range_faults(field, value, 0.0, high, f"a fraction from 0 to {high:g} ({option})", meant)
     if faults or not 0.0 < value < least:

@@ -30,7 +30,7 @@ class Figure:
 
     @property
     def half_width(self) -> float:
-        """How far the farther end of the interval is from the value."""
+        """Distance of the farther end of the interval from the value."""
         return max(self.high - self.value, self.value - self.low)
 
     @property
@@ -50,7 +50,7 @@ def certain(value: float) -> Figure:
 
 
 def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], q: float) -> float:
-    """Least value at or below which at least a share q of the weight lies."""
+    """Smallest value at or below which at least a share q of the weight lies."""
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weights[order])
     index = int(np.searchsorted(share, q * share[-1] * (1.0 - 1e-12)))

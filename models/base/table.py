@@ -96,7 +96,7 @@ class Chunk:
         each_text_once: bool = False,
         known: dict[str, float] | None = None,
     ) -> NDArray[np.float64]:
-        """Read a column of numbers, shape (rows,); a fault is noted and NaN stands for it.
+        """Read a column of numbers, shape (rows,); a fault is noted and becomes NaN.
 
         Texts in `known` are not read again; those without a fault join them.
         """
@@ -125,7 +125,7 @@ class Chunk:
 def read_table(
     path: Path, required: Sequence[str] | None, faults: FaultCollector, *, optional: Sequence[str] = ()
 ) -> Iterator[Chunk]:
-    """Yield a CSV file in chunks of rows, with the columns asked for; faults of its shape are collected.
+    """Yield a CSV file in chunks of rows, with the requested columns; faults of its shape are collected.
 
     Without `required` all columns are given, in the order of the file. An `InputError` refuses what is above 64 MB or 5
     million rows, empty, without rows, or without a required column.

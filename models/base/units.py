@@ -40,7 +40,7 @@ SPEED_UNITS_MPS = {
 
 
 def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
-    """Read an ISO 8601 instant that says its offset, such as ``2013-07-10T14:00-04:00``; it is returned in UTC.
+    """Read an ISO 8601 instant with its offset, such as ``2013-07-10T14:00-04:00``; returns it in UTC.
 
     An `InputError` that names `field` and `file` refuses a naive time: it means a different instant to each reader.
     """

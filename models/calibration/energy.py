@@ -1,4 +1,4 @@
-"""Energy models fitted to recorded flights, with their error on flights left out.
+"""Energy models fitted to recorded flights, with their error on flights that were not fitted.
 
 Only the time in which the motors turn counts: a recorder that runs on after the landing would otherwise pass for a drone
 that needs little power.
@@ -33,7 +33,7 @@ SMOOTH_S = 2.0
 MOTORS_ON = 0.3
 """Share of the median power, smoothed, above which the motors turn."""
 LONGEST_GAP_S = 0.5
-"""A longer pause between samples counts as so much: what happened in it is not known."""
+"""A longer pause between samples counts as so much: what happened in it is unknown."""
 MIN_MASS_SPREAD = 1.03
 """With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
 DEFAULT_KAPPA = 1.5
@@ -41,7 +41,7 @@ DEFAULT_KAPPA = 1.5
 
 @dataclass(frozen=True, slots=True)
 class PowerRecord:
-    """What one flight took."""
+    """Energy record of one flight."""
 
     name: str
     """Of the log."""
@@ -64,7 +64,7 @@ class PowerRecord:
         return sum(self.energy_j.values())
 
     def predicted_j(self, model: EnergyModel) -> float:
-        """Energy that a model says these phases take."""
+        """Modelled energy of these phases."""
         return sum(model.power_w(self.mass_kg, phase) * self.time_s[phase] for phase in PHASES)
 
 
@@ -79,7 +79,7 @@ class EnergyFit:
 
     @property
     def belief(self) -> EnergyBelief:
-        """What these flights say of others of the same drone."""
+        """What these flights imply for others of the same drone."""
         return EnergyBelief.calibrated(self.left_out_error)
 
     @property
@@ -96,7 +96,7 @@ class EnergyFit:
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
     """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    An `InputError`, which gives its name, says that power is not known, or that the motors never ran.
+    An `InputError`, which gives its name, says that power is unknown, or that the motors never ran.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
@@ -125,7 +125,7 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
 
 
 def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:
-    """Fit a model, ``endurance`` or ``momentum``, to flights, at least one, and to each of them without it.
+    """Fit a model, ``endurance`` or ``momentum``, to one or more flights, and again without each of them.
 
     It is written for the masses and the battery of the drone; the air density is that during the flights.
     """

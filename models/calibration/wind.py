@@ -75,7 +75,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     speed = float(np.percentile(np.hypot(*velocity.T), 90))
     if speed < MIN_SPEED_MPS:
         reason = (
-            f"the drone hovers (ground speed up to {speed_text(speed)}): drag and wind cannot be told apart; "
+            f"the drone hovers (ground speed up to {speed_text(speed)}): drag and wind cannot be distinguished; "
             "fly out and back, or a circle, at cruise speed, or give the wind with --wind"
         )
         return DragFit(reason, course_spread_deg=spread)
@@ -105,7 +105,7 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
     seen = _running(air.drag[good], SMOOTH)
     linear = float((seen * through).sum() / (through**2).sum())
     if linear <= 0.0:
-        raise InputError("the drone does not lean against the wind that is given")
+        raise InputError("the drone does not lean against the given wind")
     residual = air.drag[good] - linear * (air.velocity - wind)[good]
     return DragModel(
         linear_per_s=linear,

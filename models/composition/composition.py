@@ -190,7 +190,7 @@ class Stop:
 
     @property
     def leave(self) -> datetime:
-        """When the drone takes off again."""
+        """Time of the next take-off."""
         return self.arrive + timedelta(seconds=self.wait_s + self.recharge_s + self.hold_s)
 
 
@@ -212,7 +212,7 @@ class ArrivalDistribution:
 
 @dataclass(frozen=True, slots=True)
 class DeliveryCosts:
-    """What the delivery costs, over the simulated deliveries, in the scenario's currency; a charge that is lacking at the end is bought afterwards.
+    """Cost of the delivery, over the simulated deliveries, in the scenario's currency; includes recharging the battery at the end.
 
     Attributes
     ----------
@@ -309,7 +309,7 @@ class Composition:
     authorized : tuple of str
         Zones for which the plan counts on an authorization.
     zones : tuple of str
-        Files of zones that were handed over besides those of the scenario.
+        Files of zones given in addition to those of the scenario.
     not_before : datetime or None
         Before this the package does not arrive; None: it may at any time.
     energy : EnergyDistribution or None
@@ -372,7 +372,7 @@ class Composition:
 
     @property
     def there_and_back(self) -> Composition:
-        """All flights as one chain, those of the way back after those of the delivery; itself where there is no way back.
+        """All flights as one chain, the way back after the delivery; itself where there is no way back.
 
         The time at the target is a stop. Of what is not a flight or a stop it says what the delivery does.
         """
@@ -479,7 +479,7 @@ class WayBack:
     plan : Composition or None
         The way there, without the package; None: it stays at the target.
     undelivered_to : str or None
-        Where the package goes if it cannot be handed over; None: nothing is kept for that.
+        Where the package goes if it cannot be delivered; None: nothing is kept for that.
     undelivered : Composition or None
         The way there, with the package.
     release : str

@@ -1,4 +1,4 @@
-"""What a plan is conditioned on beside its forecast: winds observed and pads seen at the time of planning."""
+"""Conditions of a plan besides its forecast: observed winds and pads at the time of planning."""
 
 from __future__ import annotations
 

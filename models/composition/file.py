@@ -122,7 +122,7 @@ def _plain(value: Any) -> Any:
 def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
     """Write the composition, whole or not at all.
 
-    An `InputError` says that the file exists and `force` is not given, or that its folder cannot be written.
+    Raises an `InputError` if the file exists and `force` is not given, or if its folder cannot be written.
     """
     write_atomically(Path(path), json.dumps(to_json(composition), indent=1, allow_nan=False) + "\n", force=force)
 
@@ -181,7 +181,7 @@ def _way_back(raw: schema.Composition, services: tuple[DroneService, ...], file:
         if found is None:
             continue
         if found.way_back is not None:
-            raise InputError("has a way back of its own", file, field=f"{place}return")
+            raise InputError("must not have another way back", file, field=f"{place}return")
         if found.origin != services[-1].destination:
             raise InputError("does not start where the delivery ends", file, field=f"{place}from", value=found.origin)
         if found.services[0].depart < services[-1].arrive:

@@ -1,4 +1,4 @@
-"""Heights of legs as plans tell them: the ground, the highest in the corridor, and the way that is flown over them."""
+"""Heights of the legs of a plan: the ground, the highest in the corridor, and the flight path over them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class TerrainUse:
 
     @classmethod
     def of(cls, terrain: Terrain, clearance: Clearance) -> TerrainUse:
-        """Return what is told of a terrain model."""
+        """Return the record of a terrain model."""
         return cls(terrain.files, clearance)
 
 
@@ -84,7 +84,7 @@ class LegHeights:
 
     @classmethod
     def of(cls, way: WayHeights, terrain: Terrain) -> LegHeights | None:
-        """Return what is told of the heights of a way over a terrain model; None over unknown ground."""
+        """Return the record of the heights of a way over a terrain model; None over unknown ground."""
         if not len(way.along_m) or way.unknown is not None:
             return None
         begin = np.concatenate(([0.0], np.cumsum(way.segment_m)))
@@ -97,7 +97,7 @@ class LegHeights:
         cls, along_m: NDArray[np.float64], ground_m: NDArray[np.float64], top_m: NDArray[np.float64],
         height_m: NDArray[np.float64], path: Sequence[tuple[float, float]], obstacles: tuple[NearObstacle, ...] = (),
     ) -> LegHeights:  # fmt: skip
-        """Return what is told of a way that was sampled densely, flown at `height_m` from point to point of `path`."""
+        """Return the record of a densely sampled way, flown at `height_m` from point to point of `path`."""
         over = height_m - top_m
         least = int(np.argmin(over))
         blocks = np.unique(np.linspace(0, len(along_m), min(MOST, len(along_m)) + 1).astype(np.int64)[:-1])

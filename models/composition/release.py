@@ -1,4 +1,4 @@
-"""How a package leaves the drone, and what of it is planned: whether the drone lands, and how long it hovers."""
+"""How a package leaves the drone, and its effect on the plan: whether the drone lands, and how long it hovers."""
 
 from __future__ import annotations
 

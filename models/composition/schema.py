@@ -1,4 +1,4 @@
-"""Structure of a composition file: for each class of `models.composition.composition` its fields in the file, in their order.
+"""Structure of a composition file: the fields of each class of `models.composition.composition`, in their order.
 
 Fields have the names of the class; `rename` says what they are called in the file. What is `_Derived` follows from other fields:
 it is written for readers, and not read. See `models.composition.file`.
@@ -163,7 +163,7 @@ class LegHeights(msgspec.Struct, kw_only=True):
 
 
 class Clearance(msgspec.Struct, kw_only=True):
-    """What is kept over terrain and obstacles."""
+    """Clearance over terrain and obstacles."""
 
     least_m: _Positive
     corridor_width_m: _Positive
@@ -186,7 +186,7 @@ class EnergyDistribution(msgspec.Struct, kw_only=True, rename={"mean": "mean_wh"
 
 
 class DeliveryCosts(msgspec.Struct, kw_only=True):
-    """What the delivery costs."""
+    """Cost of the delivery."""
 
     currency: str
     mean: Figure
@@ -262,4 +262,4 @@ class Composition(
     costs: DeliveryCosts | None = None
     """All left out where there are none."""
     way_back: WayBack | None = None
-    """Left out where it is not known."""
+    """Left out where it is unknown."""

@@ -1,4 +1,4 @@
-"""What becomes of the drone after the delivery, in words: for tables, briefings and reports."""
+"""The drone after the delivery, in words: for tables, briefings and reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def delivered_text(composition: Composition) -> str:
-    """Say that the package is delivered, and what the drone does then."""
+    """Describe the delivery of the package, and what the drone does then."""
     way = composition.way_back
     if way is None:
         return "delivered"
@@ -28,12 +28,12 @@ def delivered_text(composition: Composition) -> str:
 
 
 def end_text(back: Composition) -> str:
-    """Say where the way back ends."""
+    """Describe where the way back ends."""
     return "the drone is back, at its pads" if _has_pads(back) else "the drone is back"
 
 
 def way_back_lines(composition: Composition, zone: ZoneInfo) -> list[str]:
-    """Say what the way back takes, and what is kept for a package that cannot be handed over."""
+    """Describe what the way back takes, and what is kept for a package that cannot be delivered."""
     way, lines = composition.way_back, []
     if way is None:
         return []

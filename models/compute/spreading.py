@@ -1,7 +1,7 @@
-"""Work spread over processes of this machine, or over a Dask cluster: the same answers from one worker or many, in whatever order they work.
+"""Work distributed over processes of this machine, or over a Dask cluster: the same answers for any number and order of workers.
 
 A piece of work is a call of a function of a module with one argument; it may depend on nothing else. Answers are returned in the order of
-the arguments. Pieces of a worker that was lost are done once more.
+the arguments. Pieces of a worker that was lost are done again.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class _Spread(Generic[T, R]):
             self._size = 1
             for bundle in running.values():
                 for one in bundle:
-                    self._lost[one] += len(bundle) == 1  # of a larger one it is not known which
+                    self._lost[one] += len(bundle) == 1  # of a larger one it is unknown which
             if max(self._lost) >= TRIES:
                 raise SkywayError(f"workers were lost {TRIES} times at one piece of work: {error}") from error
         finally:

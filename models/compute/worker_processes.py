@@ -1,4 +1,4 @@
-"""Processes that work for another one: they leave Ctrl-C to it, and end when it does."""
+"""Worker processes: they leave Ctrl-C to their parent, and end when it does."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _end_with(sentinel: int) -> None:
 
 
 def end_workers(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool at once, whatever they are at."""
+    """End the processes of a pool at once, even in the middle of a job."""
     started = list((pool._processes or {}).values())  # noqa: SLF001  there is no other way to end a call under way
     pool.shutdown(wait=False, cancel_futures=True)
     for process in started:

@@ -85,7 +85,7 @@ class DragModel:
         return np.asarray(drag / (c1 + c2 * speed + 1e-12)[:, None])
 
     def slope(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How much air velocity a little drag stands for at these air velocities, s, shape (n, 2, 2): less along the flow than across it."""
+        """Air velocity per unit of drag at these air velocities, s, shape (n, 2, 2): less along the flow than across it."""
         speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])
         unit = air_velocity / np.maximum(speed, 1e-9)[:, None]
         slow = np.maximum(speed, SLOWEST_MPS)

@@ -51,7 +51,7 @@ class Drone:
     limits : WeatherLimits
         Of the weather besides the wind.
     cold : tuple of (float, float)
-        What share of its nameplate energy the battery holds at temperatures of the air, °C ascending; nothing where that is not known.
+        What share of its nameplate energy the battery holds at temperatures of the air, °C ascending; nothing where that is unknown.
     battery_held : float
         What share of it the battery holds now; `battery_j` is what is left.
     """

@@ -1,4 +1,4 @@
-"""What is believed of the energy that flights take: the ratio of measured to modelled energy of a leg, and how it is learnt.
+"""The energy belief: the ratio of measured to modelled energy of a leg, and how it is learnt.
 
 The ratio of a leg is r = m + a + b: a mean m, a part a that persists (this aircraft, its battery and package on this delivery),
 and a part b that is fresh on each leg (manoeuvres, head or tail wind at the same airspeed, turbulence). Planners promise with it,
@@ -161,7 +161,7 @@ class EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 
         The charge that it took, and that the model says for it, are fractions of nameplate; `soc_sd` is the standard
-        deviation of a state of charge that is told.
+        deviation of a reported state of charge.
         """
         return _updated(self, used_soc, expected_soc, self.sd_within, soc_sd)
 
@@ -174,7 +174,7 @@ class EnergyBelief:
         return replace(self, sd_between=self.leg_sd)
 
     def times(self, load: float) -> EnergyBelief:
-        """Return the same belief about a model that says `load` times less."""
+        """Return the same belief about a model with values `load` times lower."""
         return replace(
             self, mean_ratio=load * self.mean_ratio, sd_between=load * self.sd_between, sd_within=load * self.sd_within
         )

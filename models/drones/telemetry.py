@@ -80,7 +80,7 @@ class TelemetrySample:
 
     @property
     def ground_speed_mps(self) -> float:
-        """Speed over the ground, m/s; NaN where it is not known."""
+        """Speed over the ground, m/s; NaN where it is unknown."""
         return math.hypot(self.vel_north_mps, self.vel_east_mps)
 
 
@@ -168,7 +168,7 @@ class TelemetryTrack:
         """Collect the samples of one vehicle."""
         kept = list(samples)
         if len({sample.system for sample in kept}) > 1:
-            raise InputError("a track holds one vehicle; split the samples by system first")
+            raise InputError("a track has one vehicle; split the samples by system first")
         values = np.array([[getattr(sample, name) for name in QUANTITIES] for sample in kept], dtype=np.float64)
         times = np.array([sample.time_s for sample in kept], dtype=np.float64)
         return cls(kept[0].system if kept else 1, times, values.reshape(len(kept), len(QUANTITIES)))

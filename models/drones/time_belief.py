@@ -1,4 +1,4 @@
-"""What is believed of the time that work takes which is flown battery by battery, beside its winds, its energy and its queues."""
+"""The belief about the times of work flown battery by battery, besides its winds, its energy and its queues."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ QUADRATURE = 25
 
 
 class TimeFactors(NamedTuple):
-    """Of each run: what times are over what is expected of them."""
+    """Ratios of actual to expected times, for each run."""
 
     flights: NDArray[np.float64]
     """Shape (flights, runs)."""
@@ -32,7 +32,7 @@ class TimeFactors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TimeBelief:
-    """Standard deviations of times, each as a share of what is expected; all of it log-normal."""
+    """Standard deviations of times, as shares of the expected times; log-normal."""
 
     flights_sd: float = 0.015
     """Of all flights together: how fast this aircraft flies a speed that it is told."""

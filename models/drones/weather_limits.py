@@ -1,4 +1,4 @@
-"""Limits of the weather that a drone, or an operation in a region, may fly in, besides the wind."""
+"""Weather limits of a drone, or of an operation in a region, besides the wind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far flights stay above the ground and what stands on it, where the terrain is known."""
+"""Clearance of flights over the ground and obstacles, where the terrain is known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """What a flight keeps over terrain and obstacles.
+    """Clearance of a flight over terrain and obstacles.
 
     Attributes
     ----------
@@ -28,5 +28,5 @@ class Clearance:
 
     @property
     def radius_m(self) -> float:
-        """How far from the way ground and obstacles count."""
+        """Distance from the way within which ground and obstacles count."""
         return 0.5 * self.corridor_width_m + self.position_error_m

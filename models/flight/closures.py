@@ -59,7 +59,7 @@ def closures(
 
 
 def closing_zones(network: Network) -> dict[int, tuple[int, ...]]:
-    """Return by segment the numbers of the zones that close it at some time; other segments are left out."""
+    """Return by segment the numbers of the zones that close it at some time; other segments are omitted."""
     airspace = network.zones
     if airspace is None or not len(network.restricted):
         return {}

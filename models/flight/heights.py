@@ -1,4 +1,4 @@
-"""How high legs are flown: one rule, for those who make missions and for those who work out the wind on the way.
+"""Heights of legs: one rule, for missions and for the wind on the way.
 
 From one station to the next a vehicle is nowhere lower than the cruise height above the higher of the two grounds, since the
 ground need not fall or rise where the vehicle does. Over the lower one it is higher than the cruise height, in more wind. The
@@ -37,7 +37,7 @@ def wind_factors(
     """Wind on ways as high as they are flown, over that at the cruise height.
 
     It is that of the profile at their mean height above ground. The ground at begin and end is in metres above sea
-    level, broadcast; where it is not known (NaN) the way is taken to be level. So is the ground that is cleared by the
+    level, broadcast; where it is unknown (NaN) the way is taken to be level. So is the ground that is cleared by the
     cruise height there, by default that of a leg of this way alone. The factor is 1 where both ends are of one height.
     """
     first, last = (np.asarray(one, dtype=np.float64) for one in ground_m)
@@ -48,6 +48,6 @@ def wind_factors(
 
 
 def above_factors(rules: FlightRules, height_m: ArrayLike) -> NDArray[np.float64]:
-    """Wind at mean heights above the ground, over that at the cruise height; 1 where the height is not known (NaN)."""
+    """Wind at mean heights above the ground, over that at the cruise height; 1 where the height is unknown (NaN)."""
     height_m = np.where(np.isfinite(height_m), height_m, rules.cruise_height_m)
     return np.asarray(height_factor(height_m, rules.cruise_height_m, rules.wind_profile_exponent))

@@ -40,7 +40,7 @@ class Slots(NamedTuple):
     start_s, slot_s : float
         POSIX seconds of the first slot and length of a slot.
     length : int
-        How many there are; the last one holds on for ever.
+        Number of slots; the last one continues without end.
     """
 
     start_s: float
@@ -123,7 +123,7 @@ def speed_in(air: SegmentWind, segment: int, north: float, east: float) -> float
 
 @compiled_lean
 def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> float:
-    """Ground speed over a segment in one slot of one member; 0 where the wind, or a zone, lets nobody fly it."""
+    """Ground speed over a segment in one slot of one member; 0 where the wind, or a zone, prevents a flight."""
     if air.shut[slot, air.shut_of[segment]]:
         return 0.0
     north, east = wind_on(air, member, slot, segment)

@@ -217,7 +217,7 @@ def _air(
 
 
 def _check_flown(network: Network, drone: Drone, rules: FlightRules, airspeed_mps: float) -> None:
-    """Refuse what no flight can be worked out with."""
+    """Refuse what no flight can be computed with."""
     above_0 = {
         f"{drone.id}.airspeed_mps": airspeed_mps,
         f"{drone.id}.max_airspeed_mps": drone.max_airspeed_mps,

@@ -1,4 +1,4 @@
-"""Which heights a way is flown at: one answer, for plans, checks, missions, flights and reports.
+"""Heights of a way: one answer, for plans, checks, missions, flights and reports.
 
 Without a terrain model it is the rule of `models.flight.heights`: the cruise height above the higher ground next to each
 station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
@@ -18,6 +18,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.flight.heights import cleared_grounds_m
+from skyway.models.flight.level_steps import NO_LEAST, STEP_M, Least, Place, Samples, Steps, level_steps, samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,23 +28,14 @@ if TYPE_CHECKING:
     from skyway.models.flight.clearance import Clearance
     from skyway.models.terrain.terrain import Terrain
 
-Place = tuple[float, float]
-Least = tuple[float, float]
-"""Least heights at which a place is flown over, above mean sea level and above the ground; minus infinity where there is none."""
-NO_LEAST: Least = (-math.inf, -math.inf)
-STEP_M = 0.1
-"""Levels are rounded up to this: missions round heights to centimetres."""
-
 
 TURN_EVERY_M = 150.0
 """Ways of turns and diverts, which are many, are looked at so far apart, and as much wider."""
-SLACK_M = 20.0
-"""Where the clearance alone is above the greatest height, a level may be so much higher: else every fold of the ground is a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Over:
-    """A terrain model, what is kept over it, and the cruise height above the ground."""
+    """A terrain model, the clearance over it, and the cruise height above the ground."""
 
     terrain: Terrain
     clearance: Clearance
@@ -72,9 +64,9 @@ class WayHeights:
     knots : tuple of Knot
         In order, straight lines between; two of one place are a climb or descent there.
     up_m, down_m : float
-        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is not known.
+        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is unknown.
     mean_above_m : float
-        Mean height above the ground below; NaN where it is not known.
+        Mean height above the ground below; NaN where it is unknown.
     along_m, ground_m, top_m, height_m : ndarray, shape (samples,)
         Distance along the way, and there: ground below, the highest in the corridor, and the height flown; empty without
         a terrain model.
@@ -83,7 +75,7 @@ class WayHeights:
     segment_m : ndarray, shape (segments,)
         Length of each segment; empty without a terrain model.
     unknown : Place or None
-        Where on the way the ground is not known, first.
+        Where on the way the ground is unknown, first.
     """
 
     knots: tuple[Knot, ...]
@@ -118,7 +110,7 @@ def way_heights(
     places : sequence of (lat, lon)
         Begin, stations overflown, end; degrees.
     ground_m : sequence of float
-        Above mean sea level, at each place; NaN where it is not known and the terrain tells it.
+        Above mean sea level, at each place; NaN where it is unknown and the terrain tells it.
     cruise_height_m : float
         Above the ground; over a terrain model its own counts.
     over : Over, optional
@@ -129,13 +121,13 @@ def way_heights(
     if over is None:
         return _over_stations(ground_m, cruise_height_m, least)
     lat, lon = np.array(places, dtype=np.float64).T
-    found = _samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
+    found = samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
     below = np.array(ground_m, dtype=np.float64)
     missing = np.isnan(below)
     if missing.any():
         below[missing] = over.terrain.ground_m(lat[missing], lon[missing])
     parts = [
-        _stepped(found, number, below[number : number + 2], over, least=_between(least, number))
+        level_steps(found, number, below[number : number + 2], over, least=_between(least, number))
         for number in range(len(lat) - 1)
     ]
     return _joined(found, parts, below)
@@ -155,7 +147,7 @@ class SegmentHeights(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """As in `WayHeights`; NaN where the ground is not known throughout."""
+    """As in `WayHeights`; NaN where the ground is unknown throughout."""
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     low_above_m: NDArray[np.float64]
@@ -176,18 +168,18 @@ def segment_heights(
     """Heights of the segments of a network over a terrain model: those of `way_heights` for each.
 
     `lat`, `lon` and `ground_m` are those of nodes, `pairs` has begin and end of each segment, shape (segments, 2), `least` the `Least` of each
-    node, shape (nodes, 2). Both directions of a segment are worked out from one set of samples.
+    node, shape (nodes, 2). Both directions of a segment are computed from one set of samples.
     """
     ends, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     a, b = ends.T
-    found = _samples(lat[a], lon[a], lat[b], lon[b], over)
+    found = samples(lat[a], lon[a], lat[b], lon[b], over)
     out = np.full((8, len(pairs)), np.nan)
     turned = pairs[:, 0] > pairs[:, 1]
     both: dict[tuple[int, bool], tuple[float, ...]] = {}
     for row, (number, back) in enumerate(zip(which.ravel().tolist(), turned.tolist(), strict=True)):
         if (number, back) not in both:
             these = NO_LEAST if least is None else tuple(least[ends[number]].min(axis=0).tolist())
-            part = _stepped(found, number, ground_m[ends[number]], over, back=back, least=these)
+            part = level_steps(found, number, ground_m[ends[number]], over, back=back, least=these)
             ground = found.ground_m[int(found.first[number]) : int(found.first[number + 1])]
             above = part.level_m - (ground[::-1] if back else ground)
             extremes = (one for values in (part.level_m, above) for one in (float(values.min()), float(values.max())))
@@ -205,7 +197,7 @@ class WaySteps(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is not known."""
+    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is unknown."""
     begin_m: float
     end_m: float
     """Heights at which it begins and ends, above mean sea level."""
@@ -216,13 +208,13 @@ class WaySteps(NamedTuple):
 def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
     """Steps of a way over a terrain model, by the pieces between its points."""
     lat, lon = np.array(places, dtype=np.float64).T
-    found = _samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
+    found = samples(lat[:-1], lon[:-1], lat[1:], lon[1:], over)
     begin = np.concatenate(([0.0], np.cumsum(found.length_m)))
     count = np.diff(found.first)
     piece = np.repeat(np.arange(len(count)), count)
     along = (begin[piece] + found.share * found.length_m[piece]) / max(float(begin[-1]), 1e-9)
     whole = found._replace(share=along, first=np.array([0, len(along)]))
-    part = _stepped(whole, 0, found.ground_m[[0, -1]], over)
+    part = level_steps(whole, 0, found.ground_m[[0, -1]], over)
     up, down, stops = (np.zeros(len(count)) for _ in range(3))
     if part.unknown is not None:
         nothing = np.full(len(count), math.nan)
@@ -236,7 +228,7 @@ def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
 
 
 class StraightWays(NamedTuple):
-    """Straight ways from a place to others, shape (places,) each; NaN where the ground is not known."""
+    """Straight ways from a place to others, shape (places,) each; NaN where the ground is unknown."""
 
     level_m: NDArray[np.float64]
     """Least height at which they are flown level, above mean sea level."""
@@ -270,7 +262,7 @@ def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64]
 
 
 def level_within_m(corners: Sequence[Place], over: Over) -> float:
-    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is not known."""
+    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is unknown."""
     import shapely
 
     lat, lon = np.array(corners, dtype=np.float64).T
@@ -316,113 +308,7 @@ def _over_stations(ground_m: Sequence[float], cruise_height_m: float, least: Seq
     )
 
 
-class _Samples(NamedTuple):
-    """Points along segments, one segment after the other, and what the terrain is there."""
-
-    lat: NDArray[np.float64]
-    lon: NDArray[np.float64]
-    share: NDArray[np.float64]
-    first: NDArray[np.int64]
-    """Where each segment begins, shape (segments + 1,)."""
-    length_m: NDArray[np.float64]
-    """Of each segment, shape (segments,)."""
-    ground_m: NDArray[np.float64]
-    top_m: NDArray[np.float64]
-    obstacle: NDArray[np.int64]
-
-
-def _samples(
-    lat1: NDArray[np.float64], lon1: NDArray[np.float64], lat2: NDArray[np.float64], lon2: NDArray[np.float64],
-    over: Over,
-) -> _Samples:  # fmt: skip
-    every_m = max(over.terrain.spacing_m, 5.0)
-    length, bearing = geodesy.inverse(lat1, lon1, lat2, lon2)
-    count = np.ceil(length / every_m).astype(np.int64) + 1
-    first = np.concatenate(([0], np.cumsum(count)))
-    of = np.repeat(np.arange(len(length)), count)
-    share = (np.arange(first[-1]) - first[of]) / np.maximum(count - 1, 1)[of]
-    lat, lon = geodesy.ahead(lat1[of], lon1[of], bearing[of], share * length[of])
-    # half of the distance between two samples lies beyond each
-    radius_m = over.clearance.radius_m + 0.5 * every_m
-    top, (_, obstacle) = over.terrain.top_m(lat, lon, radius_m), over.terrain.obstacles_near(lat, lon, radius_m)
-    return _Samples(lat, lon, share, first, length, over.terrain.ground_m(lat, lon), top, obstacle)
-
-
-class _Part(NamedTuple):
-    """One segment in level steps."""
-
-    knots: tuple[tuple[float, float], ...]
-    """(share, height) in order."""
-    level_m: NDArray[np.float64]
-    """At each sample."""
-    up_m: float
-    down_m: float
-    mean_above_m: float
-    unknown: Place | None
-    stops: int = 0
-    """Changes of height on the way."""
-
-
-def _stepped(
-    found: _Samples,
-    number: int,
-    ends_m: NDArray[np.float64],
-    over: Over,
-    *,
-    back: bool = False,
-    least: Least = NO_LEAST,
-) -> _Part:
-    """Steps of a segment between two stations whose ground is `ends_m`; `back`: flown from the second to the first."""
-    these = slice(int(found.first[number]), int(found.first[number + 1]))
-    ground, top, share = found.ground_m[these], found.top_m[these], found.share[these]
-    clearance, cruise_height_m = over.clearance, over.cruise_height_m
-    floor = np.maximum(top + clearance.least_m, ground + cruise_height_m)
-    floor[[0, -1]] = np.fmax(floor[[0, -1]], ends_m + cruise_height_m)
-    floor = np.maximum(floor, np.maximum(ground + least[1], least[0]))
-    missing = np.flatnonzero(np.isnan(floor) | np.isnan(ground))
-    if len(missing) or np.isnan(ends_m).any() or not np.isfinite(floor).all():
-        at = int(missing[0]) if len(missing) else int(np.argmax(~np.isfinite(floor)))
-        place = float(found.lat[these][at]), float(found.lon[these][at])
-        return _Part((), np.full(len(floor), np.nan), math.nan, math.nan, math.nan, place)
-    ceiling = np.maximum(floor + SLACK_M, ground + clearance.max_height_m)
-    order = np.s_[::-1] if back else np.s_[:]
-    begin_m, end_m = (float(one) for one in ends_m[order])
-    levels = _levels(floor[order], ceiling[order])
-    share = share if not back else 1.0 - share[order]
-    knots = [(0.0, levels[0][1])]
-    level_m = np.empty(len(floor))
-    for (start, level), (until, following) in pairwise([*levels, (len(floor), math.nan)]):
-        level_m[start:until] = level
-        if until < len(floor):  # up before what is higher begins, down when it has ended
-            step = float(share[until - 1 if following > level else until])
-            knots += [(step, level), (step, following)]
-    knots.append((1.0, levels[-1][1]))
-    rises = np.diff([height for _, height in knots])
-    up = levels[0][1] - begin_m + float(np.maximum(rises, 0.0).sum())
-    down = levels[-1][1] - end_m + float(np.maximum(-rises, 0.0).sum())
-    above = float((level_m - ground[order]).mean())
-    return _Part(tuple(knots), level_m, up, down, above, None, len(levels) - 1)
-
-
-def _levels(floor: NDArray[np.float64], ceiling: NDArray[np.float64]) -> list[tuple[int, float]]:
-    """Fewest levels between a floor and a ceiling: where each begins, and its height.
-
-    A level goes on until the greatest floor since its beginning is above the least ceiling.
-    """
-    levels: list[tuple[int, float]] = []
-    begin = 0
-    while begin < len(floor):
-        low, high = np.maximum.accumulate(floor[begin:]), np.minimum.accumulate(ceiling[begin:])
-        over = np.flatnonzero(low > high)
-        length = int(over[0]) if len(over) else len(low)
-        least, most = float(low[length - 1]), float(high[length - 1])
-        wanted = least if not levels else min(max(levels[-1][1], least), most)
-        levels.append((begin, math.ceil(round(wanted / STEP_M, 6)) * STEP_M))
-        begin += length
-    return levels
-
-
-def _joined(found: _Samples, parts: Sequence[_Part], ground_m: NDArray[np.float64]) -> WayHeights:
+def _joined(found: Samples, parts: Sequence[Steps], ground_m: NDArray[np.float64]) -> WayHeights:
     """One way of segments flown one after the other; over a station between two the height changes at once."""
     unknown = next((part.unknown for part in parts if part.unknown is not None), None)
     begin_m = np.concatenate(([0.0], np.cumsum(found.length_m)))

@@ -1,4 +1,4 @@
-"""Hours in which the weather closes flights, besides the wind: by the limits of the drone and of the region.
+"""Hours without flights because of the weather, besides the wind: by the limits of the drone and of the region.
 
 Of an ensemble one member in ten may be worse (`models.wind.ensemble.HourlyWeather`). What a forecast does not tell closes nothing, and is said.
 """
@@ -72,7 +72,7 @@ def closed_slots(ensemble: WindEnsemble, drone: Drone, rules: FlightRules) -> ND
 
 
 def unchecked_limits(ensemble: WindEnsemble, drone: Drone, rules: FlightRules) -> tuple[str, ...]:
-    """Limits that the forecast tells nothing of."""
+    """Limits that the forecast cannot check."""
     limits = weather_limits(drone, rules)
     known = set() if ensemble.weather is None else set(ensemble.weather.values)
     asked = {
@@ -88,7 +88,7 @@ def unchecked_limits(ensemble: WindEnsemble, drone: Drone, rules: FlightRules) -
 def closures_told(
     ensemble: WindEnsemble, drone: Drone, rules: FlightRules, zone: ZoneInfo, begin_s: float, until_s: float
 ) -> list[str]:
-    """Tell people when the weather closes flights between two instants, and which limits could not be checked."""
+    """Describe when the weather closes flights between two instants, and which limits could not be checked."""
     near = [one for one in weather_closures(ensemble, drone, rules) if one.end_s > begin_s and one.begin_s < until_s]
     notes = [
         f"closed from {weekday_clock(from_posix(one.begin_s), zone)} to {weekday_clock(from_posix(one.end_s), zone)}, because of {one.why}"
@@ -98,7 +98,7 @@ def closures_told(
         notes.append(f"closed {len(near) - MOST_TOLD} times more")
     unknown = unchecked_limits(ensemble, drone, rules)
     if unknown:
-        notes.append(f"limits that could not be checked, since the forecast does not tell it: {', '.join(unknown)}")
+        notes.append(f"limits that could not be checked, since the forecast lacks the data: {', '.join(unknown)}")
     return notes
 
 

@@ -1,4 +1,4 @@
-"""Invalidation of numba's cache on disk where a kernel would compile differently today.
+"""Invalidation of numba's cache on disk if a kernel would compile differently today.
 
 numba's own cache (``cache=True``) notices a change of the file that a kernel is in. It does not notice a change of the
 kernels that it calls, of constants that it takes from other modules, or of ``NUMBA_BOUNDSCHECK``. A stamp of all these

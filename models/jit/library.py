@@ -39,7 +39,7 @@ Kind: TypeAlias = "str | tuple[Any, ...]"
 
 
 class KernelError(SkywayError):
-    """A kernel was asked for with arguments that it was not compiled for, and there is no compiler."""
+    """A kernel was called with arguments that it was not compiled for, and there is no compiler."""
 
 
 @cache

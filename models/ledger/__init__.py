@@ -1,1 +1,1 @@
-"""The ledger: who holds which pad when, kept in SQLite or PostgreSQL."""
+"""The ledger: which holder has which pad when, in SQLite or PostgreSQL."""

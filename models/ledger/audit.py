@@ -1,4 +1,4 @@
-"""Audit of a ledger: its history is gone through from the beginning, by code that booked none of it."""
+"""Audit of a ledger: its whole history is checked by code that is independent of the booking code."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Desk:
             return {str(id_): str(keeper) for id_, keeper in self.ledger.rows(sql, (self.dispatcher, kind, *states))}
 
     def count(self, kind: Kind, states: Sequence[str] = ()) -> int:
-        """How many entries of a kind there are, in some states where they are named."""
+        """Number of entries of a kind, in some states where they are named."""
         condition = f" AND state IN ({', '.join('?' * len(states))})" if states else ""
         sql = f"SELECT COUNT(*) FROM desk WHERE dispatcher = ? AND kind = ?{condition}"
         with self.ledger.transaction():
@@ -79,7 +79,7 @@ class Desk:
             return [Entry(*row) for row in self.ledger.rows(sql, (self.dispatcher, *values))]
 
     def put_down(self, kind: Kind, id: str, state: str, document: str) -> Entry:  # noqa: A002
-        """Put something new on the desk: anybody may, under an id that is not there yet; else an `InputError` says so."""
+        """Add a new entry to the desk: anybody may, under an unused id. Raises an `InputError` otherwise."""
         _check(kind, id, document)
         entry = Entry(kind, id, 1, state, self.dispatcher, document)
         try:
@@ -99,7 +99,7 @@ class Desk:
     def put(self, lease: Lease, entries: Sequence[Entry]) -> list[Entry]:
         """Write entries, all or none; of version 0 they are new, else their version must be the newest.
 
-        A `FencedError` says that the lease is lost, or that another keeps one of them; a `VersionError` that one has changed meanwhile.
+        Raises a `FencedError` if the lease is lost, or if another keeps one of them; a `VersionError` if one has changed meanwhile.
         """
         written = []
         with self.ledger.transaction():

@@ -1,4 +1,4 @@
-"""The ledger: itineraries booked whole or not at all, by those who hold a lease.
+"""The ledger: itineraries booked whole or not at all, by holders of a lease.
 
 The same statements serve both stores; a store adds a connection, a transaction and a few words of its dialect. What may not
 happen is refused three times: by the rule of `models.ledger.window` under a lock of the pads, by the database's own constraints, and
@@ -8,11 +8,21 @@ by the audit of the history.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-from skyway.models.base.errors import InputError, SkywayError, one_line
+from skyway.models.base.errors import InputError, one_line
 from skyway.models.base.units import iso
+from skyway.models.ledger.records import (
+    Event,
+    FencedError,
+    Hold,
+    Lease,
+    LedgerError,
+    TakenError,
+    VersionError,
+    itinerary_of,
+)
 from skyway.models.ledger.window import (
     FOLLOWING,
     MAX_TEXT,
@@ -30,92 +40,21 @@ if TYPE_CHECKING:
     from datetime import datetime
     from types import TracebackType
 
+__all__ = [
+    "Event",
+    "FencedError",
+    "Hold",
+    "Lease",
+    "Ledger",
+    "LedgerError",
+    "TakenError",
+    "VersionError",
+    "itinerary_of",
+]
+
 WINDOW = "station, pad, starts, ends, start_sd_s, end_sd_s, epsilon"
 HELD = f"itinerary, version, number, {WINDOW}, state, holder, token"
 MAX_LEASE_S = 86_400.0
-
-
-class LedgerError(SkywayError):
-    """The ledger's database refuses, or is gone; nothing is half booked."""
-
-    exit_code = 3
-
-
-class TakenError(SkywayError):
-    """A pad is taken; nothing was booked.
-
-    `holds` has the bookings in the way, as far as they are known: of a race that the database decided it is empty.
-    """
-
-    exit_code = 1
-
-    def __init__(self, holds: Sequence[Hold] = ()) -> None:
-        self.holds = tuple(holds)
-        told = "; ".join(
-            f"pad {one.window.pad} of {one.window.station} is held by {one.itinerary} from {iso(one.window.start)} to {iso(one.window.end)}"
-            for one in self.holds[:3]
-        )
-        more = f"; and {len(self.holds) - 3} more" if len(self.holds) > 3 else ""
-        super().__init__(one_line(f"nothing was booked: {told or 'another booking came first'}{more}"))
-
-
-class FencedError(SkywayError):
-    """The lease is no longer the holder's: it ran out, or another process has taken over."""
-
-    exit_code = 1
-
-
-class VersionError(SkywayError):
-    """The itinerary has changed since it was read, or cannot become what was asked for."""
-
-    exit_code = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Lease:
-    """The right to book and change in the name of a holder, until it runs out."""
-
-    holder: str
-    """Of bookings: a dispatcher, or one of its workers, whoever runs it."""
-    owner: str
-    """The process that has it now."""
-    token: int
-    """Fencing token: each taking of a lease gets a higher one, and only the highest counts."""
-    expires: datetime
-    """By the clock of the database."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """A window as it is booked."""
-
-    itinerary: str
-    version: int
-    number: int
-    """Of the window in its itinerary, from 1."""
-    window: Window
-    state: State
-    holder: str
-    token: int
-
-    @property
-    def name(self) -> str:
-        """What its holder calls the itinerary; see `itinerary_of`."""
-        return self.itinerary.removeprefix(f"{self.holder}: ")
-
-
-def itinerary_of(holder: str, name: str) -> str:
-    """Return the id of what a holder calls so, such as an order: another one may have an order of the same id."""
-    return f"{holder}: {name}"
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One line of the history: what a window was from a time on."""
-
-    seq: int
-    at: datetime
-    hold: Hold
 
 
 class Ledger(ABC):
@@ -164,7 +103,7 @@ class Ledger(ABC):
             return self.from_db(self.rows(f"SELECT {self.NOW}")[0][0])
 
     def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
-        """Take the lease of a holder for a time; a `FencedError` says that another process has it.
+        """Take the lease of a holder for a time. Raises a `FencedError` if another process has it.
 
         One that has run out is taken over with all its bookings: what its former owner still tries is refused.
         """
@@ -185,7 +124,7 @@ class Ledger(ABC):
         return Lease(holder, owner, int(taken[0][0]), self.from_db(taken[0][1]))
 
     def renew(self, lease: Lease, ttl_s: float = 60.0) -> Lease:
-        """Keep a lease for so long from now; a `FencedError` says that it is lost."""
+        """Keep a lease for so long from now. Raises a `FencedError` if it is lost."""
         _check_ttl(ttl_s)
         sql = (
             f"UPDATE lease SET expires = {self._later()} WHERE holder = ? AND token = ? AND expires > {self.NOW} "
@@ -224,11 +163,11 @@ class Ledger(ABC):
         sql = f"SELECT token, owner, expires, expires > {self.NOW} FROM lease WHERE holder = ? {self.SHARE}"
         found = self.rows(sql, (holder,))
         if not found:
-            raise FencedError(one_line(f"nobody has taken the lease of {holder}"))
+            raise FencedError(one_line(f"nobody holds the lease of {holder}"))
         return found[0]
 
     def check(self, lease: Lease) -> None:
-        """Refuse what is done under a lease that is no longer the newest, or has run out."""
+        """Refuse actions under a lease that is no longer the newest, or has run out."""
         token, owner, expires, alive = self._lease(lease.holder)
         if token != lease.token:
             raise FencedError(one_line(f"the lease of {lease.holder} (token {lease.token}) went to {owner}"))
@@ -383,7 +322,7 @@ class Ledger(ABC):
         `VersionError` refuses a step that makes no sense, such as back from ``in use`` to ``firm``.
         """
         if state not in FOLLOWING:
-            raise InputError("is no state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
+            raise InputError("is not a state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
         with self.transaction():
             self.check(lease)
             version = self._own_version(lease, itinerary)

@@ -16,7 +16,7 @@ SCHEMES = ("postgresql://", "postgres://")
 def open_ledger(name: str) -> Ledger:
     """Open a ledger, made where there is none; an older one is migrated.
 
-    An `InputError` refuses what is no ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` says that
+    An `InputError` refuses a file that is not a ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` says that
     the database cannot be reached.
     """
     if name.startswith(SCHEMES):
@@ -25,7 +25,7 @@ def open_ledger(name: str) -> Ledger:
         return PostgresqlLedger(name)
     if "://" in name:
         remedy = "a file, or postgresql://USER@HOST/DATABASE"
-        raise InputError("is no ledger", field="--ledger", value=name, remedy=remedy)
+        raise InputError("is not a ledger", field="--ledger", value=name, remedy=remedy)
     from skyway.models.ledger.sqlite import SqliteLedger
 
     return SqliteLedger(Path(name))

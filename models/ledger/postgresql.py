@@ -32,7 +32,7 @@ MIGRATING = 0x5C79_1ED6
 
 
 class PostgresqlLedger(Ledger):
-    """A ledger in a database, whose tables are made where there are none."""
+    """A ledger in a database; missing tables are created."""
 
     NOW = "clock_timestamp()"
     LOCK = "FOR UPDATE"
@@ -121,7 +121,7 @@ class PostgresqlLedger(Ledger):
             self._asked_s = None
 
     def _watch(self) -> None:
-        """End the connection where an answer does not come: who waits for it is told that the server went away."""
+        """End the connection when no answer comes: the waiting caller learns that the server went away."""
         while not self._connection.closed:
             asked_s = self._asked_s
             if asked_s is not None and time.monotonic() > asked_s + ANSWER_S:

@@ -30,7 +30,7 @@ RETRY_S = 0.004
 
 
 class SqliteLedger(Ledger):
-    """A ledger in a file, made where there is none."""
+    """A ledger in a file; a missing file is created."""
 
     NOW = "CAST((julianday('now') - 2440587.5) * 86400000.0 AS INTEGER) * 1000"
     LOCK = SHARE = ""  # whoever writes is alone

@@ -1,4 +1,4 @@
-"""Windows of pads: from when to when a drone holds one, how sure that is, and when two of them fit together.
+"""Windows of pads: from when to when a drone holds one, with their uncertainty, and when two of them are compatible.
 
 A hard window (epsilon 0) is held from start to end, and no other one may touch it. A chance window says when the drone comes
 and goes as two normal distributions. Two chance windows may overlap where the probability that both drones want the pad at
@@ -135,7 +135,7 @@ def check_windows(windows: Sequence[Window]) -> None:
     refuse(faults)
     refuse(
         [
-            Fault("holds the same pad twice at one time", field=f"windows[{number}]", value=f"{one.station} {one.pad}")
+            Fault("books the same pad twice at one time", field=f"windows[{number}]", value=f"{one.station} {one.pad}")
             for number, one in enumerate(windows)
             if any(one.touches(other) for other in windows[:number])
         ]

@@ -1,4 +1,4 @@
-"""Ways around zones: the shortest ones that keep the margin, by bends at the corners of the zones' outlines.
+"""Ways around zones: the shortest ones that keep the margin, with bends at the corners of the zones' outlines.
 
 Shortest ways among polygons bend at their corners only (Lozano-Perez and Wesley 1979), so that they are shortest paths in the graph of
 corners that see each other. Obstacles are looked at lazily: a way that is shortest among some of them and touches no other is

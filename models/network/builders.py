@@ -32,7 +32,7 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: A
     when the circle on the line between them holds no third (Gabriel & Sokal 1969). Stations whose latitude and
     longitude agree to `DECIMALS` stand at one place: they have the same neighbours, and no segment between them.
 
-    An `InputError` says that there is no such rule, that lengths or counts are out of range, or that so many pairs
+    Raises an `InputError` if there is no such rule, if lengths or counts are out of range, or if so many pairs
     would not make a usable network.
     """
     if rule.kind not in RULES:

@@ -303,7 +303,7 @@ def write_geojson(network: Network, path: Path, *, force: bool = False) -> None:
 
 
 def write_graphml(network: Network, path: Path, *, force: bool = False) -> None:
-    """Write the graph as GraphML, without what is not known of a station; needs networkx (extra ``graph``)."""
+    """Write the graph as GraphML, without what is unknown of a station; needs networkx (extra ``graph``)."""
     import networkx as nx  # imported late: 90 ms
 
     graph = network.graph.copy()

@@ -14,7 +14,8 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import place_text
-from skyway.models.flight.way_heights import NO_LEAST, segment_heights
+from skyway.models.flight.level_steps import NO_LEAST
+from skyway.models.flight.way_heights import segment_heights
 from skyway.models.network.bends import Bends, with_bends
 from skyway.models.network.overs import joined_pairs, with_overs
 from skyway.models.network.site_weights import SiteWeights
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.flight.way_heights import Least, Over, SegmentHeights
+    from skyway.models.flight.level_steps import Least
+    from skyway.models.flight.way_heights import Over, SegmentHeights
     from skyway.models.network.zoned import Raised
 
 
@@ -374,7 +376,7 @@ class Network:
     def articulation_stations(self) -> list[str]:
         """Stations, by id, without any one of which the network would be in more parts (its articulation points).
 
-        A `ModuleNotFoundError` says that package `networkx` is not installed (extra ``graph``).
+        Raises a `ModuleNotFoundError` if package `networkx` is not installed (extra ``graph``).
         """
         import networkx as nx
 
@@ -397,7 +399,7 @@ class Network:
     def find(self, text: str) -> int:
         """Node of a station by id, else by an unambiguous part of its id or name, capitals ignored.
 
-        An `InputError` says that nothing matches (with the nearest names), or that several do.
+        Raises an `InputError` if nothing matches (with the nearest names), or if several do.
         """
         if text in self.index:
             return self.index[text]
@@ -432,7 +434,7 @@ class Network:
         """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.
 
         Where segments were given rather than made by a rule, the target is joined to every station within the length of
-        the longest given segment. An `InputError` says that it is out of range or inside a no-fly zone.
+        the longest given segment. Raises an `InputError` if it is out of range or inside a no-fly zone.
         """
         faults = geodesy.coordinate_faults(lat, lon)
         refuse(faults)

@@ -1,4 +1,4 @@
-"""Ways over zones: a segment that a zone closes is flown above its ceiling there, where the greatest height lets it.
+"""Ways over zones: a segment that a zone closes is flown above its ceiling there, if the maximum height allows.
 
 The vehicle climbs straight up before the widened outline begins, flies level over it, and comes down behind it. Places where it does are nodes
 that nobody lands at, so that planners choose between such a way, one around, and waiting.

@@ -1,4 +1,4 @@
-"""Weights of wind sites half-way along the segments of a network, kept for the sites that were asked for last."""
+"""Weights of wind sites half-way along the segments of a network, stored for the most recent sites."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class SiteWeights:
     def joined(
         self, more: SiteWeights, order: NDArray[np.int64], points: tuple[NDArray[np.float64], NDArray[np.float64]]
     ) -> SiteWeights:
-        """Return weights at these points and more, in another order: what is known of these need not be found again."""
+        """Return weights at these points and more, in another order: known ones need not be computed again."""
         found = SiteWeights(*points)
         for (sites, lattice), weights in self._weights.items():
             lat, lon = np.frombuffer(sites).reshape(2, -1)

@@ -44,7 +44,7 @@ def network_of(
         Directed segments, or the rule that makes them. None: the edges of a graph (both ways where it is undirected),
         else the default rule.
     zones : Airspace or None
-        Segments that cross them are left out.
+        Segments that cross them are omitted.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pads that move: a van that stands at given places, or along a road, from when until when.
+"""Pads that move: a van that stands at given places, or along a road, at given times.
 
 CSV has a row for each stand; GeoJSON a point for each stand, or a line for the road with the time at which the van comes to each of its
 places, from where it drives on as late as it may. Times are instants with a UTC offset, or hours and minutes after the first take-off.
@@ -35,7 +35,7 @@ GEOJSON_ENDINGS = (".geojson", ".json")
 
 @dataclass(frozen=True, slots=True)
 class VanStand:
-    """One place at which a van stands for a while; times are seconds after the first take-off."""
+    """One stand of a van; times are seconds after the first take-off."""
 
     station: Station
     van: str
@@ -50,7 +50,7 @@ class _Read:
 
 
 def read_van_stands(path: Path, depart_s: float | None = None) -> tuple[VanStand, ...]:
-    """Read the stands of vans, in order of van and time; `depart_s` is the first take-off, POSIX, where it is known.
+    """Read the stands of vans, in order of van and time; `depart_s` is the first take-off, POSIX, where known.
 
     An `InputError` has every fault: times that are reversed or overlap, a van that could not drive so fast, instants where nobody
     said when the first take-off is.

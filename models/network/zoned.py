@@ -1,4 +1,4 @@
-"""Segments and the zones that they come into: which are left out, which are closed at times."""
+"""Segments and the zones that they enter: which are removed, and which are closed at times."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.airspace.ways import Ways, chosen, columns, level_flights
 from skyway.models.base.errors import Fault
-from skyway.models.flight.way_heights import STEP_M
+from skyway.models.flight.level_steps import STEP_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
-    """Ground above mean sea level at each station, metres; NaN where it is not known."""
+    """Ground above mean sea level at each station, metres; NaN where it is unknown."""
     heights = [station.elevation_m for station in stations]
     return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 
@@ -34,7 +34,7 @@ def least_of(stations: Sequence[Station]) -> NDArray[np.float64] | None:
 
 
 class Raised(NamedTuple):
-    """How much higher segments are flown than at the cruise height, shape (segments,) each, without a terrain model."""
+    """Extra height of segments above the cruise height, shape (segments,) each, without a terrain model."""
 
     lift_m: NDArray[np.float64]
     """Climbed at the begin, and descended at the end, beyond the cruise height."""
@@ -45,7 +45,7 @@ class Raised(NamedTuple):
 
 
 def raised(stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Raised:
-    """Return how much higher segments between places with least heights are flown: as `models.flight.way_heights` has it."""
+    """Return how much higher segments between places with minimum heights are flown: see `models.flight.way_heights`."""
     least, ground_m = least_of(stations), ground_of(stations)
     first, last = (ground_m[pairs[:, end]] for end in (0, 1))
     usual = np.maximum(first, last) + cruise_height_m
@@ -58,7 +58,7 @@ def raised(stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_
 
 
 def raised_ways(ways: Ways, stations: Sequence[Station], pairs: NDArray[np.int64], cruise_height_m: float) -> Ways:
-    """Return ways between nodes, those between places with least heights as high as these ask for."""
+    """Return ways between nodes, those between places with minimum heights raised to these."""
     if least_of(stations) is None:
         return ways
     found, ground_m = raised(stations, pairs, cruise_height_m), ground_of(stations)

@@ -54,7 +54,7 @@ def _order(row: Row) -> Order:
         if due <= ready:
             row.fault("due", "is not after ready", f"later than {row.values['ready']}")
         elif (due - ready).total_seconds() > LONGEST_S:
-            row.fault("due", "is more than 48 h after ready", "forecasts are looked at for 48 h")
+            row.fault("due", "is more than 48 h after ready", "forecasts cover 48 h")
     mass = row.number("mass_kg", 0.0, 1000.0)
     value = row.number("value", 0.0, 1e12, -1.0)
     order = Order(

@@ -22,7 +22,7 @@ _POSITION = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*,\s*([+-]?\d+(?:\.\d+)?)\s*")
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done, in a scenario: the places of orders and drones are ids of its nodes."""
+    """Orders and drones in a scenario; their places are ids of its nodes."""
 
     scenario: Scenario
     orders: tuple[Order, ...]
@@ -74,9 +74,9 @@ class _Places:
         if match is None:
             return network.stations[network.find(text)].id
         if not targets:
-            raise InputError("is no station", remedy="drones stand at stations: name one by its id")
+            raise InputError("is not a station", remedy="drones stand at stations: name one by its id")
         if self._targets >= MAX_TARGETS:
-            raise InputError(f"more than {MAX_TARGETS:,} places that are no stations", remedy="dispatch them in parts")
+            raise InputError(f"more than {MAX_TARGETS:,} places that are not stations", remedy="dispatch them in parts")
         wider = self.scenario.with_target(float(match[1]), float(match[2]), id=f"{match[1]},{match[2]}")
         if len(wider.network.tail) == len(network.tail):
             raise InputError("no segment leads there", remedy="a place nearer to a station; lat comes before lon")

@@ -1,4 +1,4 @@
-"""Orders, and the drones of a fleet as they stand: what a dispatcher is given."""
+"""Orders, and the drones of a fleet with their state: the input of a dispatcher."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
-    """One drone of a fleet, as it stands.
+    """One drone of a fleet, with its state.
 
     Attributes
     ----------

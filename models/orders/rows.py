@@ -31,7 +31,7 @@ YEARS = (1900, 2200)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row; `place` is a fault without words that says where it stands, `faults` collects what is wrong with it."""
+    """One row; `place` is a fault without text at the position of the row, `faults` collects its faults."""
 
     values: Mapping[str, Any]
     place: Fault
@@ -47,7 +47,7 @@ class Row:
         return value.strip() if isinstance(value, str) else value
 
     def text(self, field: str, default: str | None = None) -> str:
-        """Read a line of text; required where there is no default."""
+        """Read a line of text; required unless there is a default."""
         value = self._given(field)
         if value is None or value == "":
             if default is None:
@@ -61,7 +61,7 @@ class Row:
         return value
 
     def number(self, field: str, low: float, high: float, default: float | None = None, hint: str = "") -> float:
-        """Read a number in [low, high]; required where there is no default."""
+        """Read a number in [low, high]; required unless there is a default."""
         value = self._given(field)
         if value is None or value == "":
             if default is None:
@@ -130,7 +130,7 @@ def read_rows(
 def checked_rows(
     rows: Iterable[tuple[Fault, dict[str, Any]]], required: Sequence[str], optional: Sequence[str], faults: list[Fault]
 ) -> Iterator[Row]:
-    """Yield rows of values; each field that is not known is a fault, told once."""
+    """Yield rows of values; each unknown field is a fault, reported once."""
     known = {*required, *optional}
     told: set[str] = set()
     for place, values in rows:

@@ -91,7 +91,7 @@ class PadLoad:
         """Arrivals per s and mean charging s in hours of UTC, shape (hours,), from the one that holds `start_s`.
 
         Where local time changes, an hour of the week comes twice or not at all, as on the clock. In zones whose offset
-        is no whole hour, an hour of UTC gets the rates of the local hour in which it begins.
+        is not a whole hour, an hour of UTC gets the rates of the local hour in which it begins.
         """
         hour = hours_of_week(self.timezone, start_s, hours)
         return self.arrivals_per_s[station, hour], self.mean_charging_s[station, hour]

@@ -83,7 +83,7 @@ def read_occupancy(
     the week (a local hour that comes twice or not at all when the clock changes is averaged over the rows there are),
     and arrivals = busy pads / mean charging time (Little). Empty cells and ``nan`` are gaps.
 
-    Warnings tell stations without a column (they get no load), columns that are no station, gaps, and hours of the week
+    Warnings tell stations without a column (they get no load), columns that are not stations, gaps, and hours of the week
     in which on average every one of the `pads`, shape (stations,), is busy (counted as `CLAMPED_UTILISATION` of them).
     An `InputError` carries every fault found (twenty are listed, the others counted): times and values that cannot be
     read, negative values, hours of the week without any value, two columns of one name, an empty file, an unknown time
@@ -142,7 +142,7 @@ def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector)
 
 
 def _number(text: str) -> float:
-    """Return a float, NaN where the text is no plain number."""
+    """Return a float, NaN where the text is not a plain number."""
     try:
         return math.nan if "_" in text else float(text)
     except ValueError:
@@ -176,7 +176,7 @@ def _parse_arrivals(text: str) -> float | Problem:
 
 
 def _parse_charging(text: str) -> float | Problem:
-    """Read a charging time, s; 0 is told apart later: it may stand where nobody arrives."""
+    """Read a charging time, s; 0 is checked later: it is valid where nobody arrives."""
     charging_s = _number(text) * S_PER_MIN
     return charging_s if charging_s == 0.0 or MIN_CHARGING_S <= charging_s <= MAX_CHARGING_S else _NOT_A_CHARGING_TIME
 
@@ -265,7 +265,7 @@ def _occupancy_warnings(
     if strangers:
         warnings.append(f"{file}: {len(strangers)} columns are not stations of the network: {_listed(strangers)}")
     if gaps:
-        warnings.append(f"{file}: {gaps} values are missing and were left out of the averages")
+        warnings.append(f"{file}: {gaps} values are missing and were ignored in the averages")
     if full.any():
         names = _listed([station_ids[i] for i in np.flatnonzero(full.any(axis=1)).tolist()])
         warnings.append(

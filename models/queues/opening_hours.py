@@ -1,4 +1,4 @@
-"""Opening hours of pads: as they are written, and as the times at which a station is closed.
+"""Opening hours of pads: their notation, and the times at which a station is closed.
 
 Written as OpenStreetMap does, a small part of it: ``Mo-Fr 07:00-19:00; Sa 08:00-12:00,13:00-17:00; Su off``. Days without
 a rule are closed; a later rule for a day goes before an earlier one; a rule without days holds for every day. Times are local;
@@ -48,7 +48,7 @@ class OpeningHours:
 
     @classmethod
     def parse(cls, text: str) -> OpeningHours:
-        """Read opening hours; an `InputError` says what is wrong."""
+        """Read opening hours. Raises an `InputError` with the problem."""
         if text.strip() == ALWAYS:
             return cls(((0, 7 * DAY_MIN),))
         of_day: dict[int, list[tuple[int, int]]] = {}
@@ -110,7 +110,7 @@ def opening_hours(text: str) -> OpeningHours:
 def closed_path(path: QueuePath, closed_s: NDArray[np.float64], *, spots: int) -> QueuePath:
     """Return the queue of a station that closes at times, shape (closures, 2).
 
-    Who would get a pad while it is closed gets it when it opens; where there are no holding spots, the same is true of landing.
+    A drone due for a pad while it is closed gets it when it opens; without holding spots, the same holds for landing.
     """
     if not len(closed_s):
         return path
@@ -166,7 +166,7 @@ class Closures:
         return total
 
     def past(self, begin_s: NDArray[np.float64], end_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """When it has been open since some times for as long as from these to others."""
+        """Time by which it has been open for the span between two times, starting from other ones."""
         found = np.broadcast_to(end_s, np.broadcast(begin_s, end_s).shape).astype(np.float64)
         for begin, end in self.closed_s.tolist():
             inside = (end > begin_s) & (begin < found)

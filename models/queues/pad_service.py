@@ -68,7 +68,7 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def present(self) -> int:
-        """How many drones are there: on the pads and in line."""
+        """Number of drones there: on the pads and in line."""
         return self.busy + self.waiting
 
     def others(self, drone: str) -> tuple[int, int]:
@@ -91,7 +91,7 @@ class PadService(Protocol):
         ...
 
     def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
-        """Ask for a pad and charging to a state of charge; asking again changes the state of charge asked for."""
+        """Request a pad and charging to a state of charge; another call changes the state of charge."""
         ...
 
     def release(self, station: str, drone: str) -> DroneOnPad:

@@ -1,4 +1,4 @@
-"""Queue paths: what a drone of ours meets at a station in one realization of the other drones, one by one or many packed.
+"""Queue paths: what a drone meets at a station in one realization of the other drones, one by one or many packed.
 
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
@@ -55,7 +55,7 @@ class QueuePath:
             object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
 
     def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
-        """When our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
+        """Time at which our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
 
         An arrival at the very time of another drone's stands behind it. Before the start of the path the
         answer is that of a drone behind all who are there at the start.
@@ -64,12 +64,12 @@ class QueuePath:
         return np.maximum(arrival + self.delay_s[interval], self.pad_s[interval])
 
     def land_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
-        """When it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
+        """Time at which it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
         arrival, interval = self._at(arrival_s)
         return np.maximum(arrival, self.land_s[interval])
 
     def latest_arrival(self, land_by_s: float) -> float:
-        """Latest arrival with which it touches down by a time; -inf where nobody does who arrives from now on."""
+        """Latest arrival with which it touches down by a time; -inf where no arrival from now on does."""
         served = int(np.searchsorted(self.land_s, land_by_s, side="right"))
         if served == 0:
             return -math.inf

@@ -44,7 +44,7 @@ def sample_sets(
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
-    path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
+    path whichever other stations are requested. Where the pads were not seen, the path begins with a number of drones
     drawn as `models.queues.waiting_times.settled` says.
 
     Parameters
@@ -121,7 +121,7 @@ def sample_many(
     busy: int | None,
     free_s: Sequence[float] = (),
 ) -> PackedPaths:
-    """Sample many paths of one station at once, from a stream of its own, made from the seed and its index.
+    """Sample many paths of one station at once, from a separate stream seeded by the seed and its index.
 
     Arguments as of `sample_sets`, which samples paths that are named one by one; `count` of them here hang together: where
     nobody has seen the pads (`busy` is None), the numbers of drones that they begin with are drawn evenly from the

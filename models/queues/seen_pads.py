@@ -64,7 +64,7 @@ def read_seen_pads(path: Path, stations: Collection[str]) -> tuple[SeenPads, ...
         try:
             seen = _decoded(line)
         except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
-            faults.add(f"does not tell of pads: {error}", '{"station": "clinic", "busy": 2}', line=number)
+            faults.add(f"is not a report of pads: {error}", '{"station": "clinic", "busy": 2}', line=number)
             continue
         if problem := _problem(seen, stations):
             faults.add(*problem, line=number, field="station", value=seen.station)
@@ -72,7 +72,7 @@ def read_seen_pads(path: Path, stations: Collection[str]) -> tuple[SeenPads, ...
     faults.raise_if_any()
     if not found:
         raise InputError(
-            "tells of no pads", str(path), remedy='a line for each station: {"station": "clinic", "busy": 2}'
+            "reports no pads", str(path), remedy='a line for each station: {"station": "clinic", "busy": 2}'
         )
     return tuple(found.values())
 

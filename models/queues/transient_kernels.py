@@ -259,10 +259,10 @@ def _earlier(means: Floats, pads: int, service: float, duration: float, weight: 
 
 @compiled
 def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: float, times_s: Floats) -> Floats:
-    """Compute the mean wait of an arrival at each of `times_s`, s; after the last slot its rate goes on.
+    """Compute the mean wait of an arrival at each of `times_s`, s; after the last slot its rate continues.
 
     An arrival that finds c + k - 1 drones needs the k-th departure from pads that are all busy until then: W(t) = sum
-    over k >= 1 of p[c + k - 1](t) M_k(t), with M_k of `_earlier` worked out backwards in time; after the last slot M_k
+    over k >= 1 of p[c + k - 1](t) M_k(t), with M_k of `_earlier` computed backwards in time; after the last slot M_k
     = k / (c b).
 
     Takes rates above 0 and ascending times from the first slot on; `models.queues.waiting_times` checks them.

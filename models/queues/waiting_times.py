@@ -92,7 +92,7 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
 
 @dataclass(frozen=True, eq=False)
 class PadQueue:
-    """Queue of one station, given what is known at an instant."""
+    """Queue of one station, given the information at an instant."""
 
     pads: int
     """At least 1."""
@@ -196,9 +196,9 @@ def station_queue(
 
 
 def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
-    """Probabilities of 0, 1, 2, … drones at a station that nobody has seen, at the beginning of an hour of UTC.
+    """Probabilities of 0, 1, 2, … drones at an unobserved station, at the beginning of an hour of UTC.
 
-    They are worked out once for each hour, load and number of pads, and are read-only. The station begins with the long
+    They are computed once for each hour, load and number of pads, and are read-only. The station begins with the long
     run of the week's mean load and lives through the load of the hours before, until it has forgotten that
     (`FORGOTTEN`). With more load on average than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from
     week to week.
@@ -210,7 +210,7 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
 
 
 def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArray[np.float64]:
-    """Probabilities of no more than 0, 1, 2, … drones at a station that nobody has seen, at any time; see `settled`."""
+    """Probabilities of at most 0, 1, 2, … drones at an unobserved station, at any time; see `settled`."""
 
     def found() -> NDArray[np.float64]:
         queue = station_queue(load, station, pads, start_s, 1)
@@ -226,7 +226,7 @@ _MAX_KEPT = 50_000  # half a kilobyte each
 def _kept(
     what: tuple[str, float], load: PadLoad, station: int, pads: int, work_out: Callable[[], NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Keep what was worked out for a time, a load and a number of pads."""
+    """Keep what was computed for a time, a load and a number of pads."""
     rates = load.arrivals_per_s[station].tobytes() + load.mean_charging_s[station].tobytes()
     key = (hashlib.blake2b(rates, digest_size=16).digest(), load.timezone, pads, what)
     found = _KEPT.get(key)

@@ -1,4 +1,4 @@
-"""The air that a fleet flies in: its density by height and temperature, and what the cold leaves of a battery."""
+"""The air of a fleet: its density by height and temperature, and the effect of cold on a battery."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOT_COUNTED = "what the cold takes of the battery is not counted ([[drone.cold_b
 def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin_s: float = 0.0) -> Scenario:
     """Return a scenario whose drones fly in the air over its stations, at the temperatures that are forecast from an instant on.
 
-    Where no temperature is told, the standard atmosphere counts, from `LOW_M` on; a fleet file that says another density is believed.
+    Without a temperature, the standard atmosphere applies, from `LOW_M` on; a fleet file that says another density is believed.
     """
     ground_m = scenario.network.ground_m
     known = ground_m[np.isfinite(ground_m)]
@@ -58,7 +58,7 @@ def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin
 
 
 def air_notes(drone: Drone, forecast: WindEnsemble, begin_s: float) -> list[str]:
-    """Tell what the air does to the flights of a drone, and which cold is not counted."""
+    """Describe the effect of the air on the flights of a drone, and which cold is not counted."""
     density = drone.energy_model.air_density_kg_m3
     more = drone.energy_model.power_w(drone.mass_kg) / drone.energy_model.in_air(AIR_DENSITY_KG_M3).power_w(
         drone.mass_kg

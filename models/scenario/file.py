@@ -227,7 +227,7 @@ class _Reader:
                 if zones is None or math.isinf(zones.max_height_m)
                 else "cross a no-fly zone, or are too high,"
             )
-            self.warnings.append(f"{removed} given segments {why} and are left out")
+            self.warnings.append(f"{removed} given segments {why} and are ignored")
         return network
 
     def _drones(self, table: Table) -> tuple[Drone, ...]:
@@ -300,7 +300,7 @@ class _Reader:
         return tuple(sites) if sound else (), sound
 
     def _observed(self, table: Table) -> dict[str, Any]:
-        """Read where the weather and the pads of now are found; the files change by the hour, and are no part of the scenario."""
+        """Read the sources of current weather and pads; the files change by the hour, and are not part of the scenario."""
         wind = table.texts("wind", ())
         for text in wind:
             if not text.strip() or one_line(text) != text:
@@ -312,7 +312,7 @@ class _Reader:
         return {"observed_wind": tuple(str(self.folder / text) for text in wind), "observed_pads": pads or None}
 
     def _forecast(self, table: Table, *, named: bool) -> dict[str, Any]:
-        """Read where forecasts are found; they change by the hour, are read when they are used, and are no part of the scenario."""
+        """Read the sources of forecasts; they change by the hour, are read on use, and are not part of the scenario."""
         files, error = table.texts("files", ()), table.text("error", "")
         for text in files:
             if not text.strip() or one_line(text) != text:
@@ -341,7 +341,7 @@ class _Reader:
         elif occupancy is not None:
             found = self._try(lambda f: read_occupancy(f, ids, timezone, pads, mean_charging_min), occupancy)
         else:
-            self.warnings.append("no [load]: the pads are taken to be free of other drones")
+            self.warnings.append("no [load]: assuming that no other drones use the pads")
             return None
         if found is None:
             return None

@@ -1,4 +1,4 @@
-"""A scenario over a terrain model: grounds filled in and compared, and what does not fit together."""
+"""A scenario over a terrain model: ground heights filled in and compared, with their contradictions."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ FEW = 4
 
 
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
-    """Return a scenario that is flown over a terrain model; an `InputError` says that it lies elsewhere.
+    """Return a scenario with a terrain model. Raises an `InputError` if the model covers another region.
 
-    Grounds that stations lack are filled in. What differs, what is not known, and segments that are left out for it are told in
+    Grounds that stations lack are filled in. What differs, what is unknown, and segments that are omitted for it are told in
     its warnings.
     """
     ground_m = terrain.ground_m(scenario.network.lat, scenario.network.lon)
@@ -49,7 +49,7 @@ def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
 
 
 def grounded(stations: Sequence[Station], terrain: Terrain) -> tuple[Station, ...]:
-    """Return stations, those whose ground is not known with that of the terrain model."""
+    """Return stations, those whose ground is unknown with that of the terrain model."""
     found = terrain.ground_m(np.array([one.lat for one in stations]), np.array([one.lon for one in stations]))
     return tuple(
         replace(one, elevation_m=round(float(ground), 2)) if one.elevation_m is None and np.isfinite(ground) else one
@@ -113,7 +113,7 @@ def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[st
 
 
 def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
-    """Tell of stations and segments over ground that is not known."""
+    """Tell of stations and segments over ground that is unknown."""
     missing = [network.stations[node].id for node in np.flatnonzero(np.isnan(ground_m))]
     if missing:
         some = ", ".join(missing[:4]) + (", …" if len(missing) > 4 else "")
@@ -126,4 +126,4 @@ def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) ->
     heights = segment_heights(flown.lat, flown.lon, flown.ground_m, left_out, flown.over)
     lost = int(np.isnan(heights.up_m).sum())
     if lost:
-        yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are left out"
+        yield f"{lost} segments pass over a void of the terrain model, or beyond it, and are removed"

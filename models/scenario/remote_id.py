@@ -1,4 +1,4 @@
-"""Remote ID: what a drone broadcasts of who flies it, as an operator gives it."""
+"""Remote ID: the operator's data that a drone broadcasts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EU = re.compile(r"([A-Z]{3}[0-9a-z]{13})(?:-([0-9a-z]{3}))?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteId:
-    """Who flies; empty texts are not told."""
+    """Operator data for Remote ID; empty texts are not sent."""
 
     operator_id: str = ""
     """Registration of the operator, as it is broadcast: without the secret digits."""
@@ -36,7 +36,7 @@ class RemoteId:
         return bool(self.operator_id or self.self_id or math.isfinite(self.lat_deg))
 
     def changed(self, operator_id: str | None, self_id: str | None, place: tuple[float, float] | None) -> RemoteId:
-        """Return it with what was typed in its place; an `InputError` says what cannot be broadcast."""
+        """Return it with the typed values in place. Raises an `InputError` if they cannot be broadcast."""
         found = self
         if operator_id is not None:
             found = replace(found, operator_id=broadcast_id(operator_id, "--operator-id"))
@@ -53,7 +53,7 @@ def broadcast_id(text: str, field: str) -> str:
     """Return the part of an operator's registration that is broadcast.
 
     European registrations (``FIN87astrdge12k8-xyz``) end in three secret digits, by which alone the check digit can be verified: they are
-    verified and left out. An `InputError` says that it is not a registration.
+    verified and left out. Raises an `InputError` if it is not a registration.
     """
     text = text.strip()
     found = _EU.fullmatch(text)
@@ -84,7 +84,7 @@ def _words(text: str, field: str) -> str:
 
 def _fitting(text: str, most: int, field: str) -> str:
     if not text or not text.isascii() or not text.isprintable() or len(text) > most:
-        remedy = f"1 to {most} letters, digits and signs of ASCII: the message holds no more"
+        remedy = f"1 to {most} letters, digits and signs of ASCII: the message has no more space"
         raise InputError(Fault("cannot be broadcast", field=field, value=text[:40], remedy=remedy))
     return text
 

@@ -1,4 +1,4 @@
-"""Scenarios: everything that is known of a region before a request."""
+"""Scenarios: all data of a region before a request."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ class Scenario:
     forecast_error : str or None
         File with the error of these forecasts by lead time (``skyway weather verify``).
     tariff : Tariff or None
-        Prices of energy and pads, for the stations as the network begins with them; None: nothing is said of costs.
+        Prices of energy and pads, for the stations as the network begins with them; None without costs.
     timezone : str
         IANA name of local time.
     season_days : int
         Days of the record within this many days of the departure's date are analogues.
     observed_wind : tuple of str
-        Files with the winds of now, used unasked by plans for now.
+        Files with current winds, used by default for plans for now.
     observed_pads : str or None
         Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
     remote_id : RemoteId
@@ -130,7 +130,7 @@ class Scenario:
     def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
         """Ensemble for a departure: the scenario's forecast, else analogue days of its record.
 
-        The days about `truth` (a local date) are left out.
+        The days about `truth` (a local date) are omitted.
         """
         if self.forecast_file is not None:
             return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
@@ -143,7 +143,7 @@ class Scenario:
 
     @property
     def has_forecast(self) -> bool:
-        """Whether it names forecasts of its own."""
+        """Whether it names its own forecasts."""
         return self.forecast_file is not None or bool(self.forecast_files)
 
     def forecast_from(
@@ -155,7 +155,7 @@ class Scenario:
         error: str | Path | None = None,
         truth: date | None = None,
     ) -> WindEnsemble:
-        """Ensemble for a departure from weather files of any form; a folder stands for its files.
+        """Ensemble for a departure from weather files of any form; a folder means all its files.
 
         `error` names a file with the error of such forecasts by lead time. Where they end, the record goes on. One file of our own (CSV) is for the
         scenario's wind sites, at the height of their instruments.
@@ -165,7 +165,7 @@ class Scenario:
         return read_region(self, files, utc(depart), hours, error=error, truth=truth)
 
     def analogues(self, depart: datetime, hours: int, truth: date | None = None) -> WindEnsemble:
-        """Ensemble of analogue days of the record; the days about `truth` (a local date) are left out."""
+        """Ensemble of analogue days of the record; the days about `truth` (a local date) are omitted."""
         exclude = () if truth is None else (truth,)
         local = utc(depart).astimezone(ZoneInfo(self.timezone))
         return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)
@@ -200,7 +200,7 @@ class Scenario:
 
     @cached_property
     def field_error(self) -> FieldError:
-        """How far the wind at cruise height between the sites may be from what is interpolated, by the record where it has several."""
+        """Error of the interpolated wind at cruise height between the sites, by the record where it has several."""
         found = FieldError() if self.history is None else FieldError.of(self.history)
         rules = self.rules
         return found.at_height(height_factor(rules.cruise_height_m, self.measured_at_m, rules.wind_profile_exponent))

@@ -1,4 +1,4 @@
-"""The tariff of a region: what energy costs at each station by hour of the week, and what the use of a pad costs."""
+"""The tariff of a region: prices of energy at each station by hour of the week, and fees of pads."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Tariff:
     Raises
     ------
     InputError
-        Shapes that do not fit, or prices that are no numbers from 0 to `MAX_PRICE`.
+        Shapes that do not fit, or prices that are not numbers from 0 to `MAX_PRICE`.
     """
 
     currency: str

@@ -1,4 +1,4 @@
-"""Files with prices of energy: by hour of the week, or as a record of what they were."""
+"""Files with prices of energy: by hour of the week, or as a record of past prices."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _COLUMNS = ("station", "hour_of_week", "price_per_kwh")
 
 
 def read_prices(path: Path, station_ids: Sequence[str]) -> NDArray[np.float64]:
-    """Read a CSV table ``station,hour_of_week,price_per_kwh``, shape (stations, 168); NaN where no row says a price.
+    """Read a CSV table ``station,hour_of_week,price_per_kwh``, shape (stations, 168); NaN where no row has a price.
 
     Rows of station ``*`` hold for every station and hour without a row of its own. An `InputError` carries every fault:
-    unknown station, hour outside 0-167, two rows for one hour, what is no price, a missing column.
+    unknown station, hour outside 0-167, two rows for one hour, an invalid price, a missing column.
     """
     faults = FaultCollector(str(path))
     default = len(station_ids)
@@ -51,10 +51,10 @@ def read_prices(path: Path, station_ids: Sequence[str]) -> NDArray[np.float64]:
 
 
 def read_price_record(path: Path, station_ids: Sequence[str], timezone: str) -> tuple[NDArray[np.float64], list[str]]:
-    """Read a record of prices, averaged by hour of the local week, shape (stations, 168); NaN where it says nothing.
+    """Read a record of prices, averaged by hour of the local week, shape (stations, 168); NaN where it has none.
 
     One row per hour, one column per station, as in a record of busy pads (`models.queues.load_files.read_occupancy`). A
-    station's hours of the week without a value get the mean of its others. Warnings tell columns that are no station. An
+    station's hours of the week without a value get the mean of its others. Warnings name columns that are not stations. An
     `InputError` carries every fault.
     """
     faults = FaultCollector(str(path))

@@ -1,1 +1,1 @@
-"""Terrain: heights of the ground and of obstacles, from the files in which they come."""
+"""Terrain: heights of the ground and of obstacles, from published files."""

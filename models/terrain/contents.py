@@ -1,4 +1,4 @@
-"""What a terrain or obstacle file holds: ``skyway.terrain/1``."""
+"""Contents of a terrain or obstacle file: ``skyway.terrain/1``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCHEMA = "skyway.terrain/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainContents:
-    """What a terrain file holds.
+    """Contents of a terrain file.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class TerrainContents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObstacleContents:
-    """What an obstacle file holds: points, and their box; the greatest height above ground and top above the sea."""
+    """Contents of an obstacle file: points and their box; the greatest height above ground and top above sea level."""
 
     file: str
     points: int
@@ -82,7 +82,7 @@ class ObstacleContents:
 
 
 def terrain_contents(text: str) -> TerrainContents:
-    """Read all of a terrain file; an `InputError` says what is wrong with it."""
+    """Read all of a terrain file. Raises an `InputError` with its problem."""
     raster = read_raster(text)
     south, west, north, east = raster.bounds()
     least, greatest, voids = np.inf, -np.inf, 0

@@ -1,4 +1,4 @@
-"""Terrain and obstacle files by their names: ``dem.tif``, and with what a file does not say ``dem.tif@ellipsoid`` or ``dem.tif@ft``."""
+"""Names of terrain and obstacle files, with options: ``dem.tif``, ``dem.tif@ellipsoid``, ``dem.tif@ft``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEA_LEVEL = ("EGM96", "EGM2008", "mean sea level")
 
 
 def split_name(text: str) -> tuple[Path, list[str]]:
-    """File of a name, and what is said of it behind ``@``."""
+    """File of a name, and its suffix after ``@``."""
     parts = text.split("@")
     said: list[str] = []
     while len(parts) > 1:
@@ -38,12 +38,12 @@ def split_name(text: str) -> tuple[Path, list[str]]:
 
 
 def with_folder(said: Sequence[str], folder: Path) -> list[str]:
-    """Return what is said of a file, geoid grids by their place in a folder."""
+    """Return the settings of a file, geoid grids by their place in a folder."""
     return [GEOID + str(folder / word.removeprefix(GEOID)) if word.startswith(GEOID) else word for word in said]
 
 
 def read_raster(text: str) -> Raster:
-    """Read one terrain file, with what its name says of it; an `InputError` says what is wrong."""
+    """Read one terrain file, with the settings in its name. Raises an `InputError` with its problem."""
     path, said = split_name(text)
     if not path.exists():
         raise InputError("no such file", str(path), remedy=_meant(path))
@@ -55,36 +55,36 @@ def read_raster(text: str) -> Raster:
             raster = _over_geoid(raster, Path(word.removeprefix(GEOID)))
         elif word in DATUMS:
             if raster.datum not in ("unknown", DATUMS[word]):
-                problem = f"counts from {raster.datum} by what the file says"
-                raise InputError(problem, str(path), value=f"@{word}", remedy=f"leave out @{word}")
+                problem = f"counts from {raster.datum} according to the file"
+                raise InputError(problem, str(path), value=f"@{word}", remedy=f"remove @{word}")
             raster = replace(raster, datum=DATUMS[word])
         else:
             if raster.unit_m not in (1.0, UNITS_M[word]):
-                raise InputError("is in another unit by what the file says", str(path), value=f"@{word}", remedy=f"leave out @{word}")  # fmt: skip
+                raise InputError("is in another unit according to the file", str(path), value=f"@{word}", remedy=f"remove @{word}")  # fmt: skip
             raster = replace(raster, unit_m=UNITS_M[word])
     return raster
 
 
 def _meant(path: Path) -> str | None:
-    """What may have been meant by a name that is no file: a word behind ``@`` that says nothing."""
+    """Suggestion for a name that is not a file: an unknown word after ``@``."""
     file, _, word = str(path).rpartition("@")
     if not file or not Path(file).is_file():
         return None
-    return f"{word} says nothing of {file}: {', '.join((*DATUMS, *UNITS_M, GEOID + 'GRID.tif'))}"
+    return f"{word} is not an option of {file}: {', '.join((*DATUMS, *UNITS_M, GEOID + 'GRID.tif'))}"
 
 
 def _over_geoid(raster: Raster, path: Path) -> Raster:
     """Return a raster above the ellipsoid, with the grid that leads from there to mean sea level."""
     if raster.datum not in ("unknown", "ellipsoid"):
-        problem = f"counts from {raster.datum} by what the file says"
-        raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="leave the geoid out: none is needed")
+        problem = f"counts from {raster.datum} according to the file"
+        raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="remove the geoid: it is not needed")
     if not path.is_file():
         raise InputError("no such file", str(path), remedy="name a grid of the geoid, as GeoTIFF")
     return replace(raster, datum="ellipsoid", geoid=read_geotiff(path))
 
 
 def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terrain:
-    """Read what terrain and obstacle files say of themselves; heights are read when they are asked for.
+    """Read the headers of terrain and obstacle files; heights are read on demand.
 
     An `InputError` lists every file that cannot be read, or of which a height says nothing about the ground below a leg.
     """
@@ -117,7 +117,7 @@ def _obstacles(files: Sequence[str], faults: list[Fault]) -> list[Obstacles]:
 
 
 def read_named(files: Sequence[str]) -> Terrain:
-    """Read terrain models and obstacles named together, told apart by what they are."""
+    """Read terrain models and obstacles named together, distinguished by their contents."""
     standing = [text for text in files if Path(text).suffix.lower() in (".csv", ".geojson", ".json")]
     return read_terrain([text for text in files if text not in standing], standing)
 
@@ -140,13 +140,13 @@ def _fine_enough(raster: Raster) -> Raster:
 
 
 def datum_note(raster: Raster) -> str | None:
-    """What a person should know of the vertical datum of a file; None where it counts from mean sea level, or is converted to it."""
+    """Note on the vertical datum of a file; None where it is mean sea level, or is converted to it."""
     name = Path(raster.file).name
     if raster.datum == "unknown":
         return (
-            f"{name} does not say what its heights count from: they are used as heights above mean sea level; "
-            f"if that is so, name it {name}@msl, else {name}@ellipsoid"
+            f"{name} does not state its vertical datum: its heights are used as heights above mean sea level; "
+            f"if that is right, name it {name}@msl, else {name}@ellipsoid"
         )
     if raster.datum in (*SEA_LEVEL, "ellipsoid"):
         return None
-    return f"the heights of {name} count from {crs_name(raster.datum)}: they are used as heights above mean sea level"
+    return f"the heights of {name} refer to {crs_name(raster.datum)}: used as heights above mean sea level"

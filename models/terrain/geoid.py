@@ -1,4 +1,4 @@
-"""The EGM96 geoid: its height above the WGS-84 ellipsoid, from a small grid that comes with the package.
+"""The EGM96 geoid: its height above the WGS-84 ellipsoid, from a small grid in the package.
 
 The grid holds EGM96 (NIMA/NASA, public domain) every 20 minutes of arc, rounded to 5 cm; between them it is interpolated by
 cubic convolution. Against EGM96 every 5 minutes the error is 0.02 m (RMS), 0.34 m at most: below that of the model.

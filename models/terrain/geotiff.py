@@ -1,4 +1,4 @@
-"""GeoTIFF and COG: where the heights of a TIFF lie, and what they count from.
+"""GeoTIFF and COG: position and datum of the heights of a TIFF.
 
 Source: OGC GeoTIFF 1.1 (19-008r4); GDAL's tags 42112 and 42113. Of the tags that place an image those without rotation are read.
 """
@@ -61,7 +61,7 @@ class _Pixels:
 
 
 def read_geotiff(path: Path) -> Raster:
-    """Read what a GeoTIFF says of itself; an `InputError` says what is missing or not read, and the remedy."""
+    """Read the header of a GeoTIFF. Raises an `InputError` with what is missing or unsupported, and the remedy."""
     file = str(path)
     try:
         with path.open("rb") as stream:
@@ -91,7 +91,7 @@ def _geo_keys(image: TiffImage) -> dict[int, int]:
     directory = image.tags.get(_KEYS)
     if not isinstance(directory, tuple) or len(directory) < 4:
         remedy = "gdal_translate -a_srs EPSG:… -a_ullr … says where it lies"
-        raise InputError("does not say where on the Earth it lies (no GeoTIFF keys)", image.file, remedy=remedy)
+        raise InputError("does not state its position on the Earth (no GeoTIFF keys)", image.file, remedy=remedy)
     entries = np.array(directory[4 : 4 + 4 * int(directory[3])], dtype=np.int64)
     entries = entries[: len(entries) // 4 * 4].reshape(-1, 4)
     return {int(key): int(value) for key, place, _, value in entries if place == 0}
@@ -104,16 +104,16 @@ def _placed(image: TiffImage) -> tuple[tuple[float, float], tuple[float, float]]
     if isinstance(matrix, tuple) and len(matrix) == 16:
         if matrix[1] or matrix[4]:
             remedy = "gdalwarp -t_srs EPSG:4326 writes it with rows from west to east"
-            raise InputError("lies askew: its rows do not follow the axes", image.file, remedy=remedy)
+            raise InputError("is rotated: its rows do not follow the axes", image.file, remedy=remedy)
         origin, step = (matrix[3], matrix[7]), (matrix[0], matrix[5])
     elif isinstance(scale, tuple) and isinstance(tie, tuple) and len(scale) >= 2 and len(tie) >= 6:
         step = scale[0], -scale[1]
         origin = tie[3] - tie[0] * step[0], tie[4] - tie[1] * step[1]
     else:
         remedy = "gdal_translate -a_ullr … says where it lies"
-        raise InputError("does not say where on the Earth it lies (no scale and tie point)", image.file, remedy=remedy)
+        raise InputError("does not state its position on the Earth (no scale and tie point)", image.file, remedy=remedy)
     if not (all(map(math.isfinite, (*origin, *step))) and step[0] > 0.0 and step[1] != 0.0):
-        raise InputError("has a scale that is no scale", image.file, value=step, remedy="gdal_translate -a_ullr … says where it lies")  # fmt: skip
+        raise InputError("has an impossible scale", image.file, value=step, remedy="gdal_translate -a_ullr … says where it lies")  # fmt: skip
     return origin, step
 
 

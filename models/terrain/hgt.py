@@ -40,13 +40,13 @@ def is_hgt(path: Path) -> bool:
 
 
 def read_hgt(path: Path) -> Raster:
-    """Read a tile; its name tells where it lies. An `InputError` says what is wrong."""
+    """Read a tile; its name gives its position. Raises an `InputError` with its problem."""
     file = str(path)
     tile = _Tile(path)
     found = NAME.match(Path(tile.member).name) or NAME.match(path.name)
     if found is None:
         remedy = "name it by its south-west corner, as it was published: N40W074.hgt"
-        raise InputError("does not tell by its name where it lies", file, remedy=remedy)
+        raise InputError("does not have its position in its name", file, remedy=remedy)
     south = int(found[2]) * (1 if found[1].upper() == "N" else -1)
     west = int(found[4]) * (1 if found[3].upper() == "E" else -1)
     if not (-90 <= south < 90 and -180 <= west < 180):
@@ -61,7 +61,7 @@ def read_hgt(path: Path) -> Raster:
 
 @dataclass(frozen=True, eq=False)
 class _Tile:
-    """The heights of a tile; a packed one is unpacked when it is first asked for."""
+    """The heights of a tile; a packed one is unpacked when it is first requested."""
 
     path: Path
 
@@ -82,7 +82,7 @@ class _Tile:
 
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns, which the size tells."""
+        """Rows and columns, from the size of the file."""
         size = self.path.stat().st_size if self._is_plain else len(self._unpacked)
         if size not in _SHAPES:
             sizes = " or ".join(f"{known:,}" for known in _SHAPES)

@@ -1,4 +1,4 @@
-"""Several rasters as one grid: what they hold of a region, in metres above mean sea level, voids filled from coarser files."""
+"""Several rasters as one grid: their heights over a region, in metres above mean sea level, with voids filled from coarser files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Box = tuple[float, float, float, float]
 _ALIGNED = 1e-3
 """Grids whose heights lie within this of each other's, in steps, are one grid."""
 _GEOID_EVERY = 32
-"""The geoid is worked out at every so many nodes, and is linear between."""
+"""The geoid is computed at every so many nodes, and is linear between."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,7 @@ class Patch:
         return row - self.row, column - self.column
 
     def interpolated_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height at places: bilinear between the four about it; NaN where one of them that counts is not known."""
+        """Height at places: bilinear between the four about it; NaN where one of them that counts is unknown."""
         row, column = self.at(lat, lon)
         rows, columns = self.height_m.shape
         row, column = _on_node(row), _on_node(column)

@@ -72,7 +72,7 @@ class Obstacles:
         return len(self.names)
 
     def tops_m(self, points: NDArray[np.int64], ground_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tops above mean sea level of some points over the ground there: the higher where both are told; infinite where unknown."""
+        """Tops above mean sea level of some points over the ground there: the higher where both are given; infinite where unknown."""
         top = np.fmax(self.amsl_m[points], ground_m + self.agl_m[points])
         return np.where(np.isnan(top), np.inf, top)
 
@@ -158,7 +158,7 @@ class _Points:
                 low, high = (0.0, TALLEST_M) if place == 0 else (-500.0, HIGHEST_M)
                 if not low <= metres <= high:
                     tall = "; is it in feet, or above sea level? " + _FIX if metres > high else ""
-                    self.fault(where, "is no height of an obstacle", f"{low:g} to {high:g} m{tall}", key, given[key])
+                    self.fault(where, "is not a height of an obstacle", f"{low:g} to {high:g} m{tall}", key, given[key])
                     return None
                 found[place] = metres
         if math.isnan(found[0]) and math.isnan(found[1]):
@@ -166,12 +166,12 @@ class _Points:
             if bare is None:
                 self.fault(where, "has no height", _FIX)
             else:
-                problem = "does not say its unit, and from where it counts"
+                problem = "has no unit and no datum"
                 self.fault(where, problem, _FIX, bare, given[bare])
             return None
         radius = 0.0 if _empty(given.get("radius_m")) else finite(given["radius_m"])
         if radius is None or not 0.0 <= radius <= MOST_RADIUS_M:
-            self.fault(where, "is no radius", f"0 to {MOST_RADIUS_M:g} m", "radius_m", given["radius_m"])
+            self.fault(where, "is not a radius", f"0 to {MOST_RADIUS_M:g} m", "radius_m", given["radius_m"])
             return None
         return found[0], found[1], radius
 

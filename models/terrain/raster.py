@@ -1,4 +1,4 @@
-"""Rasters: one file of heights each, what it says of itself, and windows of it in metres."""
+"""Rasters: one file of heights each, its metadata, and windows of it in metres."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOWEST_M, HIGHEST_M = -500.0, 9_500.0
 
 
 class Pixels(Protocol):
-    """What the pixels of a raster are read from."""
+    """Source of the pixels of a raster."""
 
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
         """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN where there is none."""
@@ -170,7 +170,7 @@ def checked_crs(code: str, file: str) -> str:
 
 @cache
 def crs_name(code: str) -> str:
-    """Name of a coordinate reference system by its code; the code alone where it is not known."""
+    """Name of a coordinate reference system by its code; the code alone where it is unknown."""
     import pyproj
 
     try:
@@ -181,7 +181,7 @@ def crs_name(code: str) -> str:
 
 @cache
 def vertical_unit_m(code: int) -> float | None:
-    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is not known."""
+    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is unknown."""
     import pyproj
 
     try:

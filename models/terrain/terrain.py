@@ -1,4 +1,4 @@
-"""Terrain of a region: height of the ground at places, and the highest that stands about them.
+"""Terrain of a region: height of the ground at places, and the highest around them.
 
 Heights are metres above mean sea level (the EGM96 or EGM2008 geoid, which files of either kind count from; they differ by
 decimetres mostly). Files that count from the ellipsoid are converted.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 _AHEAD_M = 3_000.0
-"""So much more than what is asked for is read, so that what lies beside it need not be read again."""
+"""So much more than what is requested is read, so that what lies beside it need not be read again."""
 _ABOUT_M = 1_000.0
 """So much about the radius is read, for the cells that a radius is rounded up to."""
 COARSEST_M = 1_000.0
@@ -33,7 +33,7 @@ COARSEST_M = 1_000.0
 
 
 class Terrain:
-    """Ground and obstacles of some files; only the region that is asked for is read.
+    """Ground and obstacles of some files; only the region that is requested is read.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Terrain:
         return np.full(len(lat), np.nan) if patch is None else patch.interpolated_m(lat, lon)
 
     def top_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is not known throughout.
+        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is unknown throughout.
 
         Never lower than any ground within the radius; the ground of up to two cells more counts, and that of the corners of a
         square about the place.
@@ -105,7 +105,7 @@ class Terrain:
         return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
-        """Highest ground within a radius of each height of a patch; NaN where one of them is not known."""
+        """Highest ground within a radius of each height of a patch; NaN where one of them is unknown."""
         from scipy.ndimage import maximum_filter1d
 
         south_m, east_m = patch.raster.spacing_m()
@@ -114,14 +114,14 @@ class Terrain:
         if found is None:
             known = np.where(
                 np.isnan(patch.height_m), np.float32(np.inf), patch.height_m
-            )  # what is not known is the highest
+            )  # what is unknown is the highest
             for axis in (0, 1):
                 known = maximum_filter1d(known, 2 * reach[axis] + 1, axis, mode="constant", cval=np.inf)
             found = self._tops[reach] = np.where(np.isinf(known), np.float32(np.nan), known)
         return found
 
     def _over(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> Patch | None:
-        """The patch that holds places and what lies within a radius; it grows with what is asked for."""
+        """The patch that holds places and what lies within a radius; it grows with what is requested."""
         if not len(lat) or not self.rasters:
             return None
         middle = float(lon[0]) if self._box is None else 0.5 * (self._box[1] + self._box[3])

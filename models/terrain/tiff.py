@@ -55,7 +55,7 @@ class TiffImage:
     dtype : numpy.dtype
         Of a pixel, in the byte order of the file.
     offsets, lengths : ndarray of int, shape (tiles,)
-        Where each tile is; a length of 0 is a tile that was left out.
+        Where each tile is; a length of 0 is a tile that was omitted.
     tags : dict
         All other tags: tuples of numbers, or text.
     """
@@ -91,7 +91,7 @@ class TiffImage:
         return out
 
     def left_out(self) -> bool:
-        """Whether tiles were left out: their pixels stand for no value."""
+        """Whether tiles were omitted: their pixels stand for no value."""
         return bool((self.lengths == 0).any())
 
     def _tile(self, stream: BinaryIO, number: int, rows_left: int) -> NDArray[np.generic]:
@@ -114,7 +114,7 @@ class TiffImage:
         return self._predicted(np.frombuffer(data, np.uint8, size).reshape(rows, -1))
 
     def empty_value(self) -> float:
-        """What stands in tiles that were left out: the value of no data, else NaN; integers without one hold their least."""
+        """Content of omitted tiles: the value of no data, else NaN; for integers without one their minimum."""
         nodata = nodata_of(self.tags)
         if nodata is not None:
             return nodata
@@ -169,7 +169,7 @@ def _unpacked_bits(data: bytes, size: int) -> bytes:
 
 
 def nodata_of(tags: dict[int, tuple[float, ...] | str]) -> float | None:
-    """Value that stands for no height, from GDAL's tag; None where none is told."""
+    """Value that marks missing heights, from GDAL's tag; None without the tag."""
     text = tags.get(42113)
     try:
         return float(text.strip()) if isinstance(text, str) else None
@@ -178,7 +178,7 @@ def nodata_of(tags: dict[int, tuple[float, ...] | str]) -> float | None:
 
 
 def read_tiff(stream: BinaryIO, file: str) -> TiffImage:
-    """Read how the first image of a TIFF file is stored; an `InputError` says what cannot be read, and the remedy."""
+    """Read how the first image of a TIFF file is stored. Raises an `InputError` with what is unsupported, and the remedy."""
     reader = _Reader(stream, file)
     tags, following = reader.directory(reader.begin())
     for _ in range(64):  # overviews, which are not wanted, and masks, which would be missed
@@ -188,7 +188,7 @@ def read_tiff(stream: BinaryIO, file: str) -> TiffImage:
         kind = other.get(254)
         if isinstance(kind, tuple) and kind and int(kind[0]) & 4:
             remedy = "gdal_translate -a_nodata -32768 writes voids as values"
-            raise InputError("tells its voids by a mask, which is not read", file, remedy=remedy)
+            raise InputError("marks its voids by a mask, which is not supported", file, remedy=remedy)
     return _image(tags, file, big=reader.big, order=reader.order)
 
 
@@ -230,7 +230,7 @@ class _Reader:
     def directory(self, at: int) -> tuple[dict[int, tuple[float, ...] | str], int]:
         """All tags of a directory, and where the next one is; 0 where there is none."""
         if not at:
-            raise InputError("holds no image", self.file)
+            raise InputError("has no image", self.file)
         (count,) = self._unpack("Q" if self.big else "H", at)
         if count > 4096:
             raise InputError(f"has {count} tags in its directory: it is damaged", self.file)
@@ -273,13 +273,13 @@ def _image(tags: dict[int, tuple[float, ...] | str], file: str, *, big: bool, or
     compression = number(259, 1)
     if compression not in _COMPRESSIONS:
         name = _UNREAD.get(compression, f"number {compression}")
-        raise InputError(f"is compressed with {name}, which is not read", file, remedy=_AGAIN)
+        raise InputError(f"is compressed with {name}, which is not supported", file, remedy=_AGAIN)
     sample = number(339, 1), number(258, 1)
     if sample not in _SAMPLES:
-        raise InputError("has pixels of a kind that is not read", file, value=f"{sample[1]} bits, format {sample[0]}", remedy="gdal_translate -ot Float32")  # fmt: skip
+        raise InputError("has pixels of an unsupported type", file, value=f"{sample[1]} bits, format {sample[0]}", remedy="gdal_translate -ot Float32")  # fmt: skip
     predictor = number(317, 1)
     if predictor not in (1, 2, 3) or (predictor == 3 and sample[0] != 3) or (predictor == 2 and sample[1] == 64):
-        raise InputError("has a predictor that is not read", file, value=predictor, remedy=_AGAIN)
+        raise InputError("has an unsupported predictor", file, value=predictor, remedy=_AGAIN)
     tiled = 322 in tags
     tile = (number(323, 0), number(322, 0)) if tiled else (min(number(278, rows), rows), columns)
     counts = -(-rows // max(tile[0], 1)) * -(-columns // max(tile[1], 1))

@@ -1,1 +1,1 @@
-"""Weather files: forecasts and reports in the formats in which they come, as one typed value."""
+"""Weather files: forecasts and reports in their published formats, as one typed value."""

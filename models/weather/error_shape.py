@@ -1,11 +1,11 @@
-"""How errors of forecasts hang together, learnt from forecasts and observations: with the wind, in time, over place, and within an issue.
+"""Structure of forecast errors, learnt from forecasts and observations: dependence on wind, and correlation in time, over distance, and within an issue.
 
 Errors are larger in strong wind: a wind that is a tenth too strong, turned by ten degrees or early by half an hour is further off the more it blows. Their variance is
 a + b s^2 of the speed s that was forecast. What is left, at the size that it has there, correlates by
 
     (1 - brief) exp(-d / length) exp(-t / tau)
 
-between places a distance d and times t apart; `brief` is the share of one hour and place alone, the report's own error in it. How much the size differs from issue to issue is told by the
+between places a distance d and times t apart; `brief` is the share of one hour and place alone, the report's own error in it. The spread of the size between issues follows from the
 fourth moment: a Gaussian error whose size is log-normal with the standard deviation w of its logarithm has the kurtosis 3 exp(4 w^2).
 
 Sources: S. Lerch and T. L. Thorarinsdottir, "Comparison of non-homogeneous regression models for probabilistic wind speed forecasting", Tellus A 65 (2013), 21206 (variance

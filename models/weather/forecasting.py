@@ -1,4 +1,4 @@
-"""A wind ensemble over a region, made of weather files: what planners fly in.
+"""A wind ensemble over a region, made from weather files, for the planners.
 
 Members keep their courses over time and place. Between the points of a grid, and from one time to the next, components are interpolated; the wind is
 carried to the height of flight by the heights that the forecast has (`profile`). Of one model the newest issue counts. Models
@@ -50,7 +50,7 @@ FADE_S = 6 * 3600.0
 
 
 def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadError = PUBLISHED) -> WindEnsemble:
-    """Make the wind over a region of all that can be planned with; an `InputError` says why it cannot."""
+    """Make the wind over a region from all usable weather files. Raises an `InputError` if that is impossible."""
     used, notes = _newest(weathers, region)
     slot_s = min(
         min(max(one.step_s if one.step_s == one.step_s else 3600.0, SHORTEST_SLOT_S), LONGEST_SLOT_S) for one in used
@@ -75,7 +75,7 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
             else one.probability[kept] / one.probability[kept].sum()
         )
         if len(kept) < len(one.members):
-            notes.append(f"{len(one.members) - len(kept)} members of {one.model} have no wind here and are left out")
+            notes.append(f"{len(one.members) - len(kept)} members of {one.model} have no wind here and are ignored")
         labels = tuple(one.members[member] for member in kept)
         if one.form != "CSV":
             issued_s = one.issued_s if math.isfinite(one.issued_s) else float(one.times_s[0])
@@ -134,12 +134,12 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
         raise (
             InputError([fault for error in faults for fault in error.faults])
             if faults
-            else InputError("no forecast was handed over")
+            else InputError("no forecast was given")
         )
     newest: dict[str, Weather] = {}
     for one in sorted(usable, key=lambda each: each.issued_s if math.isfinite(each.issued_s) else -math.inf):
         newest[one.model] = one
-    notes += [f"left out: {error.faults[0]}" for error in faults]
+    notes += [f"ignored: {error.faults[0]}" for error in faults]
     for lag in lags(usable):
         notes.append(
             f"{lag.model}: from the issue of {iso(from_posix(lag.earlier_s))} to the next, the wind at {lag.height_m:g} m changed by {speed_text(lag.rms_mps)}"
@@ -153,20 +153,18 @@ def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather],
         begun_s = region.depart_s - float(one.times_s[0])
         if not math.isfinite(one.issued_s) and begun_s > OLD_S:
             notes.append(
-                f"the forecast of {one.model} does not tell when it was issued; it begins {duration(begun_s)} before the departure and may be as old: fetch a newer one"
+                f"the forecast of {one.model} does not state its issue time; it begins {duration(begun_s)} before the departure and may be that old: fetch a newer one"
             )
-        issued = (
-            f"issued {iso(from_posix(one.issued_s))}" if math.isfinite(one.issued_s) else "its issue time is not told"
-        )
+        issued = f"issued {iso(from_posix(one.issued_s))}" if math.isfinite(one.issued_s) else "unknown issue time"
         heights = " and ".join(f"{height:g}" for height in one.wind_heights_m)
-        count = "1 course" if len(one.members) == 1 else f"{len(one.members)} members"
+        count = "single forecast" if len(one.members) == 1 else f"{len(one.members)} members"
         notes.append(f"wind of {one.name}: {one.model}, {issued}, {count}, at {heights} m")
         notes += [f"{one.model}: {note}" for note in one.notes]
     return list(newest.values()), notes
 
 
 def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> None:
-    """Raise an `InputError` where a series cannot be planned with at some places, at whatever time."""
+    """Raise an `InputError` where a series cannot be used for planning at some places, at any time."""
     if one.form == "METAR":
         raise InputError(
             "is an observation, not a forecast",
@@ -183,8 +181,8 @@ def check_place(one: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64]
         speed = np.hypot(*(one.fields[FieldKey(part, height_m)] for part in (NORTH, EAST)))
         strongest = float(np.nanmax(speed, initial=0.0))
         if strongest > MOST_MPS:
-            problem = f"has a wind of {strongest:.6g} m/s at {height_m:g} m: there is none so strong"
-            raise InputError(problem, one.name, remedy="look at its unit, and at what stands for a missing value")
+            problem = f"has a wind of {strongest:.6g} m/s at {height_m:g} m: no wind is so strong"
+            raise InputError(problem, one.name, remedy="check its unit, and its marker of missing values")
 
 
 def _check(one: Weather, region: Region) -> None:
@@ -267,7 +265,7 @@ def _check_gaps(one: Weather, times_s: NDArray[np.float64], at_s: NDArray[np.flo
             raise InputError(
                 problem,
                 one.name,
-                remedy=f"hand over the hours between: at most {duration(MAX_GAP_S)} may lie between two",
+                remedy=f"add the hours between: at most {duration(MAX_GAP_S)} may lie between two times",
             )
 
 
@@ -291,7 +289,7 @@ def _continued(found: WindEnsemble, region: Region) -> WindEnsemble:
     end_s = found.start_s + found.slots * found.slot_s
     if found.known_until_s >= end_s:
         return found
-    holds = "the last wind that was forecast holds on, with the error of that lead"
+    holds = "after its end the last wind continues, with the error of that lead time"
     if region.later is None:
         return replace(found, then=holds)
     begin_s = max(found.known_until_s, found.start_s)
@@ -312,5 +310,5 @@ def _continued(found: WindEnsemble, region: Region) -> WindEnsemble:
         last = given[:, first - 1 : first] - course[:, :1]
         parts.append(np.concatenate((given[:, :first], course + fade * last), axis=1))
     return replace(
-        found, north=parts[0], east=parts[1], then="from then on the winds of the record in this season go on"
+        found, north=parts[0], east=parts[1], then="after its end the winds of the record in this season follow"
     )

@@ -1,4 +1,4 @@
-"""The weather besides the wind over a region, hour by hour: what closes flights."""
+"""The weather besides the wind over a region, hour by hour, for weather limits."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _gust_sd(
 ) -> NDArray[np.float64] | None:
     """Standard deviation of gusts as a share of the wind at the height of flight, shape (slots,), the mean of places and members; None without a wind.
 
-    Near the ground it hardly changes with height (Stull 1988, section 9.5), so that of the height that gusts are told for is that of the flight.
+    Near the ground it hardly changes with height (Stull 1988, section 9.5), so the gust at its stated height is used at that of the flight.
     """
     heights = one.wind_heights_m
     if not heights:

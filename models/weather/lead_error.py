@@ -1,4 +1,4 @@
-"""How far forecasts of the wind are off, by lead time, and members that stray so far.
+"""Errors of wind forecasts by lead time, and members with such errors.
 
 A forecast without members, or with members that lie too close together, gets courses about it: an error that keeps its
 sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead. A part of it is of
@@ -96,13 +96,13 @@ PUBLISHED = LeadError(
 
 
 def read_lead_error(path: Path) -> LeadError:
-    """Read a file of errors, as ``skyway weather verify -o`` writes it; an `InputError` says what is wrong with it."""
+    """Read a file of errors, as ``skyway weather verify -o`` writes it. Raises an `InputError` with its problem."""
     remedy = "write one with skyway weather verify FORECAST --observed FILE -o FILE.json"
     text = read_text(path, max_bytes=MAX_BYTES)
     try:
         found = msgspec.json.decode(text, type=LeadError)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
-        raise InputError(f"is no file of forecast errors: {error}", str(path), remedy=remedy) from error
+        raise InputError(f"is not a file of forecast errors: {error}", str(path), remedy=remedy) from error
     count = len(found.lead_h)
     numbers = [
         *found.lead_h,
@@ -140,7 +140,7 @@ def lead_error_text(error: LeadError) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Courses:
-    """Courses of the wind of one model, shape (members, slots, places) each, and what was added to them."""
+    """Wind series of one model, shape (members, slots, places) each, and a note on added errors."""
 
     north: NDArray[np.float64]
     east: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Values at the points of a grid, or of stations, carried to other places."""
+"""Values at the points of a grid, or of stations, interpolated to other places."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _plane(lat: NDArray[np.float64], lon: NDArray[np.float64], middle: tuple[flo
 
 def _nowhere(weather: Weather) -> InputError:
     names = ", ".join(weather.places.names) or weather.model
-    problem = f"does not tell where {names} is"
+    problem = f"does not state the position of {names} is"
     return InputError(
         problem, weather.name, remedy="name it in [[wind.sites]] with its identifier (icao), latitude and longitude"
     )

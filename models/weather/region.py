@@ -1,4 +1,4 @@
-"""Where, when and how high a wind is wanted."""
+"""Region, times and heights of a requested wind."""
 
 from __future__ import annotations
 

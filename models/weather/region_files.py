@@ -1,4 +1,4 @@
-"""The wind over the region of a scenario from the weather files that are handed over."""
+"""The wind over the region of a scenario from weather files."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def read_region(
 
 
 def check_files(scenario: Scenario, files: Sequence[Path], near: datetime) -> None:
-    """Raise an `InputError` where weather files can be no forecast for a region, whenever it is asked for."""
+    """Raise an `InputError` where weather files cannot provide a forecast for a region at any time."""
     paths = listed(files)
     if len(paths) == 1 and is_table(paths[0]):
         return
@@ -82,7 +82,7 @@ def check_files(scenario: Scenario, files: Sequence[Path], near: datetime) -> No
 
 
 def listed(files: Sequence[Path]) -> list[Path]:
-    """Return files, those of a folder in its place, in the order of their names; what an index or a cache left there is no weather file."""
+    """Return files, those of a folder in its place, sorted by name; index and cache files are not weather files."""
     found: list[Path] = []
     for one in files:
         try:

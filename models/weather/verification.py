@@ -1,4 +1,4 @@
-"""Forecasts compared with what was observed, by lead time, and what is learnt from it.
+"""Verification of forecasts against observations by lead time, and the learnt error.
 
 Bias and root mean square error (RMSE) are of the ensemble mean; the CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
@@ -45,7 +45,7 @@ STRETCH_COST = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Forecasts of a wind and what was observed."""
+    """Forecasts of a wind, and the observations."""
 
     lead_s: NDArray[np.float64]
     """Shape (pairs,). From the issue to the observation."""
@@ -84,7 +84,7 @@ class LeadScore:
 
 
 def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], exponent: float) -> Pairs:
-    """Compare each issue with what was observed in its time; an `InputError` says that nothing fits."""
+    """Compare each issue with the observations in its time. Raises an `InputError` if none match."""
     seen = sorted(observed, key=lambda one: one.time_s)
     where = np.array([(one.lat_deg, one.lon_deg) for one in seen]).reshape(-1, 2)
     places, number = np.unique(where, axis=0, return_inverse=True)
@@ -117,7 +117,7 @@ def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], e
             raise faults[0]
         problem = "no observation lies in the time of a forecast"
         raise InputError(
-            problem, weathers[0].name if weathers else None, remedy="hand over observations of the hours that it is for"
+            problem, weathers[0].name if weathers else None, remedy="give observations of the hours of the forecast"
         )
     return Pairs(np.array(lead), np.array(issue), np.array(place), tuple(forecast), np.array(truth), places)
 

@@ -1,4 +1,4 @@
-"""What a weather file holds, whatever its format: the series of one issue of one model at its places."""
+"""Contents of a weather file of any format: the series of one issue of one model at its places."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Box:
         )
 
     def holds(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each place lies in it."""
+        """Whether each place is inside."""
         middle, half = 0.5 * (self.west + self.east), 0.5 * (self.east - self.west)
         apart = np.abs(np.mod(lon - middle + 180.0, 360.0) - 180.0)
         return np.asarray((lat >= self.south) & (lat <= self.north) & (apart <= half))
@@ -119,7 +119,7 @@ class Places:
 
     lat: NDArray[np.float64]
     lon: NDArray[np.float64]
-    """Shape (points,). Degrees, WGS-84; NaN where a station's place is not known."""
+    """Shape (points,). Degrees, WGS-84; NaN where a station's place is unknown."""
     kind: str
     """For people, such as ``lambert 93 x 65``, ``3 points``."""
     spacing_m: float = math.nan
@@ -129,7 +129,7 @@ class Places:
 
     @cached_property
     def box(self) -> Box | None:
-        """Where they lie; None where that is not known."""
+        """Bounds of the places; None where they are unknown."""
         known = np.isfinite(self.lat) & np.isfinite(self.lon)
         return Box.around(self.lat[known], self.lon[known]) if known.any() else None
 
@@ -226,7 +226,7 @@ class Weather:
         return float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else math.nan
 
     def needs_wind(self) -> None:
-        """Raise an `InputError` that says why no wind can be planned with, where that is so."""
+        """Raise an `InputError` with the reason if no wind can be planned with."""
         if self.wind_heights_m:
             return
         has = {key.quantity for key in self.fields}
@@ -234,10 +234,10 @@ class Weather:
             problem = "has wind speeds or gusts, but no direction: unusable for planning"
             remedy = "ask for the direction, too (wind_direction_10m, or u and v components)"
         elif NORTH in has or EAST in has:
-            problem, remedy = "has only one component of the wind", "hand over the file with the other one, too"
+            problem, remedy = "has only one component of the wind", "add the file with the other component"
         else:
             held = ", ".join(dict.fromkeys([*sorted(has), *self.others])) or "nothing"
-            problem, remedy = f"holds no wind, but {held}", "ask for the wind at 10, 80 or 100 m above ground"
+            problem, remedy = f"has no wind, only {held}", "ask for the wind at 10, 80 or 100 m above ground"
         raise InputError(problem, self.name, remedy=remedy)
 
 
@@ -252,8 +252,8 @@ def _check_ranges(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> Non
         for worst in (known.min(), known.max()) if known.size else ():
             if not low <= worst <= high:
                 name = SPOKEN.get(key.quantity, key.quantity)
-                problem = f"has a {name} of {float(worst):.6g} {UNITS[key.quantity]}: there is none such"
-                raise InputError(problem, file, remedy="look at its unit, and at what stands for a missing value")
+                problem = f"has a {name} of {float(worst):.6g} {UNITS[key.quantity]}: impossible"
+                raise InputError(problem, file, remedy="check its unit, and its marker of missing values")
 
 
 def with_components(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> dict[FieldKey, NDArray[np.float64]]:
@@ -313,12 +313,10 @@ def _both(first: Weather, second: Weather) -> Weather:
             part = into[rows]
             if math.isnan(one.issued_s) and np.any(np.abs(part - values) > SAME):
                 problem = f"has another {key.quantity} than {first.name} for the same place and time, and neither says when it was issued"
-                raise InputError(problem, second.name, remedy="hand over the newer one alone")
+                raise InputError(problem, second.name, remedy="give only the newer one")
             into[rows] = np.where(np.isnan(values), part, values)
     if math.prod(shape) > MAX_CELLS:
-        raise InputError(
-            "holds too much for one region", first.name, remedy="cut it to the region and the hours needed"
-        )
+        raise InputError("is too large for one region", first.name, remedy="cut it to the region and the hours needed")
     return replace(
         first,
         files=tuple(dict.fromkeys((*first.files, *second.files))),

@@ -34,7 +34,7 @@ FIRST_YEAR, LAST_YEAR = 1800, 2200
 
 @dataclass(frozen=True)
 class WindColumns:
-    """How a wind record is written: the ``[wind]`` table of a scenario.
+    """Format of a wind record: the ``[wind]`` table of a scenario.
 
     An `InputError` lists all at once: a unit, zone, convention, format or limit that does not exist.
     """

@@ -1,7 +1,7 @@
 """An ensemble of wind series (members), each for all sites and times together.
 
 A member is a whole course, so that wind that is strong now stays strong for as long as it does in nature, and
-at all sites at once. What it says of one slot and place is told by `models.wind.marginal`.
+at all sites at once. See `models.wind.marginal` for one slot and place.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
-    """Return at most so many of the numbers below `count`, evenly chosen, ascending."""
+    """Return at most as many of the numbers below `count`, evenly chosen, ascending."""
     return np.arange(count) if count <= most else (np.arange(most) * 2 + 1) * count // (2 * most)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HourlyWeather:
-    """What else a forecast tells of the weather over a region, hour by hour: what one member in ten exceeds at the worst place."""
+    """Weather besides the wind over a region, hour by hour: the value that one member in ten exceeds at the worst place."""
 
     start_s: float
     slot_s: float
     """POSIX seconds at which the first slot begins, and the length of a slot."""
     values: dict[str, NDArray[np.float64]]
-    """Shape (slots,) each, NaN where it is not known: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
+    """Shape (slots,) each, NaN where it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
     the members); ``gust_sd``: standard deviation of gusts as a share of the wind at the height of flight, the mean of places and members."""
 
     def between(self, name: str, begin_s: float, end_s: float) -> NDArray[np.float64]:
@@ -168,7 +168,7 @@ class WindEnsemble:
     def weighted(self, weights: ArrayLike) -> WindEnsemble:
         """Return the members with probabilities times `weights`, shape (members,), scaled to sum to 1.
 
-        An `InputError` says that a weight is negative or not finite, or that no member is left.
+        Raises an `InputError` if a weight is negative or not finite, or if no member is left.
         """
         product = self.probability * np.asarray(weights, dtype=np.float64)
         total = float(product.sum())

@@ -46,7 +46,7 @@ def analogue_ensemble(
     trial. They are for the height of the measurement. Dates are those of the clock of `depart`, so give it with its
     local offset; it lies in slot 0, and may be in the future of the record.
 
-    An `InputError` says that there is no such day, or refuses a naive time or a length out of range.
+    Raises an `InputError` for an unknown day, a naive time or a length out of range.
     """
     days = _Days(history, depart, hours)
     today = _day_of_year(np.array([days.today]))[0]
@@ -61,7 +61,7 @@ def analogue_ensemble(
         begin, end = (middle + timedelta(days=sign * min(season_days, 182)) for sign in (-1, 1))
         wanted = f"{begin:%d %B} to {end:%d %B}"
         whole = season & days.complete
-        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them left out"
+        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them excluded"
         if not whole.any():
             found = f"{season.sum()} days in that season, none without a gap"
         problem = f"no analogue day for the season {wanted}"

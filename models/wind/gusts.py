@@ -1,4 +1,4 @@
-"""Gusts about the wind of an hour, as a drone meets them: how strong they usually are, and what is left of them in a mean."""
+"""Gusts about the wind of an hour, at a moving drone: their usual size, and their mean over a time."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SLOT_S = 3600
 GAP_SLOTS = 3
-"""A gap of at most so many hours is filled from the hours around it."""
+"""A gap of at most as many hours is filled from the hours around it."""
 MAX_YEARS = 60
 MAX_CELLS = 30_000_000
 """Most hours times sites that a record may span."""

@@ -1,4 +1,4 @@
-"""Interpolation of wind between its sites: by the inverse square of the distance, or bilinear where they are the nodes of a lattice."""
+"""Interpolation of wind between its sites: by the inverse square of the distance, or bilinear on a lattice."""
 
 from __future__ import annotations
 

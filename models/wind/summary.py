@@ -108,7 +108,7 @@ class WindSummary:
     """Mean vector TOWARDS; for components along and across a course, see `components`."""
 
     def as_data(self) -> dict[str, float | None]:
-        """What `summary_from` makes the same words of again: mean speed, p10, p90, direction."""
+        """Data from which `summary_from` makes the same words: mean speed, p10, p90, direction."""
         return {
             "mean_mps": self.mean_mps, "p10_mps": self.p10_mps, "p90_mps": self.p90_mps, "from_deg": self.from_deg,
             "sector_share": self.sector_share,
@@ -131,7 +131,7 @@ class WindSummary:
 
 
 def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
-    """Return the summary of what `WindSummary.as_data` told; None where its speeds are unknown. The mean vector is not kept."""
+    """Return the summary from `WindSummary.as_data`; None where its speeds are unknown. The mean vector is not kept."""
     speeds = [data.get(name) for name in ("mean_mps", "p10_mps", "p90_mps")]
     mean, low, high = (math.nan if speed is None else speed for speed in speeds)
     if not math.isfinite(mean + low + high):

@@ -65,7 +65,7 @@ class ExhaustiveSearch:
         return self._stop_labels.best_s
 
     def solve(self) -> Itinerary:
-        """Enumerate, best bound first at each stop; a `NoRouteError` says that there is none, or none found in time."""
+        """Enumerate, best bound first at each stop. Raises a `NoRouteError` if there is no route, or none was found in time."""
         self._last_progress = time.monotonic()
         self._deadline = self._last_progress + self.time_limit_s
         self._visit([self._stop_labels.origin()])

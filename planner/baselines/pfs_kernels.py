@@ -75,7 +75,7 @@ class Frames(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Where to go on to, by segment: as no station is twice on the path, each is a candidate of one frame at most."""
+    """Candidates for the next stop, by segment: as no station is twice on the path, each is a candidate of at most one frame."""
 
     stage: NDArray[np.int64]
     """Shape (segments,). How far it is evaluated."""
@@ -89,7 +89,7 @@ class Candidates(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What is remembered of nodes, shape (nodes,)."""
+    """Search state of nodes, shape (nodes,)."""
 
     on_path: NDArray[np.bool_]
     """It is on the path."""
@@ -105,7 +105,7 @@ class Marks(NamedTuple):
 
 
 class Start(NamedTuple):
-    """How a search begins."""
+    """Start of a search."""
 
     node: int
     """Node of the drone."""
@@ -133,7 +133,7 @@ def search(world: World, start: Start, frames: Frames, candidates: Candidates, m
         marks.on_path[start.node] = True
     while True:
         f = frames.depth[0]
-        # The candidate of least rank; if a wait is not known, it is asked for and the search resumes here.
+        # The candidate of least rank; if a wait is unknown, it is requested and the search resumes here.
         if frames.stage[f] == _FRESH and not _list(world, start, frames, f, candidates):
             return NEEDS_WAITS
         chosen = _best(world, frames, f, candidates, marks)
@@ -192,7 +192,7 @@ def _leave(frames: Frames, f: int, marks: Marks) -> None:
 def _leave_cut_off(world: World, frames: Frames, marks: Marks) -> None:
     """Give up the frames at the end of the path from which no chain of open stations leads to the destination any more.
 
-    Whatever they would still try ends in stations that are on the path or dead. As that is no matter of time, whoever
+    All their remaining options end in stations that are on the path or dead. As that does not depend on time, whoever
     comes to such a station earlier, on another path, may try again, and the frames below do not count as limited by it.
     """
     graph, need = world.graph, world.need
@@ -308,7 +308,7 @@ def _list_held(world: World, frames: Frames, f: int, candidates: Candidates, mar
 
 @compiled_lean
 def _evaluate(world: World, frames: Frames, f: int, candidates: Candidates, segment: int) -> None:
-    """Work out the flight of a candidate."""
+    """Compute the flight of a candidate."""
     stand = _stand(frames, f)
     _put(world, stand, candidates, segment, earliest(world, stand, segment))
 

@@ -35,9 +35,9 @@ class StrictForwardSearch:
         self._memory: dict[tuple[int, int], tuple[float, float]] = {}
 
     def solve(self) -> Itinerary:
-        """Go to the station of least expected time until the destination is in reach.
+        """Go to the station of least expected time until the destination is within range.
 
-        A `NoRouteError` says that no station is in reach, or that the step limit is passed.
+        Raises a `NoRouteError` if no station is in reach, or if the step limit is passed.
         """
         p = self.problem
         here, now, soc = p.origin, p.depart_s, p.soc

@@ -38,7 +38,7 @@ class Demand:
     most_per_h : float
         Orders an hour of the fullest day that is studied: others have a part of its orders.
     hours : float
-        For so long orders come.
+        How long orders arrive.
     within_m : float
         From one station with pads to another one within this distance, as the crow flies.
     pattern : tuple of (str, str, float)

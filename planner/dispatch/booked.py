@@ -80,7 +80,7 @@ def plan_fleet(
 def _refuse_under_way(book: Ledger, work: Work, holder: str) -> None:
     """Refuse orders whose drone stands on a pad already: their bookings must not be given up."""
     begun = {hold.name for hold in book.holds() if hold.holder == holder and hold.state in ("in use", "late")}
-    remedy = "leave it out: what flies already is not replanned"
+    remedy = "remove it: flights under way are not replanned"
     refuse([fault_at(one.source, "id", "is under way", one.id, remedy) for one in work.orders if one.id in begun])
 
 

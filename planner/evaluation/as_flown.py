@@ -1,7 +1,7 @@
-"""When a delivery arrives as `skyway fly` flies it: the online policy simulated in the winds of the forecast.
+"""Arrival times of deliveries with `skyway fly`: the online policy simulated in the winds of the forecast.
 
-The truth of each simulated delivery is a member of the forecast, and what the policy is told lacks that member and its neighbours, as in
-`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy is told the wind measured at the sites, the pads and its own
+The truth of each simulated delivery is a member of the forecast, and the policy's information lacks that member and its neighbours, as in
+`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy gets the wind measured at the sites, the pads and its own
 energy, and decides again. Members are drawn by their probability, evenly; queues, gusts and vehicles are other ones in each delivery.
 """
 
@@ -63,7 +63,7 @@ class AsFlown:
 
     @property
     def on_the_ground(self) -> int:
-        """Deliveries that stayed at a station, since no later hour of the forecast let them go on."""
+        """Deliveries that stayed at a station, because no later hour of the forecast allowed a take-off."""
         return int((self.flown.ending == GAVE_UP).sum())
 
 
@@ -107,7 +107,7 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     Raises
     ------
     InputError
-        Too few runs, or a forecast of one member: there is no other to be told.
+        Too few runs, or a forecast of one member: there is no other member for the policy.
     """
     forecast, errors = problem.forecast, problem.usual_errors
     if runs < LEAST_RUNS:
@@ -115,10 +115,8 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
             "too few simulated deliveries", field="flown_runs", value=runs, remedy=f"at least {LEAST_RUNS}"
         )
     if len(forecast) < 2:
-        remedy = "leave out --wind, or give a forecast with an error"
-        raise InputError(
-            "one course of the wind is no forecast that could turn out otherwise", field="wind", remedy=remedy
-        )
+        remedy = "remove --wind, or give a forecast with an error"
+        raise InputError("a single wind series is not an uncertain forecast", field="wind", remedy=remedy)
     rng = np.random.default_rng((problem.request.seed, _STREAM, runs))
     member = np.searchsorted(np.cumsum(forecast.probability), (np.arange(runs) + 0.5) / runs).clip(
         max=len(forecast) - 1

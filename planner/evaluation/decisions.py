@@ -44,7 +44,7 @@ def fly_policy(
 ) -> tuple[Flown, list[Itinerary]]:
     """Fly a policy in some realizations (all by default), run by run; also returns what it did in each.
 
-    `watch` is told of each flight of an adaptive policy how to fly it again in other gusts. An `InputError` says that
+    `watch` gets for each flight of an adaptive policy the means to fly it again in other gusts. Raises an `InputError` if
     start and destination are the same.
     """
     problem = realizations.problem(drone)
@@ -215,7 +215,7 @@ class _Run:
     def flight(
         self, policy: Adaptive, stop_label: _StopLabel, way: Departure, begun: tuple[float, float, float]
     ) -> tuple[Leg, NDArray[np.float64]]:
-        """Fly, asking the policy over each station with pads; `begun` is (pad, take-off, charge)."""
+        """Fly, with a decision of the policy over each station with pads; `begun` is (pad, take-off, charge)."""
         problem, air = self.problem, self.problem.air
         pad_s, off, charge = begun
         disturbance = self.realizations.disturbance(problem.drone)

@@ -164,7 +164,7 @@ def evaluate(
     cluster: str | None = None,
     told: Callable[[int, int, float], None] | None = None,
 ) -> Evaluation:
-    """Fly a plan in realizations: as it stands, or, of ``robust``, with the charge decided at each stop.
+    """Fly a plan in realizations: unchanged, or, for ``robust``, with the charge decided at each stop.
 
     Parameters
     ----------

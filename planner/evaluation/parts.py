@@ -1,4 +1,4 @@
-"""Simulated deliveries flown part by part, by one process or many: the same deliveries, bit for bit, however they are shared out."""
+"""Simulated deliveries in parts, by one process or many: the same deliveries, bit for bit, for any number of processes."""
 
 from __future__ import annotations
 

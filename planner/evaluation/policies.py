@@ -1,4 +1,4 @@
-"""Policies that decide while a delivery is under way, and the information state they decide with."""
+"""Policies that decide during a delivery, and the information state of their decisions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What a policy knows when it decides: a drone that has just landed, or is about to leave its origin."""
+    """Information state of a policy's decision: a drone that has just landed, or is about to leave its origin."""
 
     node: int
     station: str
@@ -54,10 +54,10 @@ class Standing:
 
 
 class Policy(Protocol):
-    """Decides at every stop, knowing what is known there; must not look into the truth."""
+    """A policy: decides at every stop from the information there, without knowledge of the truth."""
 
     def decide(self, standing: Standing) -> Leg | None:
-        """The next leg and the stop before it, or None if there is no onward route."""
+        """Return the next leg and the stop before it, or None if there is no onward route."""
 
 
 @runtime_checkable
@@ -65,10 +65,10 @@ class Adaptive(Protocol):
     """Decides at every stop, again at each new wind measurement there, and over stations on the way."""
 
     def leave(self, standing: Standing) -> Departure | None:
-        """How to leave a stop, or None if there is no onward route."""
+        """Return how to leave a stop, or None if there is no onward route."""
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """Segments to go on with over a station with pads; none: land there.
+        """Segments to continue with over a station with pads; none: land there.
 
         Time and charge are set back by a climb, as if it took off there.
         """

@@ -127,7 +127,7 @@ class Realizations:
         return float(energy[run, leg % energy.shape[1]])
 
     def disturbance(self, drone: Drone, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
-        """What kernels need to know of some runs with a drone."""
+        """Kernel inputs for some runs with a drone."""
         return Disturbance(
             self.queue[runs],
             self.energy(drone)[runs],
@@ -239,7 +239,7 @@ def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
 def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
     """Forecast of a request without the given days and days whose series overlap theirs.
 
-    An `InputError` says that the scenario has no record, or that no day of the season is left.
+    Raises an `InputError` if the scenario has no record, or if no day of the season is left.
     """
     if scenario.history is None:
         remedy = "give [wind] history in scenario.toml"
@@ -249,7 +249,7 @@ def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]
 
 
 def season_days(scenario: Scenario, request: Request, count: int, *, seed: int = 0) -> tuple[date, ...]:
-    """Days of the request's season drawn to be held out, at least the planning horizon apart; fewer where no more fit."""
+    """Draw held-out days of the request's season, at least the planning horizon apart; fewer where no more fit."""
     from datetime import date as date_
 
     labels = held_out_forecast(scenario, request, ()).labels

@@ -33,7 +33,7 @@ class Estimate:
         return Estimate(factor * self.value, factor * self.low, factor * self.high)
 
     def text(self, form: str = ".1f") -> str:
-        """``12.3 [11.9, 12.8]``; a dash for what is not known."""
+        """``12.3 [11.9, 12.8]``; a dash for what is unknown."""
         if math.isnan(self.value):
             return "-"
         if math.isnan(self.low):
@@ -86,7 +86,7 @@ class DayBootstrap:
         return Estimate(found.value, max(found.low, 0.0), min(found.high, 1.0))
 
     def quantile(self, values: NDArray[np.float64], q: float) -> Estimate:
-        """Least value at or below which a share q of the runs lies; NaN runs are left out."""
+        """Smallest value at or below which a share q of the runs lies; NaN runs are omitted."""
         known = np.flatnonzero(np.isfinite(values))
         if not len(known):
             return Estimate(math.nan)

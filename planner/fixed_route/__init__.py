@@ -1,1 +1,1 @@
-"""Charging stops on a route whose order is fixed: where to leave the work, at which pad, and with which charge to go on."""
+"""Charging stops on a route with a fixed order: where to leave the work, at which pad, and how much to charge."""

@@ -1,9 +1,9 @@
 """Where to leave a fixed route to change the battery, with few packs and few chargers: exact.
 
 What comes out of the drone goes to the charger that is free first, and is charged to the full; the drone waits on the pad for the pack that is
-full first. A label is an arrival: a place, a pad, when the drone can go on with a full pack, when each other pack is full, and when each
-charger is free. It is dropped where another one of the same place is no later in all of these: with that, all can be done that could be done with
-it, for on a pad one may wait. A way takes the same whenever it is begun between two changes of the wind, so that only the first take-off of each
+full first. A label is an arrival: a place, a pad, when the drone can continue with a full pack, when each other pack is full, and when each
+charger is free. It is dropped where another one of the same place is no later in all of these: it then allows everything possible with
+it, for on a pad one may wait. A way takes the same whenever it starts between two changes of the wind, so that only the first take-off of each
 such piece is tried.
 """
 
@@ -29,7 +29,7 @@ _TIE_S = 1e-7
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PackPool:
-    """Packs and chargers that whoever changes batteries has with them, wherever that is."""
+    """Batteries and chargers that move with the person who changes batteries."""
 
     packs: int
     """That of the drone included; all are full at the start."""
@@ -45,7 +45,7 @@ class PackPool:
         return float(self.curve_s[-1] - np.interp(max(soc, 0.0), self.curve_soc, self.curve_s))
 
     def changed(self, here: PoolState, arrive_s: float, soc: float) -> tuple[float, PoolState]:
-        """Change the battery of a drone that comes at a time with a charge: when it can go on, and what is left behind."""
+        """Exchange the battery of a drone that arrives at a time with a charge: when it can depart, and the remaining packs."""
         out_s = arrive_s + self.swap_s
         begin_s = max(out_s, here.free[0])
         full_s = begin_s + self.refill_s(soc)
@@ -55,7 +55,7 @@ class PackPool:
 
     @property
     def all_full(self) -> PoolState:
-        """What there is at the start."""
+        """State of the packs at the start."""
         return PoolState((-math.inf,) * (self.packs - 1), (-math.inf,) * self.chargers)
 
 
@@ -81,7 +81,7 @@ class _Change(Label):
 
 
 def swap_stops(route: FixedRoute, pool: PackPool) -> ChargingPlan | None:
-    """Return the stops with which a route ends first, every flight begun with a full pack, or None where none let it end.
+    """Return the stops of the earliest route on which every flight starts with a full pack, or None where there is none.
 
     The route's curves are those of a drone that is full at once, and the change is in its waits.
     """
@@ -104,7 +104,7 @@ class _PackSearch(StopSearch):
         return None if self.best is None else self._told(*self.best)
 
     def landings(self, label: Label, position: int, pad: int) -> list[_Change]:
-        """Fly to a pad in each piece of time, and change the battery there; leave out what is no better than what is known."""
+        """Fly to a pad in each piece of time, and exchange the battery there; omit landings dominated by known ones."""
         if not isinstance(label, _Change):
             return []
         first, last = self.windows[pad]

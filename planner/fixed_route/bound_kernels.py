@@ -1,10 +1,10 @@
-"""Kernels of bounds: what is left of a fixed route takes at least so long.
+"""Kernels of lower bounds of the time for the rest of a fixed route.
 
 Let tau(s) be the time from empty to charge s where every percent comes from the fastest pad there is. Stops of any plan take at
-least the sum of tau(leaving) - tau(arriving). Put together by ways, not by stops, each way of energy E that is begun with charge d
+least the sum of tau(leaving) - tau(arriving). Put together by ways, not by stops, each way of energy E that starts with charge d
 adds tau(d) - tau(d - E), which grows with d, for tau is convex: it is least for the d that the way needs. So a way costs its time
 and that, whatever comes before and behind it, the last one tau(d), and the least sum is a shortest path. It is no bound only but the answer where all
-pads are alike and each way is begun with what it needs.
+pads are alike and each way starts with what it needs.
 """
 
 from __future__ import annotations

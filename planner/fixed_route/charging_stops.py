@@ -2,7 +2,7 @@
 
 Labels are stops with all that the drone can do there, as charge over time (`planner.schedule.profile_kernels`): waiting for a pad,
 charging along a curve that is not straight, and going on later where the wind changes are all in the one function. They are taken
-in the order of a bound (`planner.fixed_route.bound_kernels`), ways on from a label one by one, so that most are never worked out; the
+in the order of a bound (`planner.fixed_route.bound_kernels`), ways on from a label one by one, so that most are never computed; the
 first that ends the route is the best. A label is dropped where another one of the same place has at any time as much charge.
 
 The fixed-route vehicle charging problem (Froger, Mendoza, Jabali and Laporte, "Improved formulations and algorithmic components for the
@@ -38,7 +38,7 @@ _TIE_S = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FixedRoute:
-    """A route whose order is fixed, and the pads about it."""
+    """A route with a fixed order, and the pads near it."""
 
     hops: Hops
     slots: Slots
@@ -85,7 +85,7 @@ class ChargingPlan:
     end_s: float
     soc_end: float
     labels: int
-    """Stops that were worked out on the way."""
+    """Stops that were computed on the way."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -176,7 +176,7 @@ class StopSearch:
         return () if reached is None else (reached,)
 
     def _dive(self, label: Label) -> None:
-        """Take the best way on again and again: an answer that is nearly the best, so that most others are never looked at."""
+        """Take the best way on again and again: an answer that is nearly the best, so that most others are never searched."""
         for _ in range(len(self.route.can_leave) * len(self.route.curves)):
             rows = self.ways_on(label)
             reached = None
@@ -208,7 +208,7 @@ class StopSearch:
     def _queue_next(self, label: Label, ways: Iterator[list[float]]) -> None:
         """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first.
 
-        Ways to where a label is known that surely has as much charge at any time are left out.
+        Ways to where a label is known that surely has as much charge at any time are omitted.
         """
         for bound, until, to_pad, first_s, potential_s in ways:
             place = int(until), int(to_pad)

@@ -1,11 +1,11 @@
-"""A bound of all orders: nothing that does the work ends earlier, whatever the order, the stops, and which drone does what.
+"""A bound over all orders: no order, stops and distribution over drones ends earlier.
 
-A linear relaxation. Each unit is come to from one other and gone on from to one other, on ways that cost their time and their charge,
+A linear relaxation. Each unit is entered from one other and left to one other, on ways that cost their time and their charge,
 the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
 on with it where it was left, costs at least what the nearest place to a pad does.
 
-Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be begun with r + s E at
-least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way is begun with, less
+Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be started with r + s E at
+least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way starts with, less
 tau of what the first one ends with, and for each way between tau(d) - tau(d - m E), which is least for d = r + s E: phi(E). So it is at least
 a (E - E0) - b V for each tangent of the lower hull of phi, and, E0 being what first ways take, tau(r) - tau(start) and a chord more. HiGHS, of SciPy,
 solves it.
@@ -32,7 +32,7 @@ MANY = 150
 """Beyond so many units ways are not told apart by where they come from."""
 ROUNDS = 12
 NEAREST = 6
-"""Ways to and from a unit that are looked at first."""
+"""Ways to and from a unit that are considered first."""
 REDUCED_S = 1e-7
 EXTRA = 4
 """Columns that are no ways."""
@@ -116,7 +116,7 @@ def _least_hop(hops: NDArray[np.float64]) -> float:
 
 
 def _sparse(rows: Sequence[NDArray[np.float64]]) -> Any:
-    """Return rows as a table that is looked at by columns."""
+    """Return rows as a table for access by columns."""
     from scipy.sparse import csc_array
 
     return csc_array(np.array(rows))
@@ -237,7 +237,7 @@ class _Ways:
         return rows, wanted
 
     def first_columns(self) -> NDArray[np.bool_]:
-        """Choose the ways to begin with: the shortest ones from and to each unit, and all that are no ways."""
+        """Choose the initial columns: the shortest ways from and to each unit, and all that are not ways."""
         chosen = np.ones(len(self.heads) + EXTRA, dtype=bool)
         if not self.apart:
             return chosen
@@ -250,7 +250,7 @@ class _Ways:
         return chosen
 
     def cuts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return rows of ways into sets of units that are come to too rarely: at least one of them is flown."""
+        """Return rows of ways into sets of units that are entered too rarely: at least one of them is flown."""
         if not self.apart or self.units < 2:
             return []
         from scipy.sparse import csr_array

@@ -1,8 +1,8 @@
-"""Orders of units looked for by adaptive large neighbourhood search over the exact planner of fixed routes.
+"""Search for orders of units by adaptive large neighbourhood search over the exact planner of fixed routes.
 
 Some turns are taken out and put in again elsewhere, whichever way round costs least by time and charge of the ways. What a new order ends at
 is bounded in a millisecond (`charging_stops.least_end`): orders are walked through on that bound, and an order that is bounded to end before
-the best known is worked out exactly, pads shared, so that every end that is told was planned. Which way of taking out is used follows from how
+the best known is computed exactly, pads shared, so that every reported end was planned. Which way of taking out is used follows from how
 often it helped (Ropke and Pisinger, "An adaptive large neighborhood search heuristic for the pickup and delivery problem with time windows",
 Transportation Science 40, 2006).
 """
@@ -69,7 +69,7 @@ def best_order(
 ) -> BestOrder:
     """Look for the order that ends first, from an order on; `keeps_order`: units are shared among drones, each in the order of `begin`.
 
-    Where there are no more than `few` orders, all are looked at. The same seed gives the same answer.
+    With at most `few` orders, all are searched. The same seed gives the same answer.
     """
     if iterations is None:
         share = min(1.0, (MANY_UNITS / max(work.units, 1)) ** 2)
@@ -140,7 +140,7 @@ class _Search:
         return BestOrder(tuple(map(tuple, self.best)), self.best_s, self.looked_at, self.planned)
 
     def _count(self) -> int:
-        """At most so many orders there are, all drones told apart."""
+        """Upper bound for the number of orders, with all drones distinct."""
         units, drones = self.work.units, len(self.begin)
         orders = 1 if self.keeps_order else math.factorial(min(units, 20))
         either = 1 if self.keeps_order else 2 ** sum(one is not None for one in self.work.turns[1::2])

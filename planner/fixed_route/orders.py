@@ -1,4 +1,4 @@
-"""Routes whose order is free: units of work in turns, and the fixed route that an order of them is.
+"""Routes with a free order: units of work, and the fixed route of each order.
 
 A *turn* is a unit flown from its beginning (2 u) or from its end (2 u + 1). Ways between turns are a table; the head of the
 mission comes before the first turn of every route, its tail behind the last one.
@@ -55,7 +55,7 @@ class Stretch:
 
     @property
     def least(self) -> Stretch:
-        """The stretch with the least that each hop takes in any slot."""
+        """The stretch with the minimum of each hop over all slots."""
         hops = (self.work_s, self.work_soc, self.to_s, self.to_soc, self.from_s, self.from_soc)
         work_s, work_soc, to_s, to_soc, from_s, from_soc = (one.min(axis=0, keepdims=True) for one in hops)
         return Stretch(work_s, work_soc, to_s, to_soc, from_s, from_soc, self.can_leave)
@@ -63,7 +63,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class FreeOrder:
-    """Work whose units may be put in other orders, for one or more drones that share its pads."""
+    """Work whose units may be reordered, for one or more drones that share its pads."""
 
     pads: FixedRoute
     """Pads, charge and clock; its hops between pads are used."""
@@ -86,12 +86,12 @@ class FreeOrder:
 
     @property
     def units(self) -> int:
-        """How many units there are."""
+        """Number of units."""
         return len(self.groups)
 
     @cached_property
     def least(self) -> FreeOrder:
-        """The same with the least that each hop takes in any slot: what bounds are made of."""
+        """The same with the minimum of each hop over all slots, for bounds."""
         hops = self.pads.hops
         pads = hops._replace(
             **{name: getattr(hops, name).min(axis=0, keepdims=True) for name in hops._fields if name != "resume"}
@@ -122,7 +122,7 @@ class FreeOrder:
 
     @cached_property
     def price_s(self) -> float:
-        """Seconds of charging that a battery's charge costs at least."""
+        """Charging time per unit of modelled SoC at the fastest rate, s."""
         tau_soc, tau_s = fastest(self.pads.curves)
         return float(self.pads.mean_ratio * (tau_s[1] - tau_s[0]) / (tau_soc[1] - tau_soc[0]))
 

@@ -1,4 +1,4 @@
-"""Pads divided among drones for good: when each numbered pad is whose, so that no two are ever on one, however late or early they come."""
+"""Pads divided among drones in advance: time windows on each numbered pad, so that two drones never meet on one, however late or early."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pads that can be used in a window of time only: a van that stands there for a while, or a pad between two bookings."""
+"""Pads that are available only in time windows: a van that stands there for a while, or a pad between two bookings."""
 
 from __future__ import annotations
 

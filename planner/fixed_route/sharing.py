@@ -1,4 +1,4 @@
-"""Pads that several drones share: one plans after the other, each in the windows that those before leave."""
+"""Pads shared by several drones: each drone plans in the windows that the earlier ones leave."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def free_windows(stays: Sequence[Window], within: Window = ALWAYS) -> list[Windo
 
 
 def windows_left(count: int, stays: Sequence[Stay], within: Sequence[Window]) -> list[tuple[Window, int]]:
-    """Return the windows of alike pads that stays leave, each with the number of its pad; none that lies within another one."""
+    """Return the windows of interchangeable pads that stays leave free, each with the number of its pad; none nested in another."""
     found: list[tuple[Window, int]] = []
     for number in range(count):
         here = [(stay.from_s, stay.until_s) for stay in stays if stay.number == number]
@@ -63,12 +63,12 @@ def windows_left(count: int, stays: Sequence[Stay], within: Sequence[Window]) ->
 
 
 def number_of(stay: Window, windows: Sequence[tuple[Window, int]]) -> int:
-    """Return the number of the pad whose window a stay lies in."""
+    """Return the number of the pad whose window contains a stay."""
     return min(windows, key=lambda one: max(one[0][0] - stay[0], stay[1] - one[0][1], 0.0))[1]
 
 
 def window_of(stay: Stay, windows: Sequence[tuple[Window, int]]) -> Window:
-    """Return the window of its numbered pad that a stay lies in."""
+    """Return the window of its numbered pad that contains a stay."""
     own = [window for window, number in windows if number == stay.number]
     return min(own, key=lambda one: max(one[0] - stay.from_s, stay.until_s - one[1], 0.0))
 

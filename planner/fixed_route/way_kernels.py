@@ -1,8 +1,8 @@
-"""Kernels of the ways of a fixed route: from a pad over its work to a pad, and how long and how much charge that takes.
+"""Kernels of the ways of a fixed route: from a pad over its work to a pad, with their time and charge.
 
 A *position* is a point of the work, numbered from 0. A *way* leads from a pad to the position where the work goes on, over the
 work as far as another position, and from there to a pad; or from pad to pad; or to the end of the work. Each hop takes what the
-slot says in which it begins, so that between two changes a way takes the same time whenever it is begun.
+slot says in which it begins, so that between two changes a way takes the same time whenever it starts.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Hops(NamedTuple):
 def way(
     hops: Hops, slots: Slots, left_at: int, pad: int, until: int, to_pad: int, time_s: float
 ) -> tuple[float, float, float]:
-    """Seconds and SoC of a way that is begun at a time, and for how many seconds more it takes as much.
+    """Time in s and SoC of a way that starts at a time, and for how many more seconds both stay the same.
 
     It begins at `pad`, work having been left at `left_at`, or at `NOWHERE` at the start of the route; it ends on `to_pad`, with the
     work done as far as position `until`, or at `NOWHERE` at the end of the route.
@@ -91,7 +91,7 @@ def way(
 def pieces_of(
     hops: Hops, slots: Slots, left_at: int, pad: int, until: int, to_pad: int, from_s: float, to_s: float
 ) -> NDArray[np.float64]:
-    """Pieces (t0, t1, seconds, SoC) of a way by its take-off from `from_s` to `to_s`, sorted; gaps are times nobody takes off at.
+    """Pieces (t0, t1, seconds, SoC) of a way by its take-off from `from_s` to `to_s`, sorted; nobody takes off in the gaps.
 
     Left out are take-offs after which a later one arrives no later: a drone that waits has more charge, too.
 
@@ -108,7 +108,7 @@ def pieces_of(
                 grown = np.empty((2 * size, 4))
                 grown[:size] = out
                 out = grown
-            # at the change itself the way is begun in the next slot
+            # at the change itself the way starts in the next slot
             last = end if end >= to_s else max(end - BEFORE_CHANGE_S, now)
             out[size, 0], out[size, 1], out[size, 2], out[size, 3] = now, last, seconds, soc
             size += 1
@@ -133,7 +133,7 @@ def flown(
 ) -> NDArray[np.float64]:
     """Take a departure profile over a way: rows (a0, s0, t0, a1, s1, t1) of arrival, charge and departure, sorted by arrival.
 
-    A way takes `mean_ratio` times what the model says, and is begun only with charge for `sure_ratio` times that, and the reserve.
+    A way takes `mean_ratio` times what the model says, and starts only with charge for `sure_ratio` times that, and the reserve.
 
     Takes a profile and pieces in order of time, any number of them.
     """

@@ -60,7 +60,7 @@ class Need(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Flights that can be made, one for each segment of `air`, and what is known of them already."""
+    """Possible flights, one for each segment of `air`, with cached results."""
 
     air: SegmentWind
     """Segments and wind."""
@@ -73,7 +73,7 @@ class Ways(NamedTuple):
     """Shape (slots, segments, 5). See the column names of this module; with no slots, nothing is kept."""
     lower_s: NDArray[np.float64]
     """Shape (slots, segments). The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not
-    worked out yet."""
+    computed yet."""
     fresh: NDArray[np.float64]
     """Shape (5,). Working space: a row that is not kept."""
     rows: NDArray[np.float64]
@@ -188,7 +188,7 @@ def lower_time(ways: Ways, slot: int, segment: int) -> float:
 def _lower(ways: Ways, slot: int, segment: int) -> float:
     """Work the bound out: the speeds of the slots that a flight may touch are at most each member's fastest.
 
-    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be
+    A member is sure to fly at once if its slowest speed brings it down in the slots considered. Other members may be
     among those that do: they count where they lower the mean.
     """
     air, probability = ways.air, ways.probability
@@ -323,7 +323,7 @@ def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
     air, probability = ways.air, ways.probability
     slot = slot_of(air, time_s)
     end = slot_end(air, slot)
-    # By the table, if every flight that is begun at once may end in the slot.
+    # By the table, if every flight that starts at once may end in the slot.
     if time_s + least_time(air, segment) <= end:
         _look_up(ways, need, slot, segment)
         row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
@@ -351,8 +351,8 @@ def least_time(air: SegmentWind, segment: int) -> float:
 def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
     """Least value at or below which at least `mass` lies; infinite values carry none.
 
-    `values` and `probability` have shape (members,). What is left out becomes infinite in `values`. Epsilon is small,
-    so that hardly any value is left out: the greatest, one by one, without sorting.
+    `values` and `probability` have shape (members,). What is omitted becomes infinite in `values`. Epsilon is small,
+    so that hardly any value is omitted: the greatest, one by one, without sorting.
     """
     greatest = -NEVER
     total = 0.0
@@ -362,9 +362,9 @@ def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mas
             greatest = max(greatest, values[k])
             total += probability[k]
             lightest = min(lightest, probability[k])
-    if total - lightest < mass:  # the usual case: not even the lightest member can be left out
+    if total - lightest < mass:  # the usual case: not even the lightest member can be omitted
         return greatest
-    while True:  # leave out the greatest as long as the others make up the mass
+    while True:  # omit the greatest as long as the others make up the mass
         last = 0
         for k in range(len(values)):
             if values[k] < NEVER and (values[last] == NEVER or values[k] > values[last]):

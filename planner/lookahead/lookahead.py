@@ -56,7 +56,7 @@ class Lookahead:
 
     @cached_property
     def need(self) -> Need:
-        """What decides whether a flight can be made."""
+        """Conditions for a flight to be possible."""
         problem, onward = self.problem, self.problem.onward_cost
         return Need(
             soc_per_s=float(problem.soc_per_s),
@@ -79,7 +79,7 @@ class Lookahead:
 
     @cached_property
     def ways(self) -> Ways:
-        """The segments as flights, and what is known of them already."""
+        """The segments as flights, and what is already known of them."""
         return self._ways(self.problem.air)
 
     def _ways(self, air: SegmentWind) -> Ways:
@@ -123,7 +123,7 @@ class Lookahead:
         )
 
     def forecast_missing(self) -> None:
-        """Forecast the waits that a kernel asked for."""
+        """Forecast the waits that a kernel requested."""
         self.problem.waits.need([int(self._tally[MISSING])])
 
     def flight(self, segment: int, time_s: float) -> tuple[float, float, float]:

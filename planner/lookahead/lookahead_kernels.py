@@ -41,7 +41,7 @@ MAX_HOLD_S = 24 * 3600.0
 LAST_RESORT_S = 1e12
 """Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
 FLIGHTS, MISSING = range(2)
-"""Entries of `World.tally`: flights evaluated, and the node whose waits are asked for but not yet forecast."""
+"""Entries of `World.tally`: flights evaluated, and the node whose waits are requested but not yet forecast."""
 _ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on the charge
 
 
@@ -68,7 +68,7 @@ class Graph(NamedTuple):
 
 
 class Policy(NamedTuple):
-    """How a search judges and charges."""
+    """Rules of a search for evaluating and charging."""
 
     full: bool
     """Each charge goes to 100 %, otherwise to what the next flight needs."""
@@ -278,7 +278,7 @@ def beyond(world: World, node: int, came_from: int, time_s: float) -> tuple[floa
     best, charge, bound = NEVER, NEVER, world.bound
     if _bounds_beyond(world, node, came_from, time_s) == NEVER:
         return best, charge
-    while True:  # in the order of the bounds, so that few are worked out
+    while True:  # in the order of the bounds, so that few are computed
         # The station of least bound; when that is no less than the best so far, nothing is.
         row = 0
         for k in range(graph.first[node + 1] - begin):
@@ -308,7 +308,7 @@ def beyond(world: World, node: int, came_from: int, time_s: float) -> tuple[floa
 def rank_bound(world: World, node: int, came_from: int, now_s: float, arrive_s: float, soc: float) -> float:
     """Bound a rank from below, from the tables alone.
 
-    Arguments as of `rank`; what is not known yet (the wait, and with it all that follows) is left out.
+    Arguments as of `rank`; what is unknown yet (the wait, and with it all that follows) is omitted.
     """
     leave = arrive_s
     if world.graph.wait_known[node]:

@@ -1,4 +1,4 @@
-"""What a leg needs before it is begun: charge that keeps the reserve, a divert station for every point of it, and wind that lets it."""
+"""Requirements on a leg before it begins: charge that keeps the reserve, a divert station for every point of it, and wind that allows it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FINE_SOC = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Gated:
-    """What the gate says of a leg."""
+    """Result of the departure gate for a leg."""
 
     names: tuple[str, ...]
     """Stations of the whole leg, from where it stands."""
@@ -75,7 +75,7 @@ class _Taken(NamedTuple):
     time_s: float
     """On average."""
     cost: NDArray[np.float64]
-    """Without what is not known of the wind ahead."""
+    """Without what is unknown of the wind ahead."""
     doubt: NDArray[np.float64]
     """Standard deviation of that."""
     rest: NDArray[np.float64]
@@ -99,7 +99,7 @@ def _least(reach: Reach, below: tuple[NDArray[np.float64], float, NDArray[np.flo
 
 
 class DepartureGate:
-    """Checks legs before they are begun, from what is known on the ground."""
+    """Checks of legs before they begin, from the information on the ground."""
 
     def __init__(self, policy: OnlinePolicy, info: Information, p: Problem) -> None:
         self._policy, self._info, self._problem = policy, info, p
@@ -116,7 +116,7 @@ class DepartureGate:
         )  # fmt: skip
 
     def p_turned(self, step: Step) -> float:
-        """Probability that a watched leg which is begun as a step says is turned before the first station where it can land."""
+        """Probability that a watched leg flown as a step prescribes turns back before the first station where it can land."""
         sure, reach, taken = self._leg(step)
         for_charge = float(reach.p_below(step.charge, *self._turned_below(taken, self._kept_at(sure[-1])))[0])
         if not self._info.measures_wind:
@@ -172,14 +172,18 @@ class DepartureGate:
         least = self._keeps_reserve(reach, taken)
         if least is None:
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
-            on = " (the reserve, and the way on from there)" if self._reserve > self._policy.request.reserve_soc else ""
-            why = f"even fully charged it lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
+            on = (
+                " (the reserve, and the charge for the flight on from there)"
+                if self._reserve > self._policy.request.reserve_soc
+                else ""
+            )
+            why = f"even fully charged the drone lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=chance)
         covered = self._covered(
             reach, way, at_s, max(least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
-            why = f"from {distance_text(covered)} on no divert station stays in reach, even fully charged"
+            why = f"from {distance_text(covered)} on no divert station is in reach, even fully charged"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=1.0)
         soc, diverts = covered
         held, figures = (
@@ -206,7 +210,7 @@ class DepartureGate:
         return float(reach.p_below(soc, flown.soc[:, None], self._reserve, flown.doubt[:, None])[0])
 
     def later(self, step: Step) -> Later:
-        """How much later a leg can be begun by the forecast."""
+        """Delay until a leg can start according to the forecast."""
         parameters, may_open = self._policy.parameters, False
         for wait_s in parameters.later_s:
             gated = self.check(step, self._info.time_s + wait_s)
@@ -285,7 +289,7 @@ class DepartureGate:
         return soc, found.stations
 
     def _without_room(self, reach: Reach, way: list[Place], at_s: float) -> frozenset[str]:
-        """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by who is there now."""
+        """Stations where a watched flight that is turned to them halfway may well find no place with half of its charge, by the drones there now."""
         info, scenario, most = self._info, self._policy.scenario, self._policy.parameters.p_no_room
         if not info.watched:
             return frozenset()
@@ -311,10 +315,10 @@ class DepartureGate:
             return None
         opens = zone_clock(from_posix(opens_s), ZoneInfo(p.load.timezone))
         end = p.network.stations[node].id
-        return f"wait: nobody is to land at {end} before {opens}", {"opens_posix_s": opens_s}
+        return f"landing at {end} is allowed only from {opens} on", {"opens_posix_s": opens_s}
 
     def _p_no_room(self, sure: tuple[str, ...], reach: Reach, taken: _Taken, at_s: float, soc: float) -> float:
-        """Probability that a watched leg is turned halfway because it may well find no place at its end, by who is there now."""
+        """Probability that a watched leg is turned halfway because it may well find no place at its end, by the drones there now."""
         scenario, end = self._policy.scenario, sure[-1]
         node = scenario.network.index[end]
         present = self._info.busy_pads.get(end) if scenario.network.pads[node] else None
@@ -343,8 +347,8 @@ class DepartureGate:
         station = self._policy.scenario.network.stations[self._policy.scenario.network.index[sure[-1]]]
         others = counted(self._info.busy_pads[station.id], "other drone")
         reason = (
-            f"wait for room: {others} at {station.id}, which has {counted(station.pads, 'pad')} and {counted(station.holding_spots, 'holding spot')}; "
-            f"the flight would be turned with probability {probability(chance)}"
+            f"too little free capacity at {station.id}: {others}, {counted(station.pads, 'pad')}, "
+            f"{counted(station.holding_spots, 'holding spot')}; the flight would have to divert with probability {probability(chance)}"
         )
         return reason, {"p_no_room": chance}
 
@@ -358,7 +362,7 @@ class DepartureGate:
         if p_over <= self._policy.parameters.p_closed:
             return "", {}
         reason = (
-            f"wait for the wind: {speed_text(mean)} expected on the way to {end}, above {speed_text(limit)} with probability "
+            f"wind too strong on the way to {end}: {speed_text(mean)} expected, above the limit of {speed_text(limit)} with probability "
             f"{probability(p_over)}"
         )
         return reason, {"p_wind_over_limit": p_over, "wind_mps": mean}

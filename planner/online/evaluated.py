@@ -1,4 +1,4 @@
-"""The online policy in sampled realizations: what `evaluate` and the benchmarks fly."""
+"""The online policy in sampled realizations, for `evaluate` and the benchmarks."""
 
 from __future__ import annotations
 
@@ -40,24 +40,24 @@ class RollingRobust:
 
     @cached_property
     def policy(self) -> OnlinePolicy:
-        """What is flown."""
+        """The policy flown."""
         p = self.start
         request = replace(p.request, drone=p.drone.id)
         return OnlinePolicy(p.scenario, request, p.parameters, errors=self.errors)
 
     def leave(self, standing: Standing) -> Departure | None:
-        """How to leave a stop."""
+        """Decision how to leave a stop."""
         return self.policy.on_ground(self.information(standing)).departure
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
-        """Segments to go on with over a station."""
+        """Segments to continue with over a station."""
         network = self.start.network
         names = [network.stations[int(network.head[one])].id for one in rest]
         info = replace(self.information(flying), via=tuple(names[:-1]), destination=names[-1])
         return self.policy.in_air(info).segments
 
     def information(self, standing: Standing) -> Information:
-        """What is known at a stop, or over a station."""
+        """Information available at a stop, or over a station."""
         belief, p = self.errors.energy_of(self.start.drone), self.start.parameters
         for ratio in standing.energy_ratios:
             belief = belief.learnt(ratio, 1.0, 0.0)

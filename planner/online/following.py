@@ -1,4 +1,4 @@
-"""What becomes of a step in a future: how it is flown there, where it lands if the rest is too much, and the best that can follow."""
+"""The result of a step in a future: how it is flown there, where it lands if the rest is too much, and the best that can follow."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Step:
 
 
 class Following:
-    """Follows steps from one state in futures drawn from what is known there.
+    """Follows steps from one state in futures drawn from the information there.
 
     The problem begins in that state, with the forecast of that moment; in flight, its origin is the node that the drone
     is over. Errors are gusts that no forecast tells, the belief is about the next flight. Where the wind is `measured`
@@ -110,7 +110,7 @@ class Following:
 
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:
-        """Where a drone can count on a place to land and a pad to wait for, shape (nodes,)."""
+        """Times from which a drone can expect room to land and a pad to wait for, shape (nodes,)."""
         return likely_free(self.problem, self.problem.epsilon / self.parameters.commitments, self._away_s)
 
     @cached_property
@@ -121,7 +121,7 @@ class Following:
         return np.asarray(p.air.climb_s + p.air.descent_s + distance / p.air.airspeed_mps)
 
     def _margin(self, rest: tuple[int, ...], time_s: float) -> float:
-        """Charge beyond what a flight takes, as a share, with which it will be begun at a time.
+        """Charge beyond what a flight takes, as a share, with which it will start at a time.
 
         As if the wind of that hour were known as that of this one is now.
         """
@@ -229,7 +229,7 @@ class Following:
 
     @cached_property
     def new_wind_s(self) -> float:
-        """When the wind is measured again."""
+        """Time of the next wind measurement."""
         return float(slot_end(self.problem.air, slot_of(self.problem.air, self.problem.depart_s)))
 
     def _charged_s(self, future: Future, charge: float) -> float:

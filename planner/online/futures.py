@@ -1,4 +1,4 @@
-"""Futures that a delivery may meet: winds of the forecast, each with a sample of the queues and an error of the energy."""
+"""Possible futures of a delivery: winds of the forecast, each with a sample of the queues and an error of the energy."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 
 MAX_TABLE = 200_000
-"""Speeds of one future that are worked out at once, at most."""
+"""Speeds of one future that are computed at once, at most."""
 
 
 class SampledQueues(Mapping[int, QueuePath]):
-    """One sampled realization of the queues of a problem; drawn for a station when it is first asked for."""
+    """One sampled realization of the queues of a problem; drawn for a station when it is first requested."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
         self._problem, self._sample = problem, sample
@@ -60,7 +60,7 @@ class SampledQueues(Mapping[int, QueuePath]):
 class CarefulSpeeds:
     """Ground speeds in one member with a gust against every flight, in the first slots; see `planner.problem.speeds.Speeds`.
 
-    Of a small network all are worked out once, of a large one those that a search asks for.
+    Of a small network all are computed once, of a large one those that a search asks for.
     """
 
     def __init__(self, air: SegmentWind, member: int, slots: int, against: float) -> None:
@@ -125,11 +125,11 @@ class Future:
         return self._flights[segments]
 
     def lands_s(self, segments: tuple[int, ...], off_s: float) -> float:
-        """When a flight lands that takes off at a time, POSIX seconds; never where it is not flyable."""
+        """Touch-down of a flight that takes off at a time, POSIX seconds; never where it cannot be flown."""
         return float(table_land(self.flight(segments), np.arange(len(segments)), off_s))
 
     def slowed(self, segments: tuple[int, ...], off_s: float) -> float:
-        """How much longer its gust makes the cruise of a flight that takes off at a time, as a share."""
+        """Relative lengthening by its gust of the cruise of a flight that takes off at a time."""
         table = self.flight(segments)
         slot = int(table_slot(table, off_s))
         usual = table.speed_mps[slot]
@@ -161,7 +161,7 @@ def draw_futures(p: Problem, known: Known, belief: EnergyBelief, count: int) -> 
 
 
 def flight_in(future: Future, segments: tuple[int, ...], off_s: float, slots: int) -> tuple[float, float]:
-    """When a flight takes off and lands that may be held for some slots of wind: (take-off, touch-down)."""
+    """Take-off and touch-down of a flight that may be delayed by some slots of wind."""
     table = future.flight(segments)
     for _ in range(slots + 1):
         down = future.lands_s(segments, off_s)

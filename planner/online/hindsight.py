@@ -1,9 +1,9 @@
-"""The next step of a delivery, chosen by what it would lead to in futures drawn from what is known now.
+"""The next step of a delivery, chosen by its results in futures drawn from the current information.
 
 Futures are winds of the forecast, each with a sample of the queues that may grow out of those seen now, and an error of
 the vehicle's energy. In each, the exact planner finds the best way on; what it does first is a step worth a thought.
 Every such step is then taken in every future and followed by the best that can follow it there. The step with the least
-expected arrival is taken, and everything is thought over again at the next station and at stations on the way
+expected arrival is taken, and the decision is repeated at the next station and at stations on the way
 (hindsight optimisation: E. Chong, R. Givan, H. Chang, "A framework for simulation-based network control via hindsight
 optimization", CDC 2000).
 
@@ -46,10 +46,10 @@ class Turning(Protocol):
     """How probably watched legs are turned (`planner.online.departure_gate`)."""
 
     def p_turned(self, step: Step) -> float:
-        """Probability that a leg which is begun as a step says is turned before the first station where it can land."""
+        """Probability that a leg flown as a step prescribes turns back before the first station where it can land."""
 
     def charges(self, step: Step) -> list[float]:
-        """Charges worth a thought, for they are turned with little probability."""
+        """Charges worth considering, because flights with them rarely turn back."""
 
 
 class Hindsight(Following):
@@ -90,12 +90,12 @@ class Hindsight(Following):
         self._closed: set[int] = set()
 
     def sure_of(self, segments: tuple[int, ...]) -> int:
-        """How many segments it is to the first station on the way with pads and likely room; 0: there is none."""
+        """Number of segments to the first station on the way with pads and likely room; 0 if there is none."""
         head = self.problem.network.head
         return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
     def choose(self, turning: Turning | None = None) -> Step:
-        """The step with the least expected arrival; without segments it is to land here or, on the ground, to stay.
+        """The step with the earliest expected arrival; without segments it lands here or, on the ground, stays.
 
         `turning` tells how probably a watched flight is turned before it can land; by default it is where it breaks the reserve.
         """

@@ -141,7 +141,7 @@ class FlightDecision:
         return replace(floors, reserve=floors.reserve + self._policy.way_on_soc(self._info, station))
 
     def _outlook(self, here: Place, reach: Reach) -> tuple[Option, dict[str, Any]]:
-        """Work out time, charge at landing and wanted ground speed under the newest forecast."""
+        """Compute time, charge at landing and wanted ground speed under the newest forecast."""
         airborne = self._info
         way = reach.way(here, airborne.via, airborne.destination)
         floors = self._floors_at(airborne.destination)
@@ -175,15 +175,15 @@ class FlightDecision:
         """Send the planned ground speed again where the wind estimate has moved it."""
         airborne = self._info
         if math.isfinite(airborne.airspeed_limit_mps):
-            return None  # it does not reach what it was told last; to be told less would end the lean that shows why
+            return None  # it does not reach the last command; a lower one would end the lean that shows why
         settings, wanted = self._parameters, figures["wanted_mps"]
         due = airborne.time_s >= self._memory.speed_s + settings.speed_every_s
         if not due or abs(wanted - airborne.commanded_mps) < settings.speed_step_mps:
             return None
         self._memory.speed_s = airborne.time_s
         reason = (
-            f"ground speed {speed_text(airborne.commanded_mps)} to {speed_text(wanted)}: that is the planned airspeed in a wind now "
-            f"put at {speed_text(figures['wind_mean_mps'])}"
+            f"ground speed {speed_text(airborne.commanded_mps)} to {speed_text(wanted)}, to keep the planned airspeed in the "
+            f"estimated wind of {speed_text(figures['wind_mean_mps'])}"
         )
         return Decision("speed", reason, figures, speed_mps=round(wanted, 1))
 
@@ -212,7 +212,7 @@ class FlightDecision:
         return [one for one in self._others(here, reach, info.time_s, info.soc) if one.station in info.via]
 
     def _with_room(self, option: Option, reach: Reach) -> Option:
-        """Return the same with the risk of finding no place until the charge is gone, by who is at its station now."""
+        """Return the same with the risk of finding no place until the charge is gone, by the drones at its station now."""
         info, scenario = self._info, self._policy.scenario
         node = scenario.network.index[option.station]
         present = info.busy_pads.get(option.station) if scenario.network.pads[node] else None
@@ -310,7 +310,7 @@ class FlightDecision:
         self._memory.turned = True
         gain_s = kept_s - best.arrival_s
         reason = (
-            f"by way of {best.station} the delivery comes {duration(gain_s)} earlier than by "
+            f"via {best.station} the delivery arrives {duration(gain_s)} earlier than via "
             f"{airborne.destination} (margin {duration(margin_s)})"
         )
         more = {"gain_s": gain_s, "margin_s": margin_s, "options": [one.as_data() for one in found]}
@@ -319,7 +319,7 @@ class FlightDecision:
 
 def _land(airborne: Information, figures: dict[str, Any], p_empty: float) -> Decision:
     reason = (
-        f"no station can be reached any more: with {percent(airborne.soc)} the battery would be empty before any "
-        f"with probability {probability(p_empty)} or more; landing here"
+        f"no station is in reach: with {percent(airborne.soc)} the battery would be empty before each of them "
+        f"with probability {probability(p_empty)} or more; land here"
     )
     return Decision("land", reason, figures | {"p_empty": p_empty})

@@ -1,4 +1,4 @@
-"""What an online decision is made with, and what it says."""
+"""The information of an online decision, and its answer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "la
 
 @dataclass(slots=True)
 class FlightMemory:
-    """What was decided in a flight so far; one for each flight, changed by the decisions."""
+    """Decisions of a flight so far; one for each flight, updated by the decisions."""
 
     turned: bool = False
     """It was turned elsewhere: only an empty battery turns it again."""
@@ -39,7 +39,7 @@ class FlightMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What is known when a decision is due: the information state of a delivery under way."""
+    """Information state of a delivery under way when a decision is due."""
 
     time_s: float
     soc: float
@@ -49,7 +49,7 @@ class Information:
     belief: EnergyBelief
     """How much energy flights take; in the air, this one so far counted in."""
     near_forecast: WindEnsemble | None = None
-    """The same in finer slots, for what is begun now: what was measured fades within an hour."""
+    """The same in finer slots, for what starts now: what was measured fades within an hour."""
     measured: bool = False
     """The wind of each hour is measured at the sites: who waits for the next one knows more. Else only flights measure
     it."""
@@ -106,7 +106,7 @@ class Departure:
     charge: float
     """Take-off with at least this charge."""
     required: Callable[[float], float]
-    """Charge without which the flight is not begun at a time, POSIX seconds."""
+    """Charge without which the flight is not started at a time, POSIX seconds."""
     look_s: float = math.inf
     """Decide again then, POSIX seconds."""
     turn_back: TurnBack | None = None
@@ -140,6 +140,6 @@ class Decision:
     departure: Departure | None = None
     """How to leave, on the ground."""
     segments: tuple[int, ...] = ()
-    """Over a station: segments to go on with; none: land there."""
+    """Over a station: segments to continue with; none: land there."""
     least_soc: float | None = None
     """Charge that is enough to leave with, where the plan has another; on the ground."""

@@ -1,6 +1,6 @@
-"""What a drone in the air can do instead: land where it was going to at another airspeed, or at another station inside its fence.
+"""Options of a drone in the air: its destination at another airspeed, or another station inside its fence.
 
-Each option is told by when it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
+Each option has the time at which it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Option:
     p_no_room: float = 0.0
     """Probability of finding no place there until it has hovered down to the reserve, wherever it could turn to meanwhile."""
     arrival_s: float = math.nan
-    """Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out."""
+    """Expected arrival of the delivery, POSIX seconds; NaN where it was not computed."""
 
     @property
     def p_below(self) -> float:
@@ -54,7 +54,7 @@ class Option:
 
     @property
     def risk(self) -> float:
-        """What is to be small where nothing keeps the reserve: landings below it, those that `HALF` and `EMPTY` weigh more among them."""
+        """Quantity to minimise where no option keeps the reserve: landings below it, weighted more by `HALF` and `EMPTY`."""
         return self.p_below + HALF * self.p_half + EMPTY * self.p_empty
 
     def with_room(self, no_place: Callable[[float, float], float], soc_per_s: float, floors: Floors) -> Option:
@@ -130,7 +130,7 @@ def other_airspeeds(
 def other_stations(
     reach: Reach, here: Place, names: Sequence[str], time_s: float, soc: float, floors: Floors
 ) -> list[Option]:
-    """Return the outcome of flying straight to stations that no zone lies before."""
+    """Return the outcome of flying straight to stations without a zone in between."""
     index = reach.network.index
     nodes = np.array([index[name] for name in names], dtype=np.int64)
     nodes = nodes[reach.clear(here, nodes, time_s)] if len(nodes) else nodes

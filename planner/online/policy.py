@@ -1,4 +1,4 @@
-"""The online policy: what to do next on a delivery under way, under what is known now; each answer with a sentence.
+"""The online policy: the next step of a delivery under way from the current information; each answer has a reason.
 
 On the ground hindsight optimisation chooses the next step (`planner.online.hindsight`); then the gate of a departure raises its
 charge, lets it wait for the wind, or closes the leg, and the next best step is looked for (`planner.online.departure_gate`). In the
@@ -211,18 +211,18 @@ class OnlinePolicy:
         return self._staying(info, seen, closed)
 
     def keep_to_plan(self, info: Information, *, charged: bool = False) -> Decision:
-        """Return what to do at a station under a plan that is not to be left: leave as it says, with more charge where the leg needs it, or stop.
+        """Return the action at a station under a plan that must be followed: leave as planned, with more charge where the leg needs it, or stop.
 
         What it says of charging here is done once; `charged` says that it was.
         """
         plan, here = info.plan, info.station or ""
         if plan is None or not plan.services or plan.services[0].origin != here:
-            return self._stopped(info, f"the plan does not lead on from {here}")
+            return self._stopped(info, f"the plan has no leg from {here}")
         service = plan.services[0]
         p = self.problem(info)
         segments = segments_of(p.network, [here, *service.via, service.destination])
         if not segments:
-            return self._stopped(info, f"the network has no way to {service.destination} as planned")
+            return self._stopped(info, f"the network has no route to {service.destination} as planned")
         stop = next((one for one in plan.stops if one.station == here and one.recharge_s > 0.0), None)
         planned = info.soc if stop is None or charged else max(stop.soc_to, info.soc)
         gated = DepartureGate(self, info, p).check(Step(segments, planned))
@@ -293,9 +293,9 @@ class OnlinePolicy:
         planned = None if info.plan is None or not info.plan.services else info.plan.services[0]
         same = planned is not None and (planned.destination, *planned.via) == (names[-1], *names[1:-1])
         reason = f"next {station}, {duration(step.arrival_s - info.time_s)} to the delivery"
-        reason += ", as planned" if same else ": it arrives earliest by what is known now"
+        reason += ", as planned" if same else ": arrives earliest with current information"
         if step.turn_back is not None:
-            reason += "; it turns back where the gusts are too much"
+            reason += "; it turns back if the gusts are too strong"
         action: Action = "continue" if same else "station"
         if wanted is not None:
             reason += f"; charge from {percent(info.soc)} to {percent(wanted)}"
@@ -315,7 +315,7 @@ class OnlinePolicy:
         return info.time_s + self.parameters.look_s if waits or not seen.roomy_way else math.inf
 
     def _staying(self, info: Information, seen: Hindsight, closed: list[tuple[Gated, Later]]) -> Decision:
-        """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast, and no other way, lets it leave."""
+        """Wait for better wind or free capacity, and charge meanwhile; stop if no later hour of the forecast and no other route allows a leg."""
         why = closed[0][0].why if closed else ""
         if closed:
             later = [one.wait_s for _, one in closed if one.wait_s is not None]
@@ -323,16 +323,16 @@ class OnlinePolicy:
             if not later and not may_open and not seen.arrives:
                 return self._stopped(info, why)
             if later:
-                why += f"; in {duration(min(later))} the forecast lets it fly on"
+                why += f"; in {duration(min(later))} the forecast allows the flight"
             else:
-                why += "; another way may open" if seen.arrives else "; the wind may fall"
+                why += "; another route may open" if seen.arrives else "; the wind may fall"
         elif not seen.arrives:
-            return self._stopped(info, "no way leads to the destination in the winds of the next hours")
+            return self._stopped(info, "no route to the destination is flyable in the winds of the next hours")
         p = seen.problem
         look_s = self._look_s(info, seen)
         until_s = min(seen.new_wind_s, max(look_s, info.time_s + self.parameters.look_s), info.time_s + S_PER_H)
         charge = self._charged_by(info, p, until_s)
-        reason = "wait for other wind or room: to leave now would not deliver earlier" if not why else f"{why}: wait"
+        reason = why or "for better wind or a free pad; leaving now would not deliver earlier"
         if charge is not None:
             reason += f"; charge from {percent(info.soc)} to {percent(charge)} meanwhile"
         departure = Departure((), 1.0, lambda _: math.inf, look_s)

@@ -1,4 +1,4 @@
-"""The plan that is told with a step: what most probably follows it, with charges that fit what is known now."""
+"""The printed plan of a step: its most probable continuation, with charges that fit the current information."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A plan from here, and what the forecast makes of it."""
+    """A plan from here, and its results in the forecast."""
 
     itinerary: Itinerary
     """Its decisions."""

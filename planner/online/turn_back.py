@@ -1,4 +1,4 @@
-"""Flights that may turn back: with which charge they are worth a try, and what comes of it.
+"""Flights that may turn back: the charges worth trying, and their results.
 
 A charge that is enough in all but one of a thousand gusts is a third more than one that is enough in half of them, and in a strong
 wind more than a battery holds. A drone that can turn back need not carry it.
@@ -72,7 +72,7 @@ class TurnBacks:
         self._members = rng.permutation(np.searchsorted(share, (np.arange(GUSTS) + 0.5) / GUSTS))
 
     def over(self, segment: int) -> TurnBack | None:
-        """How a flight over a segment may turn back; None where no segment leads back."""
+        """Options to turn back on a flight over a segment; None where no segment leads back."""
         p, known = self._problem, self._known
         network = p.network
         there = int(network.head[segment])
@@ -101,7 +101,7 @@ class TurnBacks:
         )
 
     def charges(self, taken: float, least: float) -> list[float]:
-        """Charges worth a try with a flight that takes so much SoC without gusts, and is sure with the charge `least`."""
+        """Charges worth trying for a flight that takes so much SoC without gusts, and is safe with the charge `least`."""
         usual = (1.0 + SPARE) * taken
         if not usual < NEVER:
             return []
@@ -109,13 +109,13 @@ class TurnBacks:
         return [self._problem.reserve + usual + share * more for share in SHARES] if more > 0.0 else []
 
     def in_time(self, how: TurnBack, charge: float, off_s: float) -> bool:
-        """Whether a flight is down again before the wind has changed twice, whatever comes of it."""
+        """Whether a flight lands again before the wind has changed twice, whatever its outcome."""
         air = self._problem.air
         longest_s = (charge - how.reserve - how.soc_fixed) / how.soc_per_s
         return off_s + longest_s <= float(slot_end(air, slot_of(air, off_s))) + air.slot_s
 
     def trial(self, segment: int, how: TurnBack, charge: float, off_s: float) -> Trial | None:
-        """What comes of a flight with a charge; None where it is not worth a try."""
+        """Outcome of a flight with a charge; None where it is not worth trying."""
         key = segment, charge, off_s
         if key not in self._trials:
             found = None

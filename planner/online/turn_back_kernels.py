@@ -1,4 +1,4 @@
-"""Kernels of flights that may turn back, as long as one end can be reached for sure.
+"""Kernels of flights that may turn back, as long as one end is certain to be reached.
 
 Against the wind the way out is slow and the way back is fast, so for most of the way a drone can wait and see how the
 gusts and the wind of the next hour turn out. It flies on while some plan reaches one end with the reserve, in all but a
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class TurnBack(NamedTuple):
-    """How a flight over one segment may turn back."""
+    """Rule of turning back for a flight over one segment."""
 
     back: int
     """The same segment the other way."""
@@ -107,7 +107,7 @@ def _takes_s(
 ) -> float:
     """How long the last metres of a segment take if the mean gust is some deviations against it, s.
 
-    They are begun in `ahead_s`. The gust of now, x_0, fades as exp(-t / tau). With tau = x T, the mean over a flight of
+    They start in `ahead_s`. The present gust, x_0, fades as exp(-t / tau). With tau = x T, the mean over a flight of
     T that begins with it has the mean q x_0, q = x (1 - exp(-1 / x)) exp(-ahead / tau), and the variance V(x) - q^2
     (`gust_mean_variance`), in standard deviations of gusts. So the speed changes by what q x_0 does to it (`wind_felt`)
     and is slower by `deviations` of the rest; about their mean the gusts still vary by 1 - (V - q^2), of which the
@@ -121,7 +121,7 @@ def _takes_s(
     x = how.gust_time_s / max(flight_s, 1.0)
     kept = x * (1.0 - math.exp(-1.0 / x)) * math.exp(-ahead_s / how.gust_time_s)
     square = max(gust_mean_variance(x) - kept * kept, 0.0)
-    # The speed with the gust of now, less the deviations, and capped.
+    # The speed with the present gust, less the deviations, and capped.
     felt = how.gust_sd * math.hypot(with_wind, across_wind)
     drift = how.gust_sd * kept * (gust[0] * with_wind - gust[1] * across_wind)
     slow = speed + drift - deviations * felt * math.sqrt(square)
@@ -201,7 +201,7 @@ def _turns(
     flown = air.distance_m[segment] - left
     turn = now + GUST_STEP_S
     further = flown + speed * GUST_STEP_S
-    # In the wind of now: on, back in half a minute, back now.
+    # In the present wind: on, back in half a minute, back now.
     out_s = _takes_s(air, member, slot, segment, left, gust, 0.0, how.deviations, how)
     back_s = _takes_s(air, member, slot, how.back, further, gust, GUST_STEP_S, how.deviations, how)
     here_s = _takes_s(air, member, slot, how.back, flown, gust, 0.0, how.deviations, how)

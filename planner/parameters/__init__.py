@@ -1,1 +1,1 @@
-"""Parameters of planners and of their simulations, a part for each; see `models.base.parameters`."""
+"""Parameters of planners and of their simulations, one class for each part; see `models.base.parameters`."""

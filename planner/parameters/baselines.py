@@ -16,8 +16,8 @@ class PfsParameters(Parameters):
         measured="chosen, not measured: Algorithm 1 as printed may run in circles",
     )  # fmt: skip
     kept_flights: int = parameter(
-        100_000_000, "flights, by segment and slot, that are kept once worked out", 0, 10**12,
-        measured="memory: larger networks are worked out each time",
+        100_000_000, "maximum number of stored flights, by segment and slot", 0, 10**12,
+        measured="memory: larger networks are computed each time",
     )  # fmt: skip
 
 
@@ -26,6 +26,6 @@ class IesParameters(Parameters):
     """Of `ies`."""
 
     gain_s: float = parameter(
-        1e-6, "compositions that are not better by this much are not looked for", 0, 3600, unit="s",
+        1e-6, "only compositions that are better by this much are searched", 0, 3600, unit="s",
         measured="chosen, not measured: above the rounding of instants, 2.4e-7 s",
     )  # fmt: skip

@@ -11,8 +11,8 @@ from skyway.models.base.parameters import Parameters, parameter
 class EvaluationParameters(Parameters):
     """Of `planner.evaluation`: how long a simulated delivery may take, and how its figures are counted."""
 
-    max_stops: int = parameter(60, "stops after which a policy has given up", 1, 10_000)
+    max_stops: int = parameter(60, "number of stops after which a policy has given up", 1, 10_000)
     patience: float = parameter(
-        1.0 / 24.0, "a policy that has waited decides again after this share of the wait: some 100 times in all", 0, 1
+        1.0 / 24.0, "a waiting policy decides again after this share of its wait so far: some 100 times in all", 0, 1
     )
     replicates: int = parameter(1000, "resamples of the bootstrap over days behind each interval", 10, 10**6)

@@ -23,7 +23,7 @@ GUSTS_AHEAD_S = 3 * 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What the truth has that no forecast tells."""
+    """Errors of the truth that no forecast contains."""
 
     gust_sd: float = GUST_SD
     """Standard deviation of gusts along the wind, as a share of the hourly speed."""
@@ -40,11 +40,11 @@ class Errors:
             raise InputError(faults)
 
     def energy_of(self, drone: Drone) -> EnergyBelief:
-        """How far the energy of a drone's flights may be from the model's."""
+        """Error of the energy model for a drone's flights."""
         return drone.energy_belief if self.energy is None else self.energy
 
     def in_forecast(self, forecast: WindEnsemble, begin_s: float) -> Errors:
-        """Return the same with the gusts that a forecast tells for the hours from an instant on, where it tells some."""
+        """Return a copy with the gusts that a forecast contains for the hours from an instant on, if any."""
         weather = forecast.weather
         told = np.empty(0) if weather is None else weather.between("gust_sd", begin_s, begin_s + GUSTS_AHEAD_S)
         return replace(self, gust_sd=float(told.mean())) if len(told) and self.gust_sd > 0.0 else self
@@ -57,7 +57,7 @@ NO_ERRORS = Errors(gust_sd=0.0, energy=EXACT)
 
 
 def gust_notes(errors: Errors) -> list[str]:
-    """Tell how strong the gusts of a forecast are."""
+    """Describe the strength of the gusts of a forecast."""
     if errors.gust_sd == GUST_SD:
         return []
     return [

@@ -26,7 +26,7 @@ def check_itinerary(network: Network, itinerary: Itinerary) -> None:
     """Refuse flights that do not follow each other over segments of a network.
 
     An `InputError` names no flight, a flight without segments, a segment that is none, one that does not begin where
-    the one before ends, or a charge that is no fraction.
+    the one before ends, or a charge that is not a fraction.
     """
     if not itinerary:
         raise InputError(Fault("has no flight", field="itinerary", remedy="at least one"))

@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 
 HOURS = 16.0
-"""How far ahead speeds are worked out; beyond, the last hour holds on."""
+"""How far ahead speeds are computed; beyond, the last hour holds on."""
 
 
 def energy_margin(margin: float, belief: EnergyBelief, epsilon: float) -> float:
-    """Margin of a flight's energy: for the wind, and for what is not known of the energy of the drone's next leg."""
+    """Margin of a flight's energy: for the wind, and for what is unknown of the energy of the drone's next leg."""
     mean, sigmas = belief.mean_ratio, NormalDist().inv_cdf(1.0 - epsilon)
     return mean * (1.0 + math.hypot(margin, sigmas * belief.leg_sd / mean)) - 1.0
 
 
 class ExpectedQueues(AskedQueues):
-    """Expected wait at every station as a queue path, worked out for those that a search asks for."""
+    """Expected wait at every station as a queue path, computed for the stations that a search asks for."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)

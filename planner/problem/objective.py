@@ -41,7 +41,7 @@ _THEN = re.compile(r"\s*,\s*then\s+")
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """What a sum counts, in the scenario's currency.
+    """Weights of a sum, in the scenario's currency.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Objective:
 
     @property
     def searched(self) -> tuple[Weights, ...]:
-        """What routes are to be searched for beside those that arrive early."""
+        """Additional criteria of the route search beside early arrival."""
         of_kind = {"energy": Weights(per_kwh=1.0), "cost": Weights(cost=1.0)}
         found = (one.weights or of_kind.get(one.kind) for one in self.singles)
         return tuple(dict.fromkeys(one for one in found if one is not None))
@@ -165,7 +165,7 @@ class Objective:
         return bool(self.searched)
 
     def loss(self, outcome: Outcome, since_s: float = 0.0) -> tuple[float, ...]:
-        """What to make small, first by the first number: seconds since a time, the probability to be late, kWh, or money."""
+        """Quantity to minimise, lexicographically: seconds since a time, the probability of being late, kWh, or money."""
         mean, late = outcome.mean_s - since_s, outcome.quantile_s(0.95) - since_s
         if self.kind in ("mean", "p95", "on-time"):
             return {"mean": (mean, late), "p95": (late, mean), "on-time": (1.0 - self.on_time(outcome), mean)}[

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from skyway.planner.problem.request import Request
 
 HORIZON_H = 48
-"""Hours of wind and queues that are looked at; a delivery takes less."""
+"""Hours of wind and queues that are considered; a delivery takes less."""
 DAY_S = 86_400.0
 NEVER_S = 1e12
 """Before all times, with a minus."""
@@ -135,7 +135,7 @@ class Problem:
 
     @cached_property
     def usual_errors(self) -> Errors:
-        """What is expected beyond the forecast: its gusts, where it tells some."""
+        """Expected errors beyond the forecast: its gusts, if it contains any."""
         return USUAL_ERRORS.in_forecast(self.forecast, self.request.state.time.timestamp())
 
     def _node(self, identity: str, field: str) -> int:
@@ -228,18 +228,18 @@ class Problem:
 
     @cached_property
     def tariff(self) -> Tariff | None:
-        """Prices at the nodes; None where the scenario says nothing of costs."""
+        """Prices at the nodes; None where the scenario has no costs."""
         given = self.scenario.tariff
         return None if given is None else given.of_length(len(self.network))
 
     @property
     def counts_spending(self) -> bool:
-        """Whether energy and cost of deliveries are worked out."""
+        """Whether energy and cost of deliveries are computed."""
         return self.scenario.tariff is not None or self.request.objective.beside_time
 
     @cached_property
     def closures(self) -> dict[int, Closures]:
-        """When stations with opening hours are closed, from a day before the departure on, by node; none for those that never close."""
+        """Closing times of stations with opening hours, from a day before the departure on, by node; none for those that never close."""
         begin_s, end_s = self.depart_s - DAY_S, self.depart_s + (HORIZON_H + TAIL_H) * S_PER_H
         found: dict[int, Closures] = {}
         for node, station in enumerate(self.network.stations):
@@ -259,7 +259,7 @@ class Problem:
 
     @cached_property
     def awaiting(self) -> int:
-        """Node of the target that the request names, whatever a search is bound for."""
+        """Node of the target that the request names, independent of a search's destination."""
         return self.network.index[self.request.destination]
 
     @property
@@ -268,7 +268,7 @@ class Problem:
         return -math.inf if self.request.not_before is None else self.request.not_before.timestamp()
 
     def no_landing(self, node: int) -> Closures | None:
-        """When nobody lands at a node: while it is closed and has no holding spots, and at the target before the earliest delivery."""
+        """Times without landings at a node: while it is closed and has no holding spots, and at the target before the earliest delivery."""
         closures = self.closures.get(node)
         closed_s = np.empty((0, 2))
         if closures is not None and not self.network.stations[node].holding_spots:
@@ -285,7 +285,7 @@ class Problem:
         return air.climb_s + air.descent_s + float(air.distance_m[list(segments)].sum()) / air.max_ground_speed_mps
 
     def charged_at(self, node: int, pad_s: float, lasts_s: float) -> float:
-        """When a drone on a pad of a station has been charged for so long, which it is only while that is open."""
+        """Time at which a drone on a pad of a station has charged for so long; it charges only while the station is open."""
         closures = self.closures.get(node)
         return pad_s + lasts_s if closures is None else float(closures.past(np.array(pad_s), np.array(pad_s + lasts_s)))
 
@@ -307,7 +307,7 @@ class Problem:
 
     @cached_property
     def pads_free_s(self) -> dict[int, tuple[float, ...]]:
-        """When busy pads become free, by node, POSIX seconds, as far as that is known."""
+        """Times at which busy pads become free, by node, POSIX seconds, as far as known."""
         known = self.request.state.pads_free_s
         return {self.network.index[key]: times for key, times in known.items() if key in self.network.index}
 
@@ -322,7 +322,7 @@ class Problem:
 
     @cached_property
     def waits(self) -> ExpectedWaits:
-        """Expected waits, computed for a station when it is first asked for."""
+        """Expected waits, computed for a station on first use."""
         return ExpectedWaits(self)
 
     def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
@@ -352,7 +352,7 @@ class Problem:
     def many_queues(self, nodes: Sequence[int], stream: int, count: int) -> PackedPaths:
         """So many sampled realisations of the other drones at each of some places, in order (place, realisation).
 
-        Each stream is others than those of `queue_sets` and of the other streams; asked for again, with the same count, it is the same.
+        Each stream is others than those of `queue_sets` and of the other streams; requested again, with the same count, it is the same.
         """
         kept = self._many.setdefault((self.request.seed, stream, count), {})
         for node in nodes:
@@ -407,7 +407,7 @@ class Problem:
 
     @cached_property
     def onward_energies(self) -> dict[tuple[int, float], tuple[float, tuple[int, ...]]]:
-        """What is known of the charge that the way on takes; see `planner.robust.way_on.way_on_energy`."""
+        """Known charge for the onward flight; see `planner.robust.way_on.way_on_energy`."""
         return {}
 
     @property
@@ -417,7 +417,7 @@ class Problem:
 
     @property
     def onward_cost(self) -> tuple[float, float]:
-        """`soc_per_s` and `soc_fixed` that are kept for the flight on: without the package, or with it where that may stay aboard.
+        """`soc_per_s` and `soc_fixed` kept for the onward flight: without the package, or with it where it may stay on board.
 
         What a hover at the target takes is part of it.
         """
@@ -437,17 +437,17 @@ class Problem:
 
     @property
     def why_on(self) -> str:
-        """Why the drone must fly on from the destination, as people are told."""
+        """Reason why the drone must fly on from the destination, in words."""
         return "where it does not land" if self.request.in_air else "which has no pads"
 
     def thinned(self, members: int) -> Problem:
-        """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""
+        """Return the same problem with at most so many members of the forecast; computed waits stay."""
         if len(self.probability) <= members:
             return self
         return self._sharing_queues(self.drone, self.ensemble.thinned(members))
 
     def for_drone(self, drone: Drone) -> Problem:
-        """Return the same request for another drone; what is known of waits and queues stays."""
+        """Return the same request for another drone; computed waits and queues stay."""
         return self._sharing_queues(drone, self.ensemble)
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
@@ -485,7 +485,7 @@ def check_apart(problem: Problem) -> None:
 class ExpectedWaits:
     """Expected wait and chance of a free pad at every station over the horizon.
 
-    Rows are filled when first asked for (`need`); kernels read the arrays.
+    Rows are filled when first requested (`need`); kernels read the arrays.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -504,7 +504,7 @@ class ExpectedWaits:
     def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
         """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.
 
-        Behind these points a row goes on with its last wait.
+        Behind these points a row continues with its last wait.
         """
         hours = math.ceil(min(max((until_s - self.start_s) / S_PER_H, 1.0), HORIZON_H))
         points = round(hours * S_PER_H / self.step_s) + 1

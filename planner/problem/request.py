@@ -38,7 +38,7 @@ LATEST_DEADLINE_H = 48
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """One delivery, from where it stands now.
+    """One delivery, from its current state.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Request:
         How the package leaves the drone, one of `models.composition.release.RELEASES`. Where that is in the air, `dwell_s` is the time
         of the hover, and the drone does not land at the target.
     undelivered_to : str or None
-        Where the package goes if it cannot be handed over: ``back`` to where it came from, or the id of a station. The
+        Where the package goes if it cannot be delivered: ``back`` to where it came from, or the id of a station. The
         charge for it is kept. None: no charge is kept for that.
     not_back_by : tuple of str
         Stations that the way back cannot begin with.
@@ -129,7 +129,7 @@ class Request:
         if self.release not in RELEASES:
             faults.append(Fault("is not known", field="release", value=self.release, remedy=", ".join(RELEASES)))
         elif self.in_air and self.dwell_s not in (0.0, hover_s(self.release)):
-            remedy = f"leave it out: {self.release} hovers as long as it takes"
+            remedy = f"remove it: {self.release} hovers as long as necessary"
             faults.append(
                 Fault("the drone does not land at the target", field="dwell_s", value=self.dwell_s, remedy=remedy)
             )

@@ -1,4 +1,4 @@
-"""Queues at every station of a problem, worked out, or sampled, for those that a search asks for."""
+"""Queues at every station of a problem, computed or sampled for the stations that a search asks for."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class AskedQueues(Mapping[int, QueuePath], ABC):
-    """The queues of all nodes of a problem, worked out for those that are asked for."""
+    """The queues of all nodes of a problem, computed on request."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
@@ -36,7 +36,7 @@ class AskedQueues(Mapping[int, QueuePath], ABC):
 
 
 class SampledQueues(AskedQueues):
-    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are asked for first."""
+    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are requested first."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
         super().__init__(problem)

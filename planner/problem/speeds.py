@@ -28,7 +28,7 @@ class Speeds(Protocol):
 
     @property
     def slots(self) -> int:
-        """How many there are."""
+        """Number of slots."""
 
     def over(self, first: int, last: int, segments: NDArray[np.int64]) -> NDArray[np.float64]:
         """Speeds over some segments in slots from the first to the last, shape (slots, segments); 0 where closed."""
@@ -119,7 +119,7 @@ def _mean_speeds(
 
 
 class MeanSpeeds:
-    """Those whose flight time is the mean of the members' that can fly, worked out where a search asks for them.
+    """Speeds whose flight time is the mean over the members that can fly, computed on request.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def return_node(problem: Problem) -> int | None:
     """Node where the drone is to be after the delivery; None where any pad will do, or it stays.
 
-    An `InputError` says that there is no such station, that it cannot charge there, or that it cannot stay.
+    Raises an `InputError` if there is no such station, if it cannot charge there, or if it cannot stay.
     """
     asked = problem.request.return_to
     if asked == NO_RETURN and problem.needs_escape:
@@ -45,7 +45,7 @@ def return_node(problem: Problem) -> int | None:
 
 
 def undelivered_node(problem: Problem) -> int | None:
-    """Node where the package goes that cannot be handed over; None where that was not asked for."""
+    """Node that receives a package that could not be delivered; None where none was requested."""
     asked = problem.request.undelivered_to
     if asked is None:
         return None
@@ -100,7 +100,7 @@ def _way(network: Network, before: dict[int, int], node: int) -> tuple[int, ...]
 
 
 def landings(problem: Problem) -> NDArray[np.bool_]:
-    """Where the drone may land on from the destination, shape (nodes,).
+    """Allowed landing stations after the destination, shape (nodes,).
 
     With `NEAREST_PAD`, where no station leaves it useful, that is any station with pads.
     """
@@ -110,7 +110,7 @@ def landings(problem: Problem) -> NDArray[np.bool_]:
     back, undelivered = return_node(problem), undelivered_node(problem)
     free = back is None
     if free and problem.in_flight:
-        back = None  # where it came from is not known any more
+        back = None  # where it came from is unknown any more
     elif free:
         back = problem.origin
     useful = pads.copy()
@@ -124,7 +124,7 @@ def landings(problem: Problem) -> NDArray[np.bool_]:
 
 
 def flight_range_m(problem: Problem) -> float:
-    """How far a full battery takes the drone in still air, from take-off to touch-down on the reserve."""
+    """Range of a full battery in still air, from take-off to touch-down on the reserve, m."""
     per_s, fixed = problem.onward_cost
     cruise_s = (1.0 - problem.reserve - fixed) / per_s - problem.rules.climb_s - problem.rules.descent_s
     return max(cruise_s, 0.0) * problem.air.airspeed_mps

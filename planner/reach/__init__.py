@@ -1,1 +1,1 @@
-"""What a drone can reach from any point of a leg, and the stations that it may divert to."""
+"""Reach of a drone from any point of a leg, and its divert stations."""

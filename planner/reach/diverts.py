@@ -37,7 +37,7 @@ def divert_cover(
     destination: str, full: frozenset[str] = frozenset(), reserve_soc: float = 0.0, most: int | None = None,
     every_m: float | None = None,
 ) -> DivertCover:  # fmt: skip
-    """Find divert stations for every point of a leg to `destination`, whose way is that of `Reach.way`.
+    """Find divert stations for every point of a leg to `destination`, along the way of `Reach.way`.
 
     The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
     Stations that are `full` do not keep the reserve. There are at most `most`, for points `every_m` apart; by default both

@@ -34,7 +34,7 @@ _ANY_S = 1.0
 
 
 class Calibrated(NamedTuple):
-    """Weights, and what they were calibrated on."""
+    """Weights, and the waits that they were calibrated on."""
 
     weight: NDArray[np.float64]
     """Shape (runs,). Their sum is 1."""
@@ -78,7 +78,7 @@ def calibrated(
 
 
 def _is_known(problem: Problem, node: int) -> bool:
-    """Whether the expected wait of a station is that of its sampled queues: others are there, its pads never close, and it is not known when they become free."""
+    """Whether the expected wait of a station is that of its sampled queues: others are there, its pads never close, and it is unknown when they become free."""
     closed = node in problem.closures or (node == problem.awaiting and problem.request.not_before is not None)
     return problem.has_pads(node) and not closed and node not in problem.pads_free_s
 

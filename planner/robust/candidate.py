@@ -1,4 +1,4 @@
-"""A route that `robust` considers: its rule of charging, and how it fares out of sample."""
+"""A route that `robust` considers: its charging rule, and its out-of-sample results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A route with its rule of charging, and how it fares."""
+    """A route with its charging rule, and its results."""
 
     policy: ChargePolicy
     """Flights and rule."""
@@ -33,6 +33,6 @@ class Candidate:
         return tuple(int(head[leg.segments[-1]]) for leg in self.policy.itinerary)
 
     def order(self) -> tuple[float, ...]:
-        """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
+        """Sort key of candidates: arrival, then keeping the reserve, then the objective."""
         least = self.policy.problem.parameters.robust.min_arrival
         return self.outcome.p_arrive < least, self.unsafe, *self.loss

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.schedule_kernels import Legs, Queues
     from skyway.planner.schedule.shut_kernels import Shut
 
-_CHANGES = 500  # times a stay is looked at again
+_CHANGES = 500  # times a stay is checked again
 
 
 class Stop(NamedTuple):

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
-    """What a drone of a problem knows at every stop; see `planner.robust.information_kernels.Known`.
+    """Information of a problem's drone at every stop; see `planner.robust.information_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
     Estimation", 1986, eq. 3.28), but is wider: see `RobustParameters.bandwidth`.
@@ -77,7 +77,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
 
 @dataclass(frozen=True, eq=False)
 class ChargePolicy:
-    """Flights in a fixed order, each charged for by what is known when it is due."""
+    """Flights in a fixed order, each charged from the information when it is due."""
 
     problem: Problem
     """With the forecast at the time of planning."""
@@ -86,7 +86,7 @@ class ChargePolicy:
     known: Known
     """The rule."""
     most_full: float = 1.0
-    """A flight is begun when the chance to find its station full is at most this."""
+    """A flight starts when the chance to find its station full is at most this."""
     first_s: float = -math.inf
     """The drone waits at its origin until then, POSIX seconds."""
 
@@ -123,7 +123,7 @@ class ChargePolicy:
         and arrays of other shapes.
 
         `share` is the forecast for each member of the truth, shape (members of truth, members); the policy's own for
-        all by default. `tables` were worked out before with the same truth, flights and forecast.
+        all by default. `tables` were computed before with the same truth, flights and forecast.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)

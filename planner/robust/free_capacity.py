@@ -1,7 +1,7 @@
-"""Free capacity of stations: blocking probabilities, and how sure a drone must be of a place before take-off.
+"""Free capacity of stations: blocking probabilities, and the required probability of a place before take-off.
 
 A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
-known before a take-off (the pad service tells), so that a flight is begun only when the chance to find the station full
+known before a take-off (the pad service tells), so that a flight starts only when the chance to find the station full
 at its end is small.
 """
 
@@ -40,7 +40,7 @@ def _rates(problem: Problem, nodes: Sequence[int]) -> tuple[NDArray[np.float64],
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity:
-    """Room of the stations at the end of each leg, to be looked at before it; where there are no pads is always room."""
+    """Room at the stations at the end of each leg, to be checked before it; stations without pads always have room."""
     at = np.asarray(nodes, dtype=np.int64)
     stations = [problem.network.stations[node] for node in at]
     spots = np.array([one.holding_spots if one.pads else 1 for one in stations], dtype=np.int64)
@@ -90,7 +90,7 @@ def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) ->
 def no_place_probability(
     scenario: Scenario, node: int, present: int, now_s: float, lands_s: float, hover_s: float
 ) -> float:
-    """Chance that a drone which comes to a station finds no place to land before it has hovered so long, from how many others are there now.
+    """Probability that an arriving drone finds no place to land within its hover time, given how many others are present now.
 
     Who comes before it is in its way, who comes later is not; who leaves until then makes room. Times are POSIX seconds.
     """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""
 _NEGLIGIBLE = 1e-12
-_MOST = 60  # departures that are looked at
+_MOST = 60  # departures that are considered
 
 
 class FreeCapacity(NamedTuple):
@@ -33,7 +33,7 @@ class FreeCapacity(NamedTuple):
     services_per_s: NDArray[np.float64]
     """Others that arrive, and that leave one busy pad, in each hour from `start_s`, POSIX seconds, on; shape (legs, hours)."""
     most: float
-    """Greatest chance with which a flight is begun; 1: nobody looks at the pads."""
+    """Greatest probability of a full station with which a flight starts; 1: pads are ignored."""
 
 
 class Present(NamedTuple):
@@ -59,7 +59,7 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     `arrivals` and D Poisson of mean `services` times the pads busy now: those that arrive in the meantime are assumed
     not to leave again.
 
-    Takes counts and expected numbers from 0 up, all finite. Where there is no room now, somebody must leave first.
+    Takes counts and expected numbers from 0 up, all finite. Without room now, a drone must leave first.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def chances(
 def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     """Others at the station of an entry at a time: at the start, plus arrived, minus left by then."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
-    # The first arrival of a packed path is -inf, which is no drone.
+    # The first arrival of a packed path is -inf, not a drone.
     came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
     left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
     return int(there.at_start[entry] + came - left)
@@ -127,7 +127,7 @@ def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 @compiled_lean
 def expected(per_s: NDArray[np.float64], begin_s: float, end_s: float) -> float:
-    """Expected number of events from one time to another, at the rate of each hour, shape (hours,); the last one's goes on.
+    """Expected number of events between two times, at the rate of each hour, shape (hours,); the last rate continues.
 
     Times are seconds from the beginning of the first hour, which may not be after either.
 
@@ -173,7 +173,7 @@ def next_look(
 ) -> float:
     """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over.
 
-    `entry` is the queue path of the station in `queues` and `there`; the chance is worked out again only when the number of others has changed.
+    `entry` is the queue path of the station in `queues` and `there`; the chance is computed again only when the number of others has changed.
     """
     seen = others_at(queues, there, entry, time_s)
     while True:

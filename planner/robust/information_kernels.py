@@ -1,4 +1,4 @@
-"""The information state in which a flight is begun, and what follows from it: how much energy it may take, and which winds are likely.
+"""The information state in which a flight starts, and what follows from it: how much energy it may take, and which winds are likely.
 
 Each member m of the forecast is weighted by its likeness to the wind measured now, and shifted by its own residual:
 
@@ -26,7 +26,7 @@ MIN_CHANCE = 1e-9
 
 
 class Known(NamedTuple):
-    """What a drone knows when it decides, and how careful it is."""
+    """Information of a drone at a decision, and its risk parameters."""
 
     air: SegmentWind
     """Segments and the members of the forecast."""
@@ -82,7 +82,7 @@ def energy_belief_after(known: Known, seen: float, legs: int) -> tuple[float, fl
 def residuals(
     known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How much the wind measured in slot `first` is more than each member says, shape (members, sites).
+    """Wind measured in slot `first` minus that of each member, shape (members, sites).
 
     r_m, towards north and east, m/s; 0 where nobody measures. The measured wind has shape (sites,).
     """

@@ -1,4 +1,4 @@
-"""Routes that are good for an objective beside time: label setting over stops in the mean-value problem.
+"""Routes that are good for an objective beside time: label setting over stops on average-value problem.
 
 A label is a landing: station, time, charge, and the loss so far, a weighted sum of time, energy and cost. From it the
 drone flies to any station in reach on the way that takes least time in the wind of then, charged as a `ChargePolicy` charges: enough for
@@ -6,7 +6,7 @@ the flight with its margin, or full. A label is dropped where another at the sam
 has lost no more; where prices change with the hour, one of the same hour; where stations close, one that has been at the same of these, for
 how sure they are to be open when the drone comes, the mean-value problem does not tell. Routes come in the order of their loss.
 
-Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is not looked at:
+Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is ignored:
 the routes are only candidates, which are judged by simulation (`planner.robust.robust`).
 """
 
@@ -51,7 +51,7 @@ class Landing:
     soc: float
     loss: float
     stage: int
-    """How many of the stops that are asked for are behind it."""
+    """How many of the stops that are requested are behind it."""
     before: Landing | None
     slot: int
     """In whose wind it was flown to."""
@@ -115,7 +115,7 @@ class LossSearch:
         self._least = self._least_left_s()
 
     def routes(self, count: int) -> Iterator[Itinerary]:
-        """Yield so many routes at most, the least loss first."""
+        """Yield at most so many routes, in order of increasing loss."""
         p = self.problem
         begin = Landing(p.origin, p.depart_s, p.soc, 0.0, 0, None, 0)
         heap: list[tuple[float, int, Landing]] = [(0.0, 0, begin)]
@@ -224,7 +224,7 @@ class LossSearch:
         return drone.wear_per_flight_h * flight_s / S_PER_H + drone.wear_per_cycle * soc
 
     def _stage(self, label: Landing, target: int) -> int:
-        """How many of the stops that are asked for are behind a landing at a station; -1 where it may not land there yet."""
+        """How many of the stops that are requested are behind a landing at a station; -1 where it may not land there yet."""
         asked = self.problem.must_stop
         if label.stage < len(asked) and target == asked[label.stage]:
             return label.stage + 1
@@ -314,5 +314,5 @@ def _visited(label: Landing) -> list[int]:
 
 
 def _covers(one: Landing, other: Landing) -> bool:
-    """Whether a label is no worse than another in anything."""
+    """Whether a label is at least as good as another in everything."""
     return one.time_s <= other.time_s + 1e-6 and one.soc >= other.soc - 1e-9 and one.loss <= other.loss + 1e-12

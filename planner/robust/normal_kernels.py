@@ -58,7 +58,7 @@ def exceeded_by(
     spread: NDArray[np.float64],
     share: NDArray[np.float64],
 ) -> float:
-    """Find the value x that a mixture of normal distributions, of weight `total`, exceeds with the weight `least` only.
+    """Find the value x that a mixture of normal distributions, of weight `total`, exceeds with weight `least`.
 
     Solves sum of share_m Q((x - mean_m) / spread_m) = least, Q(z) = erfc(z / sqrt(2)) / 2. None of its parts alone may
     exceed it with more, and where each does so with its share, so does the mixture: between these bounds the logarithm

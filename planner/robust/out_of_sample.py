@@ -112,7 +112,7 @@ def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, run
 
 
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
-    """Fly an itinerary as it stands in the realizations in which the promises of a `ChargePolicy` are counted."""
+    """Fly an unchanged itinerary in the realizations in which the promises of a `ChargePolicy` are counted."""
     found = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
     schedule = fly_as_it_stands(problem, itinerary, found.members, found.disturbance, found.paths)
     weight = problem.probability[found.members]
@@ -120,7 +120,7 @@ def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs:
 
 
 def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
-    """Choose the typical schedule of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
+    """Choose the typical schedule of an unchanged itinerary; see `planner.schedule.typical`."""
     paths = problem.many_queues(place_nodes(problem, itinerary), PROMISING, runs.sets)
 
     def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:

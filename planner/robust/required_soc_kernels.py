@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from skyway.planner.robust.information_kernels import Known
 
 GRID_S = 600.0
-"""What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
+"""What a flight needs is computed for take-offs within so long together; the most of both ends counts."""
 
 
 @compiled
@@ -87,7 +87,7 @@ def flight_energy(
 
     `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
     count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was
-    worked out from, s: as long as that ends in the same slot, the energy is the same.
+    computed from, s: as long as that ends in the same slot, the energy is the same.
 
     Only the `worst_members` members are flown, twice each: as they are, for T_m, and with the uncertain part `steady_sigmas`
     deviations against the flight, for D_m. O(`worst_members` x segments x slots of the flight).
@@ -188,7 +188,7 @@ def energy_about(
     deviation: float,
     table: NDArray[np.float64],
 ) -> float:
-    """Look up, or work out and keep, what a flight may need that takes off about a time, as SoC.
+    """Look up, or compute and keep, what a flight may need that takes off about a time, as SoC.
 
     The most of both ends of the interval of `GRID_S` that holds the time, in the wind that is true in its slot.
 

@@ -5,7 +5,7 @@ flight time at several margins, and some of its members with sampled queues. Eac
 each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
 the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
 and gusts than those it was chosen in, and what is promised of it is what was counted there. Stations that may be full to
-the last holding spot are left out where another way exists: a drone that hovers lives on its reserve.
+the last holding spot are omitted where another way exists: a drone that hovers lives on its reserve.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RobustAnswer:
-    """What the robust planner answers."""
+    """Answer of the robust planner."""
 
     policy: ChargePolicy
     """Its itinerary names the charges of the typical schedule."""
@@ -102,7 +102,7 @@ class RobustSearch:
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
 
     def solve(self) -> RobustAnswer:
-        """Search; a `NoRouteError` says that there is no route even without margin."""
+        """Search for the best route. Raises a `NoRouteError` if there is no route even without margin."""
         candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
         try:
             return self._first_to_finish(candidates)
@@ -324,7 +324,7 @@ class RobustSearch:
             itinerary = self._without_idle_stops(itinerary, charges)
 
     def _without_idle_stops(self, itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
-        """Overfly the stops at which hardly any run charges, unless they were asked for."""
+        """Overfly the stops at which hardly any run charges, unless they were requested."""
         legs = [itinerary[0]]
         for leg, share in zip(itinerary[1:], charges[1:], strict=True):
             asked = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
@@ -439,13 +439,13 @@ class RobustSearch:
         return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
     def judged(self, itinerary: Itinerary) -> Candidate:
-        """How a route fares in the deliveries in which routes are compared first."""
+        """Performance of a route in the deliveries used for the first comparison."""
         return self._judged(itinerary, self.parameters.screen_runs, self.parameters.screen_members)[0]
 
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None = None
     ) -> tuple[Candidate, NDArray[np.float64]]:
-        """How a route fares, and the share of runs that charge at each stop; worked out once, with what is known from `before`."""
+        """How a route fares, and the share of runs that charge at each stop; computed once, with what is known from `before`."""
         key = itinerary, runs, realizations
         if key not in self._known:
             self._known[key] = self._judged_now(itinerary, runs, realizations, before)

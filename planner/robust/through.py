@@ -1,4 +1,4 @@
-"""Routes with stops that were asked for: composed piece by piece, from each to the next, in the order asked."""
+"""Routes with requested stops: composed piece by piece, from each to the next, in the requested order."""
 
 from __future__ import annotations
 

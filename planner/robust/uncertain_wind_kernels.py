@@ -50,7 +50,7 @@ def wind_felt(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[f
 
 @compiled_lean
 def wind_variance(known: Known, ahead_s: float) -> float:
-    """Variance of a component of the wind about what a member says, `ahead_s` after the hour that was measured, m2/s2.
+    """Variance of a wind component around a member's value, `ahead_s` after the hour of the measurement, m2/s2.
 
     (b sigma)^2 (1 - exp(-2 t / tau)): the variance that a residual has gained by then, times the square of b =
     `smoothing`.
@@ -86,7 +86,7 @@ def _slow_speed(wind: tuple[Known, SegmentWind, int, int, float], slot: int, seg
 def slow_land(
     known: Known, air: SegmentWind, member: int, segments: NDArray[np.int64], depart_s: float, gust: float
 ) -> float:
-    """Touch-down of a flight through wind that is worse all the way than the member says, by `Known.steady_sigmas` deviations.
+    """Touch-down of a flight in wind worse than the member's all the way, by `Known.steady_sigmas` deviations.
 
     Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. About
     their mean gusts come and go: where the ground speed is capped, lulls slow a flight and squalls from behind give

@@ -1,4 +1,4 @@
-"""What a plan says of the airspace: authorizations and conditions that it counts on, zones that it waits for or goes around."""
+"""Airspace notes of a plan: its authorizations and conditions, and the zones that it waits for or goes around."""
 
 from __future__ import annotations
 

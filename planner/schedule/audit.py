@@ -6,7 +6,7 @@ behind another. What is decided (segments, charges, earliest take-offs) must be 
 the searches that have perfect information must keep the reserve at every landing and arrive when they said they would.
 
 Nothing of the searches is used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
-and the charging curve in closed form are written out once more, in plain Python. Read are data only: the network, the wind
+and the charging curve in closed form are written out again, in plain Python. Read are data only: the network, the wind
 over its segments, the rules, the drone's power and the times of the queues. The schedule of a composition is one in the wind of
 one member of the forecast and one set of queues (`Realization`); under gusts and an energy that is not the model's, nothing but
 its own sums can be compared.
@@ -50,7 +50,7 @@ _EDGE_S = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Realization:
-    """What the schedule of a composition was flown in."""
+    """Realization in which the schedule of a composition was flown."""
 
     member: int
     """Of the forecast."""
@@ -246,7 +246,7 @@ class _Audit:
         return min(max(math.floor((time_s + 1e-6 - air.start_s) / air.slot_s), 0), int(air.north.shape[1]) - 1)
 
     def _speed_mps(self, segment: int, slot: int) -> float:
-        """Ground speed over a segment in a slot, each worked out once."""
+        """Ground speed over a segment in a slot, each computed once."""
         found = self._speeds.get((segment, slot))
         if found is None:
             found = self._speeds[segment, slot] = self._triangle_mps(segment, slot)
@@ -310,7 +310,7 @@ class _Audit:
         )
 
     def proven(self, arrival_s: float) -> None:
-        """Compare with what a search that has perfect information says of its answer: the arrival, and the reserve kept."""
+        """Compare with the answer of a search with perfect information: the arrival, and the reserve kept."""
         composition, problem = self.composition, self.problem
         last = len(composition.services)
         self._near(last, "arrival of the search, POSIX s", arrival_s, composition.arrive.timestamp(), TIME_TOLERANCE_S)

@@ -169,7 +169,7 @@ def gusty_start(gusts: Gusts, length_m: float, time_s: float) -> GustyPlace:
 def gusty_part(air: SegmentWind, member: int, segment: int, gusts: Gusts, at: GustyPlace) -> GustyPlace:
     """Fly on over a segment until it, the gust or the slot ends."""
     slot = slot_of(air, at.time_s)
-    # Up to the end of the segment, of the gust or of the slot, at the speed of now.
+    # Up to the end of the segment, of the gust or of the slot, at the present speed.
     speed = gusty_speed(air, member, slot, segment, at.gust, gusts.sd)
     next_step_s = (at.step + 1) * GUST_STEP_S
     end_s = min(next_step_s, slot_end(air, slot))
@@ -195,7 +195,7 @@ def gusty_land(
 ) -> float:
     """Touch-down of a flight through gusts of time constant `time_s`; without gusts that of `land`.
 
-    The hourly wind must allow the take-off (`next_opening`). Once begun, the flight is flown to its end: a gust beyond
+    The hourly wind must allow the take-off (`next_opening`). Once started, the flight is flown to its end: a gust beyond
     the limits slows it to the least ground speed.
 
     Takes a member and segments of the air and a finite take-off; a time constant above 0.

@@ -158,7 +158,7 @@ def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray
     """Member for the typical schedule, and that schedule with expected waits, shape (legs, 7).
 
     Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that of
-    all the others (least mean vector distance over the first hours). A `NoRouteError` says that no member lets it
+    all the others (least mean vector distance over the first hours). Raises a `NoRouteError` if no member lets it
     arrive.
     """
     runs = fly_expected(problem, itinerary)

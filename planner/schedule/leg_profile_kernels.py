@@ -299,7 +299,7 @@ def stop_profile(
                 pads = _onto_pad(on_pad, pads, w0, e0, d0, w1, e1, d1, curve_s, curve_soc)
             if end >= a1:
                 break
-            # Continue behind the others that have arrived by then; the last `BEFORE_S` before an arrival are left out:
+            # Continue behind the others that have arrived by then; the last `BEFORE_S` before an arrival are omitted:
             # a tie is lost.
             now = end
             while k < len(others_s) and others_s[k] - BEFORE_S <= now:

@@ -1,4 +1,4 @@
-"""Why there is no route: the binding constraint, with figures."""
+"""Reasons for no route: the violated constraint, with figures."""
 
 from __future__ import annotations
 
@@ -139,9 +139,9 @@ def never_leaves(
     if required_soc > most:
         message = (
             f"{begin} {where} takes {percent(required_soc - problem.reserve - way_on_soc)} of the battery of {drone.id} in the best "
-            f"of the forecast winds, with gusts and the error of the energy model, {_way_on_words(problem, b, way_on_soc)}"
-            f"{percent(most - problem.reserve)} are there above the reserve of {percent(problem.reserve)}"
-            f"{'' if most == 1.0 else f', and no pad at {a}'}: {percent(required_soc - most)} too little"
+            f"forecast wind, with gusts and the error of the energy model; {_way_on_words(problem, b, way_on_soc)}"
+            f"{percent(most - problem.reserve)} are available above the reserve of {percent(problem.reserve)}"
+            f"{'' if most == 1.0 else f', and {a} has no pad'}: {percent(required_soc - most)} missing"
         )
         return NoRouteError(message, constraint="energy")
     closed = _closed(problem, segments)
@@ -151,10 +151,7 @@ def never_leaves(
         message = f"{begin} throughout the forecast the wind on {where} is {_too_strong(problem)}"
         return NoRouteError(message, constraint="wind")
     if problem.in_flight and leg == 0:
-        message = (
-            f"{begin} the wind on {where} forbids it now in all of the forecast: {_too_strong(problem)}, and a drone in the air "
-            "cannot hold"
-        )
+        message = f"{begin} in the whole forecast the wind on {where} is now {_too_strong(problem)}, and a drone in the air cannot hold"
         return NoRouteError(message, constraint="wind")
     message = (
         f"{begin} {where} cannot start within the forecast: when the wind allows it and the charge suffices, {b} is "
@@ -168,8 +165,8 @@ def _way_on_words(problem: Problem, target: str, soc: float) -> str:
         return ""
     if not problem.ways_on:
         return f"and from {target}, {problem.why_on}, {nothing_in_reach(problem)}; "
-    with_it = "" if not problem.keeps_for_package else " with the package still aboard"
-    return f"the way on from {target}, {problem.why_on},{with_it} {percent(soc)} more; "
+    with_it = "" if not problem.keeps_for_package else " with the package still on board"
+    return f"the flight on from {target}, {problem.why_on},{with_it} takes {percent(soc)} more; "
 
 
 def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
@@ -193,24 +190,22 @@ def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, b
     start, goal = (network.stations[node].id for node in (problem.origin, problem.destination))
     a = network.stations[int(network.tail[segment])].id
     begin = f"no route from {start} to {goal}, {problem.why_on}:"
-    with_it = "" if not problem.keeps_for_package else ", with the package still aboard,"
+    with_it = "" if not problem.keeps_for_package else ", with the package still on board,"
     if not problem.ways_on:
         return NoRouteError(f"{begin} {nothing_in_reach(problem)}", constraint="energy")
     if not math.isfinite(there_soc + on_soc):
-        message = (
-            f"{begin} throughout the forecast the wind on the way there or on from there is {_too_strong(problem)}"
-        )
+        message = f"{begin} throughout the forecast the wind on the flight there or on the flight on is {_too_strong(problem)}"
         return NoRouteError(message, constraint="wind")
     message = (
-        f"{begin} the flight from {a} takes {percent(there_soc)} of the battery of {problem.drone.id} and the way on to the next pad"
-        f"{with_it} {percent(on_soc)} in the worst forecast wind; {percent(budget_soc)} are there above the reserve of "
-        f"{percent(problem.reserve)}: {percent(there_soc + on_soc - budget_soc)} too little"
+        f"{begin} the flight from {a} takes {percent(there_soc)} of the battery of {problem.drone.id} and the flight on to the next pad"
+        f"{with_it} {percent(on_soc)} in the worst forecast wind; {percent(budget_soc)} are available above the reserve of "
+        f"{percent(problem.reserve)}: {percent(there_soc + on_soc - budget_soc)} missing"
     )
     return NoRouteError(message, constraint="energy")
 
 
 def nothing_in_reach(problem: Problem) -> str:
-    """Say how far the next station is from a target without pads, and how far the drone flies."""
+    """Report the distance from a target without pads to the next station, and the drone's range."""
     network, here = problem.network, problem.destination
     reach_m = flight_range_m(problem)
     able = landings(problem)
@@ -230,7 +225,7 @@ def nothing_in_reach(problem: Problem) -> str:
 
 
 def no_room(problem: Problem) -> NoRouteError:
-    """Refuse a destination at which nobody who comes within the forecast can land."""
+    """Refuse a destination where nobody who arrives within the forecast can land."""
     start, goal = (problem.network.stations[node].id for node in (problem.origin, problem.destination))
     busy = problem.request.state.busy_pads.get(goal)
     there = "" if busy is None else f" behind the {busy} drones that are there now"

@@ -1,4 +1,4 @@
-"""Notes of a plan on waits for a time: where its typical schedule waits for a station to open, or for the earliest delivery."""
+"""Notes of a plan on waits for a time: for a station to open, or for the earliest delivery."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Outcome:
     crossed: Crossed | None = None
     """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
     spending: Spending | None = None
-    """What the runs that arrive spend; None where it is not asked for."""
+    """What the runs that arrive spend; None where it is not requested."""
 
     @property
     def mean_s(self) -> float:
@@ -166,14 +166,14 @@ def _crossed(
 
 
 def full_costs_s(problem: Problem) -> float:
-    """What it costs, about, to find a station full, s; 0 where no others fly."""
+    """Approximate cost of finding a station full, s; 0 where no others fly."""
     load = problem.load
     used = load.arrivals_per_s.max(axis=1) > 0.0
     return FULL_COSTS * float(load.mean_charging_s[used].mean()) if used.any() else 0.0
 
 
 def later(one: Outcome, other: Outcome) -> Figure:
-    """How much later one arrives than another on average, s; where both were flown in the same deliveries, delivery by delivery."""
+    """Mean difference in arrival from another route, s; paired by delivery where both were flown in the same ones."""
     if one.crossed is None or other.crossed is None or not len(one.weight) or not len(other.weight):
         return certain(one.mean_s - other.mean_s)
     same = one.crossed.day.shape == other.crossed.day.shape

@@ -68,7 +68,7 @@ class Crossed:
         return Figure(value, value - half, value + half, error, math.hypot(seed_error, rare))
 
     def quantile(self, values: NDArray[np.float64], q: float) -> Figure:
-        """Least value at or below which at least a share q of the runs lies."""
+        """Smallest value at or below which at least a share q of the runs lies."""
         share = self.weight / self.weight.sum()
         value = weighted_quantile(values, share, q)
         below = values <= value

@@ -84,7 +84,7 @@ class Waits(NamedTuple):
 
 @compiled_lean
 def expected_pad(waits: Waits, leg: int, time_s: float) -> float:
-    """When a drone that arrives at a time can expect a pad, POSIX seconds.
+    """Time at which a drone that arrives at a time can expect a pad, POSIX seconds.
 
     The time and the expected wait then, linear between the points of the grid, constant outside it.
     """
@@ -107,20 +107,20 @@ def _interval(queues: Queues, entry: int, time_s: float) -> int:
 
 @compiled_lean
 def sampled_spot(queues: Queues, entry: int, time_s: float) -> float:
-    """When a drone that arrives at a time can touch down, POSIX seconds: max(t, land)."""
+    """Time at which a drone that arrives at a time can touch down, POSIX seconds: max(t, land)."""
     return max(time_s, queues.land_s[_interval(queues, entry, time_s)])
 
 
 @compiled_lean
 def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
-    """When a drone that arrives at a time gets a pad, POSIX seconds: max(t + delay, pad)."""
+    """Time at which a drone that arrives at a time gets a pad, POSIX seconds: max(t + delay, pad)."""
     k = _interval(queues, entry, time_s)
     return max(time_s + queues.delay_s[k], queues.pad_s[k])
 
 
 @compiled
 def waits_at(queues: Queues, entries: NDArray[np.int64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Waits for a pad of drones that arrive at times, each in a queue path of its own, s, shape (drones,).
+    """Waits for a pad of drones that arrive at given times, each in its own queue path, s, shape (drones,).
 
     Takes paths that are there, and as many as times.
     """
@@ -178,7 +178,7 @@ def fly_under(
 
         ready    r = p + F^-1(charge_to) - F^-1(s), p the time it gets a pad; not before not_before
         take-off t = first opening of the wind from r on, with the charge F(F^-1(s) + t - p)
-        where both r and the charge leave out what the station is closed after p
+        where both r and the charge omit what the station is closed after p
         landing  a = end of the flight in gusts, with e (k + c (a - t)) less
         hovering until there is a holding spot, at e c a second
 

@@ -1,4 +1,4 @@
-"""Kernels of opening hours: for how long a pad is without power, and when a station can be landed at.
+"""Kernels of opening hours: how long a pad is without power, and when landing at a station is allowed.
 
 A station is closed at times (`models.queues.opening_hours`). A drone on its pads is not charged meanwhile; who would get a pad
 gets it when it opens, which queue paths tell. Where there are no holding spots nobody lands while it is closed.
@@ -30,7 +30,7 @@ class Shut(NamedTuple):
 
 @compiled_lean
 def opens(shut: Shut, place: int, time_s: float) -> float:
-    """When a place is open from a time on, POSIX seconds."""
+    """First time from a given one at which a place is open, POSIX seconds."""
     for k in range(shut.offset[place], shut.offset[place + 1]):
         if shut.closed_s[k, 0] <= time_s < shut.closed_s[k, 1]:
             time_s = shut.closed_s[k, 1]
@@ -48,7 +48,7 @@ def closed_for(shut: Shut, place: int, begin_s: float, end_s: float) -> float:
 
 @compiled_lean
 def past_closures(shut: Shut, place: int, begin_s: float, end_s: float) -> float:
-    """When it has been open since one time for as long as from that to another, POSIX seconds."""
+    """Time by which a place has been open for the span between two times, starting from another one, POSIX seconds."""
     for k in range(shut.offset[place], shut.offset[place + 1]):
         if shut.closed_s[k, 1] > begin_s and shut.closed_s[k, 0] < end_s:
             end_s += shut.closed_s[k, 1] - max(shut.closed_s[k, 0], begin_s)
@@ -59,7 +59,7 @@ def past_closures(shut: Shut, place: int, begin_s: float, end_s: float) -> float
 def held_off(
     shut: Shut, place: int, air: SegmentWind, segments: NDArray[np.int64], time_s: float, most_s: float
 ) -> float:
-    """When a flight to a place can begin, from a time on, POSIX seconds, so that it does not end while nobody lands there.
+    """First start of a flight to a place, from a time on, such that it does not end while landings are closed, POSIX seconds.
 
     It lasts `most_s` seconds at most, and no less than at the greatest ground speed.
     """

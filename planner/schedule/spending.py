@@ -1,4 +1,4 @@
-"""What simulated deliveries spend: energy flown, and what is paid for charges, pads and wear.
+"""Consumption of simulated deliveries: energy flown, and the cost of charges, pads and wear.
 
 The cost of a delivery is the sum of
 
@@ -55,7 +55,7 @@ class Spending:
 
 
 def spending(problem: Problem, itinerary: Itinerary, runs: NDArray[np.float64]) -> Spending:
-    """Work out what deliveries spend, runs of shape (runs, legs, 7); legs that are not flown spend nothing."""
+    """Compute what deliveries spend, runs of shape (runs, legs, 7); legs that are not flown spend nothing."""
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
     start = np.where(flown, runs[:, :, SOC_TAKE_OFF], 0.0)
     end = np.where(flown, runs[:, :, SOC_LANDING], 0.0)

@@ -1,8 +1,8 @@
 """The typical schedule: the simulated delivery whose times are nearest to the medians.
 
 What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
-and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more
-without gusts and with the vehicle of the model, and the nearest of these is told.
+and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown again
+without gusts and with the vehicle of the model, and the nearest of these is reported.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Runs:
 
     @property
     def sets(self) -> int:
-        """How many sets of queues there are."""
+        """Number of sets of queues."""
         return int(self.queue.max()) + 1
 
 
@@ -60,7 +60,7 @@ def typical_schedule(
 ) -> Typical:
     """Choose the typical schedule of simulated deliveries, at least one of which arrives.
 
-    Those with a landing below the reserve (SoC) are only told where there are no others, and those that run empty only
+    Those with a landing below the reserve (SoC) are only reported where there are no others, and those that run empty only
     where even those are none. `fly` flies members and sets of queues without gusts: (members, queues) to schedules,
     shape (pairs, legs, 7).
     """

@@ -80,7 +80,7 @@ class Autopilot(Family):
         return self.vehicle.sim_s
 
     def clock_of_day_s(self) -> float:
-        """POSIX seconds that it tells; the simulated ones."""
+        """Its POSIX time in seconds; simulated."""
         return self.vehicle.posix_s
 
     @property
@@ -124,7 +124,7 @@ class Autopilot(Family):
         return Fly(lat, lon, body.alt_m + 0.5 * body.up_mps, 1.0, math.inf, math.degrees(body.yaw))
 
     def safe_place(self, reach_m: float, *, home_counts: bool) -> tuple[float, float]:
-        """Where to return to, degrees: the nearest rally point within reach, or home where that counts and is no farther."""
+        """Place to return to, degrees: the nearest rally point within range, or home where that counts and is no farther."""
 
         def away_m(place: tuple[float, float]) -> float:
             return math.hypot(*offset_m(self.lat, self.lon, *place))
@@ -309,7 +309,7 @@ class Autopilot(Family):
         return Result.ACCEPTED
 
     def terminate(self) -> None:
-        """Stop the motors for good."""
+        """Stop the motors permanently."""
         self.terminated = True
         self.event("flight terminated")
 
@@ -322,7 +322,7 @@ class Autopilot(Family):
 
     @property
     def here(self) -> Home:
-        """Where it is, as a home."""
+        """Its position, as a home."""
         return Home(self.lat, self.lon, self.body.alt_m)
 
     def restarted(self) -> None:
@@ -381,7 +381,7 @@ class Autopilot(Family):
         return True
 
     def move_winch(self, action: float, metres: float, rate_mps: float) -> bool:
-        """Do a WINCH_ACTION: 1 so much line more, 2 at a speed; False where there is no winch, or it knows no such action."""
+        """Do a WINCH_ACTION: 1 pay out a length of line, 2 at a speed; False where there is no winch, or the action is unknown."""
         winch = self.vehicle.winch
         if not self.has_winch or action not in (1.0, 2.0) or not (math.isfinite(metres) and math.isfinite(rate_mps)):
             self.event("no winch, or no such action: nothing moves")

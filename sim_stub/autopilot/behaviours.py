@@ -49,7 +49,7 @@ def steer(
 
 @dataclass(slots=True)
 class Idle:
-    """Stand on the ground with the motors turning."""
+    """On the ground with the motors turning."""
 
     done: bool = False
 

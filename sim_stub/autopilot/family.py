@@ -113,11 +113,11 @@ class Family(ABC):
 
     @abstractmethod
     def ftp_habits(self, version: tuple[int, int]) -> Habits:
-        """How a version of it serves files."""
+        """File service of a version."""
 
     @abstractmethod
     def log_path(self, number: int, time_s: float) -> str:
-        """Where it writes its log of a number, begun at an instant, POSIX seconds."""
+        """Path of the log of a number, started at an instant, POSIX seconds."""
 
     @abstractmethod
     def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
@@ -166,11 +166,11 @@ class Family(ABC):
         return False
 
     def winch_mps(self, rate_mps: float) -> float:
-        """Line a second, of one that is asked for."""
+        """Line speed, for a requested one."""
         return rate_mps
 
     def gripper_s(self) -> float:
-        """How long a gripper takes until its command is done."""
+        """Time a gripper takes to complete its command."""
         return 0.0
 
     @abstractmethod
@@ -235,7 +235,7 @@ class Family(ABC):
 
     @abstractmethod
     def delay_s(self, item: Item) -> float:
-        """How long a NAV_DELAY lasts."""
+        """Duration of a NAV_DELAY."""
 
     @abstractmethod
     def battery_level(self) -> int:
@@ -243,11 +243,11 @@ class Family(ABC):
 
     @abstractmethod
     def battery_action(self, level: int) -> Action:
-        """What to do at a level."""
+        """Action at a battery level."""
 
     @abstractmethod
     def battery_warning(self, level: int) -> None:
-        """Say that a level is reached."""
+        """Warn that a battery level is reached."""
 
     @abstractmethod
     def reported_percent(self) -> int:
@@ -255,19 +255,19 @@ class Family(ABC):
 
     @abstractmethod
     def ground_heard_s(self) -> float | None:
-        """When a ground station that counts was last heard; None is never."""
+        """Time at which the supervising ground station was last heard; None for never."""
 
     @abstractmethod
     def link_action(self) -> Action:
-        """What to do when the link is lost, in the present mode."""
+        """Action on loss of the link, in the present mode."""
 
     @abstractmethod
     def link_warning(self, *, lost: bool) -> None:
-        """Say that the link is lost or back."""
+        """Warn that the link is lost or recovered."""
 
     @abstractmethod
     def remote_control_action(self) -> Action:
-        """What to do when the remote control is lost, in the present mode."""
+        """Action on loss of the remote control, in the present mode."""
 
     def position_delay_s(self) -> float:
         """Time without position after which the vehicle acts."""
@@ -279,7 +279,7 @@ class Family(ABC):
 
     @abstractmethod
     def fence_action(self) -> Action:
-        """What to do at a breach."""
+        """Action at a breach."""
 
     def failsafe_on_ground(self, name: str) -> None:  # noqa: B027  not all do anything
         """React to a failsafe while armed on the ground."""

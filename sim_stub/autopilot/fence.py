@@ -28,7 +28,7 @@ class Area:
     """0 for a polygon."""
 
     def contains(self, lat: float, lon: float) -> bool:
-        """Whether a point lies inside."""
+        """Whether a point is inside."""
         if self.radius_m > 0.0:
             return math.hypot(*offset_m(lat, lon, *self.corners[0])) <= self.radius_m
         inside = False
@@ -52,7 +52,7 @@ class Fence:
 
     @classmethod
     def from_items(cls, items: Sequence[Item]) -> Fence:
-        """Read the items; a polygon is as many vertices in a row as its first one says."""
+        """Read the items; a polygon is as many successive vertices as its first one gives."""
         areas: list[Area] = []
         index = 0
         while index < len(items):

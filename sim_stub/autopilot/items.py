@@ -73,7 +73,7 @@ class Frame(IntEnum):
 
 
 class Answer(IntEnum):
-    """MAV_MISSION_RESULT: what an upload or an item is answered with."""
+    """MAV_MISSION_RESULT: the answer to an upload or an item."""
 
     ACCEPTED = 0
     ERROR = 1
@@ -94,7 +94,7 @@ class Answer(IntEnum):
 
 
 class Result(IntEnum):
-    """MAV_RESULT: what a command is answered with."""
+    """MAV_RESULT: the answer to a command."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1

@@ -39,7 +39,7 @@ class MissionRun:
     current: int = 0
     """The item in progress or next."""
     behaviour: Behaviour | Place | None = None
-    """What the current item has it do; None before it is begun."""
+    """What the current item has it do; None before it starts."""
     pending: list[int] = field(default_factory=list)
     """DO and CONDITION items that run beside the current one."""
     state: MissionState = MissionState.NO_MISSION
@@ -64,7 +64,7 @@ class MissionRun:
             self.state = MissionState.NOT_STARTED
 
     def jump(self, index: int) -> None:
-        """Make an item the current one; it is begun at the next step."""
+        """Make an item the current one; it starts at the next step."""
         self.current = index
         self.behaviour = None
         self.pending.clear()

@@ -63,7 +63,7 @@ class MissionServer(ABC):
         self.partner = None
 
     def next_wall_s(self) -> float:
-        """When `tick` has something to do."""
+        """Next time at which `tick` has work."""
         return math.inf
 
     def acknowledge(self, to: Partner, kind: int, answer: Answer, opaque_id: int = 0) -> None:

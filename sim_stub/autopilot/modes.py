@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Mode(Enum):
-    """A flight mode; the value is how it is told to people."""
+    """A flight mode; the value is its display name."""
 
     STABILIZE = "stabilize"
     ALTITUDE = "altitude"
@@ -26,7 +26,7 @@ MANUAL_MODES = frozenset({Mode.STABILIZE, Mode.ALTITUDE, Mode.POSITION})
 
 
 class Action(Enum):
-    """What a failsafe does; in order of severity."""
+    """Action of a failsafe, in order of severity."""
 
     NONE = 0
     WARN = 1

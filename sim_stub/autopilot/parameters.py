@@ -86,7 +86,7 @@ class ParameterStore:
         return bool(int(self[name]) >> number & 1)
 
     def set(self, name: str, value: float) -> bool:
-        """Set a value as its kind allows; False for an unknown name or what is no finite number."""
+        """Set a value of its type; False for an unknown name or a value that is not a finite number."""
         parameter = self._by_name.get(name)
         if parameter is None or not math.isfinite(value):
             return False

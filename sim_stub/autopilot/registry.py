@@ -1,4 +1,4 @@
-"""The one registry of the families that are simulated."""
+"""The registry of the simulated families."""
 
 from __future__ import annotations
 

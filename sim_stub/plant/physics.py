@@ -32,7 +32,7 @@ _MAX_VERTICAL_ACCEL = 3.0
 
 @dataclass(slots=True)
 class Demand:
-    """What the flight controller asks of the airframe for one step."""
+    """Demand of the flight controller on the airframe for one step."""
 
     north_mps: float = 0.0
     east_mps: float = 0.0
@@ -67,7 +67,7 @@ def offset_m(lat: float, lon: float, to_lat: float, to_lon: float) -> tuple[floa
 
 @dataclass(slots=True)
 class Body:
-    """Where the airframe is and how it moves."""
+    """Position and motion of the airframe."""
 
     airframe: Airframe
     lat: float

@@ -90,23 +90,23 @@ class CommandServer:
     # What takes a while
 
     def begin(self, order: Order, lasts_s: float, finish: Callable[[], Result], *, tells: bool = True) -> Result:
-        """Let a command take a while; asked again meanwhile, it tells how far it is."""
+        """Start a command that takes a while; repeated requests meanwhile are answered with its progress."""
         if order.number not in self.tasks:
             self.tasks[order.number] = Task(order, self.vehicle.wall_s, lasts_s, finish, tells)
         return Result.IN_PROGRESS
 
     def drop(self, number: int) -> None:
-        """Cancel what a command has begun, and say so to whoever gave it."""
+        """Cancel the work of a command, and tell its sender."""
         task = self.tasks.pop(number, None)
         if task is not None:
             self._answer(task.order, Result.CANCELLED)
 
     def next_wall_s(self) -> float:
-        """When there is progress to tell."""
+        """Next time at which progress is reported."""
         return min(task.next_s for task in self.tasks.values()) if self.tasks else math.inf
 
     def tick(self) -> None:
-        """Tell progress, and the end."""
+        """Report progress, and the end."""
         now = self.vehicle.wall_s
         for number, task in list(self.tasks.items()):
             while task.next_s <= now and number in self.tasks:

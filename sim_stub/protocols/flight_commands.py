@@ -23,7 +23,7 @@ class FlightCommands(CommandGroup):
     """Those commands."""
 
     def table(self) -> dict[int, Callable[[Order], Result]]:
-        """What obeys each command."""
+        """Handlers by command."""
         c = Command
         return {
             c.COMPONENT_ARM_DISARM: self._arm_disarm,

@@ -1,4 +1,4 @@
-"""Operator control: which ground station commands, as ArduPilot is about to have it (its pull request 33332, June 2026).
+"""Operator control: the ground station in control, as planned for ArduPilot (its pull request 33332, June 2026).
 
 A station in control is asked to give way; until it does, or allows takeovers, orders of others are denied.
 """
@@ -25,14 +25,14 @@ _ASKING = frozenset((REQUEST, 410, 510, 511, 512, 519, 520))
 
 
 class OperatorControl(CommandGroup):
-    """Who is in control of one vehicle."""
+    """Operator in control of one vehicle."""
 
     holder = 0
     """System of the station in control; 0: none."""
     takeover_allowed = False
 
     def table(self) -> dict[int, Callable[[Order], Result]]:
-        """What obeys each command."""
+        """Handlers by command."""
         return {REQUEST: self._request} if self.vehicle.config.operator_control else {}
 
     def denies(self, system: int, command: int | None = None) -> bool:

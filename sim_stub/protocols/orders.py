@@ -1,4 +1,4 @@
-"""A command from COMMAND_LONG or COMMAND_INT in one form, and groups of those that are obeyed."""
+"""A command from COMMAND_LONG or COMMAND_INT in one form, and groups of those that are executed."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Order:
 
     @property
     def by(self) -> str:
-        """Who gave it, for the log."""
+        """Its sender, for the log."""
         return f"station {self.sender.system}"
 
     @property
@@ -82,7 +82,7 @@ class CommandGroup(ABC):
 
     @abstractmethod
     def table(self) -> dict[int, Callable[[Order], Result]]:
-        """What obeys each command."""
+        """Handlers by command."""
 
     @property
     def _pilot(self) -> Autopilot:

@@ -45,7 +45,7 @@ class ParameterServer:
         self.next_s = math.inf
 
     def next_wall_s(self) -> float:
-        """When more of a list is to be sent."""
+        """Next time at which more of a list is sent."""
         return self.next_s
 
     def request_list(self, port: Port, message: Any) -> None:  # noqa: ARG002
@@ -55,7 +55,7 @@ class ParameterServer:
         self.next_s = self.vehicle.wall_s
 
     def tick(self) -> None:
-        """Send the next few parameters of the list that was asked for first."""
+        """Send the next few parameters of the list requested first."""
         if not self.lists or self.vehicle.wall_s < self.next_s:
             return
         port, index = self.lists[0]

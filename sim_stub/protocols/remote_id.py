@@ -1,4 +1,4 @@
-"""A Remote ID module on the vehicle, as ArduRemoteID is one: a component of its own, which says what it lacks before it is ready.
+"""A Remote ID module on the vehicle, like ArduRemoteID: a separate component that reports what it lacks before it is ready.
 
 Its rules are those of ArduRemoteID's transport.cpp: position and system message every 3 s, the others every 22 s; the vehicle's own id is kept in the module.
 """
@@ -26,7 +26,7 @@ _NAMES = {
 
 
 class RemoteIdModule:
-    """The module of one vehicle; `told` is what it broadcasts, by the name of the message."""
+    """The module of one vehicle; `told` is its broadcast data, by the name of the message."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -44,7 +44,7 @@ class RemoteIdModule:
 
     @property
     def silent(self) -> bool:
-        """Whether it says nothing, and broadcasts nothing."""
+        """Whether it sends nothing, and broadcasts nothing."""
         return "remote-id-off" in self.vehicle.faults.active
 
     def _hear(self, port: Any, heard: Any) -> None:  # noqa: ARG002
@@ -60,7 +60,7 @@ class RemoteIdModule:
         self._heard_s[name] = self.vehicle.sim_s
 
     def lacks(self) -> str:
-        """Tell what it lacks; empty where it is ready."""
+        """Return its missing data; empty where it is ready."""
         now = self.vehicle.sim_s
         found = [] if self.vehicle.faults.positioning else ["LOC"]
         late = (word for name, (word, age_s) in _NAMES.items() if now > self._heard_s.get(name, -math.inf) + age_s)
@@ -71,7 +71,7 @@ class RemoteIdModule:
         return f"missing {' '.join(found)}" if found else ""
 
     def refusal(self) -> str:
-        """Tell why an autopilot that asks for it is not armed; empty where it may be."""
+        """Return why an autopilot that requires it does not arm; empty where it may."""
         return "not available" if not self.present or self.silent else self.lacks()
 
     def says(self) -> tuple[Any, ...]:

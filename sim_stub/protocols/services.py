@@ -17,7 +17,7 @@ _MAX_STATIONS = 32
 
 
 class LinkServices:
-    """Heartbeats heard, time, version, signing, streams asked for."""
+    """Heartbeats heard, time, version, signing, streams requested."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -56,7 +56,7 @@ class LinkServices:
             Partner.of(port, message).tell("PING", time_usec=message.time_usec, seq=message.seq)
 
     def setup_signing(self, port: Port, message: Any) -> None:  # noqa: ARG002
-        """Take a key for every link; a key of zeros takes signing away."""
+        """Set a key for every link; a key of zeros ends signing."""
         key = bytes(message.secret_key)
         self.vehicle.radio.set_signing(key if any(key) else None, message.initial_timestamp)
 

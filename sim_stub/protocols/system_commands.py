@@ -23,7 +23,7 @@ class SystemCommands(CommandGroup):
     """Those commands."""
 
     def table(self) -> dict[int, Callable[[Order], Result]]:
-        """What obeys each command."""
+        """Handlers by command."""
         c = Command
         return {
             c.BATTERY_RESET: self._battery_reset,

@@ -1,1 +1,1 @@
-"""The storage of a simulated vehicle: its files, and the protocols by which they are read."""
+"""The storage of a simulated vehicle: its files, and the protocols to read them."""

@@ -1,4 +1,4 @@
-"""The card of a simulated vehicle: folders and files with their contents, and where the family keeps its logs."""
+"""The card of a simulated vehicle: folders and files with their contents, and the location of the family's logs."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Card:
     """Folders that are there, also without files."""
 
     def put(self, path: str, content: bytes, time_utc: int = 0) -> StoredFile:
-        """Write a file, and the folders that it lies in."""
+        """Write a file, with its parent folders."""
         made = self.files[path] = StoredFile(bytearray(content), time_utc)
         parts = path.split("/")
         self.folders.update("/".join(parts[:end]) for end in range(2, len(parts)))
         return made
 
     def entries(self, folder: str) -> list[tuple[str, StoredFile | None]] | None:
-        """Names in a folder, folders first (without a file); None where there is no such folder."""
+        """Names in a folder, folders first (without a file); None where the folder does not exist."""
         head = folder.rstrip("/") + "/"
         if head != "/" and head[:-1] not in self.folders:
             return None
@@ -50,6 +50,6 @@ class Card:
 
 
 def filler(size: int, head: bytes, seed: str) -> bytes:
-    """So many bytes that look like a log that nobody reads: its first bytes, and noise."""
+    """Bytes that look like a log: its first bytes, and noise."""
     noise = random.Random(seed).randbytes(max(size - len(head), 0))  # noqa: S311
     return (head + noise)[:size]

@@ -1,4 +1,4 @@
-"""The log that an autopilot writes of its own flight: begun when it arms, kept on its card."""
+"""The log that an autopilot writes of its own flight: started at arming, stored on its card."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ FAST_S, SLOW_S = 0.2, 1.0
 
 
 class LogFormat(Protocol):
-    """How a family writes its log; everything is the truth of the simulation."""
+    """A family's log format; all values are the truth of the simulation."""
 
     LOG_FOR_EACH_ARMING: ClassVar[bool]
     """A log ends when it disarms; otherwise the log of a boot goes on when it arms again."""
 
     def head(self, v: Vehicle) -> bytes:
-        """What stands at the beginning: formats, version, parameters."""
+        """Header: formats, version, parameters."""
         ...
 
     def arming(self, v: Vehicle) -> bytes:
@@ -62,7 +62,7 @@ class FlightLog:
             self._add(self._writes.slow(v))
 
     def text(self, severity: int, text: str) -> None:
-        """Log what it says."""
+        """Log a message of the vehicle."""
         if self._file is not None:
             self._add(self._writes.text(self.vehicle, severity, text))
 
@@ -83,7 +83,7 @@ class FlightLog:
             self._file = None
 
     def _add(self, data: bytes) -> None:
-        """Write as long as there is room: what is no longer whole is left out."""
+        """Write as long as there is room: what is no longer whole is omitted."""
         if self._file is not None and len(data) <= self._room:
             self._room -= len(data)
             self._file.content += data

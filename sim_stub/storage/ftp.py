@@ -1,4 +1,4 @@
-"""MAVLink FTP as the families serve it: sessions, bursts at the pace of the link, and their words for what is wrong.
+"""MAVLink FTP of the families: sessions, bursts at the rate of the link, and their error codes.
 
 After ``mavlink_ftp.cpp`` of PX4 and ``GCS_FTP.cpp`` of ArduPilot. Only what reads is served. ArduPilot's has a thread and a short queue of its own: its main loop
 puts requests there 400 times a second, those for which there is no room are lost, and the thread looks there every 2 ms once it is empty, and
@@ -64,7 +64,7 @@ class Nak(IntEnum):
 
 
 class Habits(NamedTuple):
-    """How a family serves it."""
+    """A family's FTP behaviour."""
 
     sessions: int
     """Files open at a time, over all clients."""
@@ -83,7 +83,7 @@ class Habits(NamedTuple):
     lists_skipped: bool
     """It lists what it does not name."""
     reads_asked: bool
-    """It reads as many bytes as are asked for; otherwise as many as there is room for."""
+    """It reads as many bytes as are requested; otherwise as many as there is room for."""
     idle_s: float
     """A session that asks nothing for so long is closed."""
     waiting: int
@@ -160,7 +160,7 @@ class FtpServer:
         self._burst = self._last = None
 
     def next_wall_s(self) -> float:
-        """When a burst goes on, or the next request is looked at."""
+        """Next time at which a burst continues, or a request is handled."""
         if self._burst is not None:
             return self._burst.next_s
         return self._work_s if self._waiting else math.inf
@@ -271,7 +271,7 @@ class FtpServer:
         return None if "log-gone" in self.vehicle.faults.active else self.vehicle.card.files.get("/" + path.strip("/"))
 
     def told_bytes(self, file: StoredFile) -> int:
-        """Size of a file as it is told."""
+        """Reported size of a file."""
         return int(len(file.content) * self.vehicle.faults.value("log-size", 1.0))
 
     # Folders

@@ -1,4 +1,4 @@
-"""LOG_REQUEST_LIST and LOG_REQUEST_DATA as the families serve them."""
+"""LOG_REQUEST_LIST and LOG_REQUEST_DATA of the families."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class LogServer:
         self._busy, self._listed, self.next_s = None, False, math.inf
 
     def next_wall_s(self) -> float:
-        """When more is to be sent."""
+        """Next time at which more is sent."""
         return self.next_s
 
     def _logs(self) -> list[StoredFile]:

@@ -1,4 +1,4 @@
-"""Impaired links: loss, delay, duplication and reordering, reproducible from a seed; and the way of a peer to its vehicle."""
+"""Impaired links: loss, delay, duplication and reordering, reproducible from a seed; and the path of a peer to its vehicle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BUFFER_BYTES, _BUFFER_S = 2048.0, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Impairment:
-    """What a link does to packets; each direction draws its own luck."""
+    """Impairment of packets on a link; each direction is sampled separately."""
 
     loss: float = 0.0
     delay_s: float = 0.0
@@ -93,7 +93,7 @@ class Channel:
             heapq.heappush(self._queue, (at, self._count, packet))
 
     def next_s(self) -> float:
-        """When the next packet arrives."""
+        """Arrival of the next packet."""
         return self._queue[0][0] if self._queue else math.inf
 
     def take(self, now_s: float) -> list[bytes]:
@@ -107,7 +107,7 @@ class Channel:
 class Lane:
     """What lies between a socket and a vehicle: a link that does something to packets, by its seed.
 
-    Frames of `datagrams` never continue in the next bytes. An `InputError` says that too many speak with this vehicle
+    Frames of `datagrams` never continue in the next bytes. Raises an `InputError` if too many speak with this vehicle
     already.
     """
 
@@ -149,7 +149,7 @@ class Lane:
         self.inbox.extend(self.down.take(now_s))
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return min(self.up.next_s(), self.down.next_s())
 
     def close(self) -> None:

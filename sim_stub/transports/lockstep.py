@@ -82,7 +82,7 @@ class Lockstep:
             self._links.remove(link)
 
     def run_until(self, instant_s: float, stop: Callable[[], bool] | None = None) -> None:
-        """Advance the time until an instant, or until `stop` says so after something has happened."""
+        """Advance the time until an instant, or until `stop` returns true after an event."""
         world, links = self.world, self._links
         while True:
             due = min(instant_s, world.next_due_s(), world.next_wall_s())

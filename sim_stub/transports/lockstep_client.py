@@ -1,4 +1,4 @@
-"""Taking part in a shared lockstep: the clock, the link to a vehicle and the pads of a world in another process."""
+"""A participant in a shared lockstep: the clock, the link to a vehicle and the pads of a world in another process."""
 
 from __future__ import annotations
 

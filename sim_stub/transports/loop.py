@@ -64,7 +64,7 @@ class SocketLoop:
             self.close()
 
     def turn(self, longest_s: float) -> None:
-        """Read what is there, let time pass, send what is waiting."""
+        """Read what has arrived, let time pass, send what is waiting."""
         world = self.world
         begun = time.monotonic()
         rate = self.speedup if world.anyone_active else self.pad_speedup

@@ -39,7 +39,7 @@ def answer(pads: Pads, line: bytes) -> PadAnswer:
 
 
 class PadPeer(TcpPeer):
-    """One client of the pads; pads and charging go on without it."""
+    """One client of the pads; charging continues without it."""
 
     def __init__(self, connection: socket.socket, selector: selectors.BaseSelector, pads: Pads) -> None:
         super().__init__(connection, selector)

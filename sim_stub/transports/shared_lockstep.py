@@ -1,4 +1,4 @@
-"""Lockstep shared by several processes: a world whose time passes only while all who take part in it wait.
+"""Lockstep shared by several processes: time passes only while all participants wait.
 
 Each participant has a connection. It is running from an answer on until it asks to wait, for bytes of its vehicle or for an instant; once
 all wait, the world goes on to the next beat, or to the first instant that is waited for. So many programs drive many vehicles as fast as
@@ -83,7 +83,7 @@ class SharedLockstep:
         self.ended = False
 
     def serve(self) -> None:
-        """Let time pass until somebody ends it (order ``end``)."""
+        """Let time pass until a client ends it (order ``end``)."""
         while not self.ended:
             running = [one for one in self._all.values() if one.until_s is None]
             if running:

@@ -55,7 +55,7 @@ class TcpPeer(ABC):
         """React to the end of the connection."""
 
     def readable(self) -> None:
-        """Read what is there; an end or an error closes."""
+        """Read what has arrived; an end or an error closes."""
         if self.closed:
             return
         try:
@@ -89,7 +89,7 @@ class TcpPeer(ABC):
             self.close()
 
     def next_s(self) -> float:
-        """Wall instant at which there is something to send by itself."""
+        """Next wall instant with scheduled data to send."""
         return float("inf")
 
     def close(self) -> None:
@@ -154,12 +154,12 @@ class TcpListener:
         return True
 
     def flush(self, now_s: float) -> None:
-        """Send what is waiting for every peer."""
+        """Send what is waiting to every peer."""
         for peer in self.peers:
             peer.flush(now_s)
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return min((peer.next_s() for peer in self.peers), default=float("inf"))
 
     def close(self) -> None:
@@ -184,7 +184,7 @@ class VehiclePeer(TcpPeer):
         self.lane.arrived(data, self.lane.vehicle.wall_s)
 
     def outgoing(self, now_s: float) -> bytes:
-        """What the vehicle says."""
+        """Return the pending bytes of the vehicle."""
         return b"".join(self.lane.turn(now_s))
 
     def left(self) -> None:
@@ -192,7 +192,7 @@ class VehiclePeer(TcpPeer):
         self.lane.close()
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return float("inf") if self.closed else self.lane.next_s()
 
 
@@ -210,7 +210,7 @@ def listen(
 def connect(
     address: Address, vehicle: Vehicle, impairment: Impairment, seed: str, selector: selectors.BaseSelector
 ) -> VehiclePeer:
-    """Connect a vehicle to a ground station; an `InputError` says that nobody listens there."""
+    """Connect a vehicle to a ground station. Raises an `InputError` if nobody listens there."""
     where = f"tcp:{address.host}:{address.port}"
     try:
         connection = socket.create_connection((address.host, address.port), timeout=_CONNECT_S)

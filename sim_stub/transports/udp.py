@@ -24,9 +24,9 @@ _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errn
 
 
 class UdpEndpoint:
-    """UDP: `udpout` speaks first to one address, `udpin` answers all who spoke.
+    """UDP: `udpout` sends first to one address, `udpin` answers all senders.
 
-    An `InputError` says that the address is taken, or that there is no such host.
+    Raises an `InputError` if the address is taken, or if there is no such host.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class UdpEndpoint:
                     break  # full, or nobody there: datagrams are lost, as they may be
 
     def next_s(self) -> float:
-        """When a delayed packet is due."""
+        """Due time of the next delayed packet."""
         return min((lane.next_s() for lane in self.peers.values()), default=float("inf"))
 
     def close(self) -> None:

@@ -1,1 +1,1 @@
-"""MAVLink frames, written here independently of the library that our ground side uses."""
+"""MAVLink frames, written here independently of the library of our ground side."""

@@ -1,4 +1,4 @@
-"""MAVLink messages as pymavlink makes and reads them, and the few that its dialect does not know yet.
+"""MAVLink messages as pymavlink makes and reads them, and a few that its dialect does not have yet.
 
 The ground side frames, checks and signs by code of its own (`link.wire.frames`): here it meets the code of others.
 """
@@ -240,7 +240,7 @@ def base_bytes(name: str) -> int:
 
 
 def _clip(sent: Any) -> None:
-    """Bring the numbers of a message into the range of their types; what is no number becomes the least one."""
+    """Bring the numbers of a message into the range of their types; NaN becomes the minimum."""
     for name, kind in zip(sent.fieldnames, sent.fieldtypes, strict=True):
         value = getattr(sent, name)
         if kind != "char":

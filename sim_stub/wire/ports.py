@@ -1,4 +1,4 @@
-"""A port: one way in and out of a vehicle, with its own frames, signing and message intervals."""
+"""A port: a two-way connection of a vehicle, with its own frames, signing and message intervals."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """Who is talking: a port and a system and component on it."""
+    """A communication partner: a port, and a system and component on it."""
 
     port: Port
     system: int

@@ -1,4 +1,4 @@
-"""Zones and authorizations as commands take them, and the refusal of legs that they close."""
+"""Options for zones and authorizations, and the refusal of legs that zones close."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def zones_of(
     authorized: Sequence[str],
     places: Sequence[tuple[float, float]] = (),
 ) -> Airspace | None:
-    """Return the zones of a scenario and of files; what of the files was not understood is told.
+    """Return the zones of a scenario and of files; prints which parts of the files were not understood.
 
     `places`, degrees, are flown to: zones that lie there only with latitude and longitude exchanged are refused.
     """
@@ -51,7 +51,7 @@ def zones_of(
 
 
 def refuse_closed(composition: Composition, flown_by: Family, how: MissionOptions, zones: Airspace | None) -> None:
-    """Tell what zones let nobody fly at its time, and end."""
+    """Print the zones that prevent all flights at its time, and end."""
     from skyway.missions.builder.from_composition import leg_mission, takes_off
     from skyway.missions.checks.report import AIRSPACE_CODES
     from skyway.missions.checks.report import check as check_mission

@@ -27,7 +27,7 @@ _ASKED = "auto"
 
 
 class Driver(StrEnum):
-    """Who speaks the protocols."""
+    """Implementation of the protocols."""
 
     PYMAVLINK = "pymavlink"
     MAVSDK = "mavsdk"
@@ -36,7 +36,7 @@ class Driver(StrEnum):
 DEFAULT_CONNECT = "udpin:127.0.0.1:14540"
 CONNECT_HELP = (
     "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD; repeatable: several radios to one vehicle. "
-    f"Without it: {DEFAULT_CONNECT}."
+    f"Default: {DEFAULT_CONNECT}."
 )
 FORWARD_HELP = (
     "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may fly (modes, arming), "
@@ -63,12 +63,12 @@ class Line:
 
     @property
     def addresses(self) -> list[str]:
-        """Where the vehicle is reached."""
+        """Connection strings of the vehicle."""
         return self.connect or [DEFAULT_CONNECT]
 
     @contextmanager
     def opened(self) -> Iterator[Connection]:
-        """Open the connection; everything on it is recorded, and forwarded where that is asked for."""
+        """Open the connection; everything on it is recorded, and forwarded where requested."""
         from skyway.link.forwarding.permission import Permission
         from skyway.link.protocol.opening import open_connection, read_key
 

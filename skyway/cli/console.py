@@ -24,7 +24,7 @@ _MAX_TYPED = 200
 
 
 class Console:
-    """Whoever types.
+    """The person at the terminal.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {titles()}.")]
 Columns = Annotated[Path | None, typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.")]
-System = Annotated[int | None, typer.Option("--system", help="MAVLink system id. Without it: the first.")]
+System = Annotated[int | None, typer.Option("--system", help="MAVLink system id. Default: the first.")]
 VehicleKind = Annotated[
     str | None,
     typer.Option("--vehicle", help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, …."),
@@ -79,7 +79,7 @@ def load_named(name: str | None) -> Scenario:
 def log_forecast(
     log: Log, wind: str | None, file: Sequence[Path] | None, scenario: str | None
 ) -> tuple[Forecast | None, WindFilterSettings | None]:
-    """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is not known."""
+    """Forecast for a log, and the wind's deviation from it; None without a forecast, or where that is unknown."""
     if wind is not None:
         if file or scenario is not None:
             raise InputError("--wind excludes --forecast and --scenario", remedy="give one of them")
@@ -111,7 +111,7 @@ def dated(log: Log) -> float:
 
 
 def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
-    """Say on stderr that the flight was far from every site of a forecast."""
+    """Warn on stderr that the flight was far from every site of a forecast."""
     import numpy as np
 
     from skyway.models.base import geodesy
@@ -128,7 +128,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
 
 
 def open_any(path: Path, columns: Path | None) -> Log:
-    """Open a log of any format; says on stderr where its name tells another."""
+    """Open a log of any format; warns on stderr where its suffix is another."""
     from skyway.link.logs.csv_log import read_columns
     from skyway.link.logs.reader import open_log
 

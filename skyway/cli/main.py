@@ -124,5 +124,5 @@ def run() -> None:
         if not isinstance(error, BrokenPipeError):
             typer.echo(f"skyway: standard output: {error.strerror}", err=True)
             code = code or 2
-    gc.freeze()  # the process ends and everything is given back as a whole: do not look through it once more, 0.3 s
+    gc.freeze()  # the process ends and everything is given back as a whole: do not look through it again, 0.3 s
     sys.exit(code)

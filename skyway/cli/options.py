@@ -22,7 +22,7 @@ else:  # choices for typer
     FamilyNameOrAuto = Literal[("auto", *NAMES)]
 """Name of an autopilot family; ``auto`` asks the vehicle."""
 
-ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.")]
+ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. Default: New York, built in.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.")]
@@ -38,12 +38,12 @@ Authorized = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="A tuned number: planner.robust.members=50; may be repeated. `skyway settings` lists them."
+        "--set", help="A tuned parameter: planner.robust.members=50; repeatable. `skyway settings` lists them."
     )
 ]  # fmt: skip
 
 TERRAIN_HELP = (
-    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. What a file does not say follows its name: FILE@ellipsoid, FILE@msl, "
+    "Terrain model: GeoTIFF, COG, SRTM .hgt (.zip, .gz); repeatable. Append what a file does not state: FILE@ellipsoid, FILE@msl, "
     "FILE@ft."
 )
 OBSTACLES_HELP = "Obstacles: CSV or GeoJSON; repeatable."
@@ -52,7 +52,7 @@ ObstacleFiles = Annotated[list[str] | None, typer.Option("--obstacles", help=OBS
 
 
 def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:
-    """Say in one line on stderr that the input has warnings, and which command tells them.
+    """Print on stderr that the input has warnings, and which command shows them.
 
     Those of the built-in scenario are nothing that a person could mend.
     """
@@ -82,7 +82,7 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
 
 
 def say_written(*paths: Path | None) -> None:
-    """Say on standard error which files were written."""
+    """Print on standard error which files were written."""
     for path in paths:
         if path is not None:
             typer.echo(f"wrote {path}", err=True)

@@ -1,4 +1,4 @@
-"""Options of missions that are cut at pads, beside what they are checked with: vans, batteries, drones, order."""
+"""Options of missions that are cut at pads, besides those of checks: vans, batteries, drones, order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrewOptions:
-    """Who is in the field."""
+    """Options of the crew in the field."""
 
     vans: Annotated[
         Path | None,
@@ -21,26 +21,26 @@ class CrewOptions:
         bool,
         typer.Option(
             "--reorder",
-            help="Fly independent parts (survey lines, inspected places) in the order that ends first; a bound is told.",
+            help="Fly independent parts (survey lines, inspected places) in the order that ends first, and show a bound.",
         ),
     ] = False
     packs: Annotated[
         int | None,
-        typer.Option(help="Batteries that there are, that of the drone included. Without it: as many as are needed."),
+        typer.Option(help="Number of batteries, including the one in the drone. Default: as many as necessary."),
     ] = None
     chargers: Annotated[
-        int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Without it: 1.")
+        int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Default: 1.")
     ] = None
     ledger: Annotated[
         str | None,
         typer.Option(
-            help="Ledger of pads (file, postgresql://…): what others have booked is left alone, what is needed is booked. Goes with --depart."
+            help="Ledger of pads (file, postgresql://…): pads booked by others are not used, and the stays are booked. Goes with --depart."
         ),
     ] = None
     ground_time: Annotated[
         float | None,
         typer.Option(
-            help="Seconds on the ground at each stop beside waiting, charging and changing: upload, list, arming. Without it: 20."
+            help="Seconds on the ground at each stop beside waiting, charging and changing: upload, list, arming. Default: 20."
         ),
     ] = None
     drones: Annotated[

@@ -1,4 +1,4 @@
-"""Options of a delivery to be planned: what is carried where, and when and in which wind."""
+"""Options of a delivery to plan: package, places, time and wind."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from skyway.cli import completion, options
 from skyway.models.composition.release import Release
 from skyway.planning import Conditions, Delivery, Pads
 
-Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")]
+Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Default: now.")]
 OBSERVED_HELP = (
     "Wind observed before the departure: SITE=SPEED@FROM[@TIME] (m/s@degrees FROM, at the site's anemometer), or a file: METARs, a table, "
     "a journal of fly; repeatable."
 )
 FORECAST_HELP = "Weather forecast, of any form that skyway weather reads (GRIB, NetCDF, Open-Meteo, TAF, CSV), or a folder of them; repeatable."
-ERROR_HELP = "Error of such forecasts by lead time, from skyway weather verify -o. Without it: published figures."
+ERROR_HELP = "Error of such forecasts by lead time, from skyway weather verify -o. Default: published figures."
 _PLACE = "station id, part of its name, or lat,lon."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestOptions(Delivery):
-    """What is carried, from where to where, and by what."""
+    """Options of the package, its places, and its drone."""
 
     start: Annotated[str, typer.Option("--from", help=f"Start: {_PLACE}", autocompletion=completion.stations)]
     to: Annotated[str, typer.Option(help=f"Destination: {_PLACE}", autocompletion=completion.stations)]
@@ -34,7 +34,7 @@ class RequestOptions(Delivery):
     ] = None
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0
     soc: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0
-    airspeed: Annotated[float | None, typer.Option(help="Planned airspeed, m/s. Without it: the drone's.")] = None
+    airspeed: Annotated[float | None, typer.Option(help="Planned airspeed, m/s. Default: the drone's.")] = None
     recharge: Annotated[
         str, typer.Option(help="At each stop charge to 100 % (full) or to what the next flight needs (enough).")
     ] = "enough"

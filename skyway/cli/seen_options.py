@@ -1,4 +1,4 @@
-"""Options of a flight about who else is in the air, and who is told of it: other aircraft, Remote ID."""
+"""Options of a flight about other aircraft and Remote ID."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Seen:
     traffic: Annotated[
         Literal["tell", "hold", "land"],
         typer.Option(
-            help="When another aircraft (ADS-B) comes near: tell; hold in the air; or land at the nearest station. It goes on when clear."
+            help="When another aircraft (ADS-B) comes near: tell (only report it), hold in the air, or land at the nearest station; the drone flies on when the sky is clear."
         ),
     ] = "tell"
     traffic_within: Annotated[
@@ -34,15 +34,15 @@ class Seen:
         str | None,
         typer.Option(
             help="Remote ID: registration of the operator. The secret digits of European ones are checked, and not broadcast. "
-            "Without it: the scenario's."
+            "Default: the scenario's."
         ),
     ] = None
     self_id: Annotated[
         str | None,
-        typer.Option(help="Remote ID: what the flight is for, up to 23 letters. Without it: the scenario's."),
+        typer.Option(help="Remote ID: what the flight is for, up to 23 letters. Default: the scenario's."),
     ] = None
     operator_at: Annotated[
-        str | None, typer.Option(help="Remote ID: where the operator is, LAT,LON. Without it: the place of take-off.")
+        str | None, typer.Option(help="Remote ID: where the operator is, LAT,LON. Default: the place of take-off.")
     ] = None
 
     def rule(self) -> TrafficRule:
@@ -57,7 +57,7 @@ class Seen:
         return TrafficRule(OnTraffic(self.traffic), TrafficLimits(away_m, height_m))
 
     def remote_id(self, own: RemoteId) -> RemoteId:
-        """Return who flies: as a scenario says, with what was typed in its place."""
+        """Return the operator's identity: from the scenario, overridden by typed options."""
         place = None
         if self.operator_at is not None:
             place = _pair(self.operator_at, "--operator-at", "LAT,LON, such as 40.7392,-73.9756")

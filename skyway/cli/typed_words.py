@@ -1,4 +1,4 @@
-"""What is typed otherwise than typer reads it: options by their former names, and options whose value may be omitted."""
+"""Words that need more than typer's parsing: former names of options, and options whose value may be omitted."""
 
 from __future__ import annotations
 

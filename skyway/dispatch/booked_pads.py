@@ -1,4 +1,4 @@
-"""Pads as a flight of a fleet has them: those it has booked, from when it has booked them."""
+"""Pads of a flight of a fleet: those that it has booked, within its booked windows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The demonstration of a fleet: drones and orders that are drawn, flown by a service of its own while the page shows it."""
+"""The demonstration of a fleet: random drones and orders, flown by a separate service and shown on the page."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ URGENT = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetDemo:
-    """What is shown."""
+    """Options of the demonstration."""
 
     folder: Path
     drones: int = 50

@@ -1,4 +1,4 @@
-"""Winds that drones measure, for those that fly beside them, and for the dispatcher that plans with them."""
+"""Winds that drones measure, shared with neighbouring drones and with the dispatcher."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One flight of a worker: its supervisor in a thread, fenced by the lease, told to the desk."""
+"""One flight of a worker: its supervisor in a thread, fenced by the lease, with its progress on the desk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HTTP API of a service: orders come in, and how it stands goes out; described by OpenAPI at ``/openapi.json``.
+"""The HTTP API of a service: takes orders and reports the status; described by OpenAPI at ``/openapi.json``.
 
 It reads and writes the desk alone, so it is as true as the ledger, and may be asked while the dispatcher plans.
 """
@@ -170,11 +170,11 @@ def serve_in_background(ledger: str, dispatcher: str, where: str) -> str:
 
     host, _, port = where.rpartition(":")
     if not host or not port.isdigit() or int(port) > 65535:
-        raise InputError("is no address", field="--http", value=where, remedy="HOST:PORT, such as 127.0.0.1:8090")
+        raise InputError("is not an address", field="--http", value=where, remedy="HOST:PORT, such as 127.0.0.1:8090")
     token = os.environ.get(TOKEN) or None
     if token is None and host.strip("[]") not in LOOPBACK:
         raise InputError(
-            "anybody in the network could send orders",
+            "anyone on the network could send orders",
             field="--http",
             value=where,
             remedy=f"set {TOKEN}, or listen at 127.0.0.1",

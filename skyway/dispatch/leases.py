@@ -1,4 +1,4 @@
-"""Leases that are kept: renewed by a thread of their own, and confirmed before each command."""
+"""Leases that a separate thread renews, and that are confirmed before each command."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class KeptLeases:
         with self._lock:
             lease = self._kept.get(holder)
             if lease is None:
-                raise FencedError(f"the lease of {holder} is lost: nothing more is commanded")
+                raise FencedError(f"the lease of {holder} is lost: sending no more commands")
             end_s = time.monotonic() + self.ttl_s
             while True:
                 try:

@@ -1,4 +1,4 @@
-"""What lies on the desk of a dispatcher, as typed documents: the service, orders, drones, flights, pads out of order, changed promises."""
+"""Entries on the desk of a dispatcher, as typed documents: the service, orders, drones, flights, pads out of order, changed promises."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 class ServiceRecord(msgspec.Struct, kw_only=True):
-    """How the service was started, for who goes on with it."""
+    """Start options of the service, for a resume."""
 
     begin_s: float
     """When it began, POSIX seconds of its own time."""
@@ -55,7 +55,7 @@ class ServiceRecord(msgspec.Struct, kw_only=True):
 
 
 class Promise(msgspec.Struct, kw_only=True):
-    """What an order was told."""
+    """Promise to an order."""
 
     drone: str
     fetched_s: float
@@ -80,7 +80,7 @@ class OrderRecord(msgspec.Struct, kw_only=True):
 
 
 class PlanStep(msgspec.Struct, kw_only=True, frozen=True):
-    """One flight or charge of what is planned."""
+    """One planned flight or charge."""
 
     kind: str
     origin: str
@@ -111,7 +111,7 @@ class PlannedPart(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class DroneRecord(msgspec.Struct, kw_only=True):
-    """A drone as it stands, or as it will once its flight is over."""
+    """A drone's state, now or after its flight."""
 
     vehicle: Vehicle
     """As it was put on the desk."""
@@ -127,7 +127,7 @@ class DroneRecord(msgspec.Struct, kw_only=True):
 
 
 class Progress(msgspec.Struct, kw_only=True):
-    """How far a flight is."""
+    """Progress of a flight."""
 
     at_s: float
     state: str
@@ -145,7 +145,7 @@ class Progress(msgspec.Struct, kw_only=True):
 
 
 class End(msgspec.Struct, kw_only=True):
-    """How a flight ended."""
+    """End of a flight."""
 
     at_s: float
     state: str

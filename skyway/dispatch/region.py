@@ -1,4 +1,4 @@
-"""The region of a service as all its programs see it: scenario, wind and parameters, from the service's record."""
+"""The region of a service, the same for all its programs: scenario, wind and parameters, from the service's record."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Region:
             return None
 
     def with_places(self, names: tuple[str, ...]) -> Scenario:
-        """Return the scenario with places that are no stations, each named ``lat,lon``."""
+        """Return the scenario with places that are not stations, each named ``lat,lon``."""
         return self._wider(tuple(dict.fromkeys(one for one in names if one not in self.base.network.index)))
 
     def _with_places(self, names: tuple[str, ...]) -> Scenario:

@@ -1,4 +1,4 @@
-"""The service: begun or gone on with from its desk, with its workers and, where it is simulated, its world."""
+"""The service: started, or resumed from its desk, with its workers and, in a simulation, its world."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ TAKE_OVER_WALL_S = 120.0
 
 @dataclass(frozen=True)
 class Options:
-    """How a service is begun, or gone on with."""
+    """Options of a service, started or resumed."""
 
     ledger: str
     dispatcher: str
@@ -119,7 +119,7 @@ class Service:
             self._leases.give_back([self.options.dispatcher])
             raise lost
         self._token = lease.token
-        self._say(f"{lost}: nobody else has had it, so it is taken again")
+        self._say(f"{lost}: nobody else has taken it, so this service takes it again")
         self.dispatcher = self._dispatcher()
 
     def _dispatcher(self) -> Dispatcher:
@@ -138,7 +138,7 @@ class Service:
         self.options.say(line)
 
     def _begun(self) -> ServiceRecord | None:
-        """Return the service that is on the desk, which is gone on with; None where there is none."""
+        """Return the service that is on the desk, which is continued with; None where there is none."""
         found = self._desk.get("service", "service")
         if found is None:
             return None
@@ -150,7 +150,7 @@ class Service:
         record = read(found, ServiceRecord)
         if not record.world:
             record = self._with_world(found, record)
-        self._say(f"going on with the service of {self.options.dispatcher}: nothing is lost")
+        self._say(f"resuming the service of {self.options.dispatcher}: nothing is lost")
         return record
 
     def _begin(self) -> ServiceRecord:
@@ -282,7 +282,7 @@ class Service:
             if process is not None and process.poll() is None:
                 continue
             if process is not None:
-                self._say(f"worker {number} has died (exit code {process.returncode}): another one is started")
+                self._say(f"worker {number} has died (exit code {process.returncode}): starting another one")
             words = [
                 "dispatch",
                 "worker",

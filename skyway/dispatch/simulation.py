@@ -1,4 +1,4 @@
-"""The simulated world of a service: its drones as they stand at the beginning, pads, strangers and wind, in a process of its own."""
+"""The simulated world of a service: its drones at the start, pads, other drones and wind, in a separate process."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def simulate(ledger: str, dispatcher: str) -> None:
         found = desk.get("service", "service")
         if found is None:
             raise InputError(
-                "there is no service on this desk", ledger, remedy="start one: skyway dispatch run --simulate"
+                "the ledger has no service of this dispatcher",
+                ledger,
+                remedy="start one: skyway dispatch run --simulate",
             )
         service = read(found, ServiceRecord)
         drones = [read(one, DroneRecord) for one in desk.entries("drone")]

@@ -1,4 +1,4 @@
-"""How a service stands: orders, drones, flights, pads and changed promises, for people, for programs and for Prometheus."""
+"""The status of a service: orders, drones, flights, pads and changed promises, for people, for programs and for Prometheus."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SCHEMA = "skyway.fleet-status/1"
 
 @dataclass(frozen=True)
 class Status:
-    """Everything on a desk, and what is booked."""
+    """Everything on a desk, and the bookings."""
 
     dispatcher: str
     state: str
@@ -72,7 +72,7 @@ def status_of(desk: Desk) -> Status:
     if found is None:
         remedy = "start one: skyway dispatch run"
         raise InputError(
-            "there is no service of this name on the ledger", field="--holder", value=desk.dispatcher, remedy=remedy
+            "the ledger has no service of this name", field="--holder", value=desk.dispatcher, remedy=remedy
         )
     service = read(found, ServiceRecord)
     flights = board.read("flight", FlightRecord, ACTIVE)

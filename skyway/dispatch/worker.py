@@ -1,4 +1,4 @@
-"""A worker: a process that supervises up to `MOST` flights, each in a thread of its own, under leases that it keeps.
+"""A worker: a process that supervises up to `MOST` flights, each in a thread, under leases that it renews.
 
 It takes the flights that the dispatcher gave to it, and those of another worker whose lease has run out: they go on from their journals.
 """
@@ -57,7 +57,9 @@ class Worker:
         self._desk = Desk(open_ledger(ledger), dispatcher)
         found = self._desk.get("service", "service")
         if found is None:
-            raise InputError("there is no service on this desk", ledger, remedy="start one: skyway dispatch run")
+            raise InputError(
+                "the ledger has no service of this dispatcher", ledger, remedy="start one: skyway dispatch run"
+            )
         self.service = read(found, ServiceRecord)
         self.region = Region(self.service)
         self.leases = KeptLeases(ledger, f"{socket.gethostname()} {os.getpid()}", self.service.ttl_s)

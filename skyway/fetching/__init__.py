@@ -1,1 +1,1 @@
-"""Weather forecasts fetched from services, when that is asked for."""
+"""Weather forecasts fetched from services on request."""

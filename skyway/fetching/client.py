@@ -1,4 +1,4 @@
-"""An HTTP client for weather services: retries, time limits, bounds, byte ranges, and a cache of what never changes."""
+"""An HTTP client for weather services: retries, time limits, bounds, byte ranges, and a cache of immutable data."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class NotThereError(LinkError):
 
 
 def cache_folder() -> Path:
-    """Where byte ranges of files that never change are kept."""
+    """Cache folder for byte ranges of files that never change."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
     return Path(base) / "skyway" / "weather"
 
 
 @dataclass
 class Client:
-    """Fetches what it is asked for, and counts it.
+    """Client that counts its requests.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Client:
     def get(self, url: str, *, begin: int | None = None, end: int | None = None, keeps: bool = False) -> bytes:
         """Fetch a URL, or its bytes from `begin` to `end` (the last one included; None: to the end of the file).
 
-        What `keeps` never changes at the service, and is looked for in the cache first. A `NotThereError` says that the service does not have it, a `LinkError` why
+        What `keeps` never changes at the service, and is looked for in the cache first. Raises a `NotThereError` if the service does not have it, a `LinkError` with the reason
         it failed.
         """
         span = "" if begin is None else f"bytes={begin}-{'' if end is None else end}"

@@ -1,4 +1,4 @@
-"""Indexes of GRIB files on servers: which bytes hold which field.
+"""Indexes of GRIB files on servers: the bytes of each field.
 
 NCEP's ``.idx`` has a line for each field, ``number:first byte:d=time:name:level:step:…``; fields of one message share their first byte (ncep.noaa.gov, wgrib2 -s).
 ECMWF's ``.index`` has a JSON object a line, with ``_offset`` and ``_length`` (ECMWF open data, "Index files").
@@ -32,7 +32,7 @@ class _Field(msgspec.Struct, rename={"offset": "_offset", "length": "_length"}):
 
 
 def ncep_spans(text: str, wanted: re.Pattern[str], url: str) -> list[Span]:
-    """Spans of the fields whose ``name:level`` matches; neighbours are joined. A `LinkError` says that the index cannot be read, or has none of them."""
+    """Spans of the fields whose ``name:level`` matches, adjacent ones joined. Raises a `LinkError` without an index, or a match."""
     rows: list[tuple[int, bool]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         parts = line.split(":")

@@ -1,4 +1,4 @@
-"""Services of weather forecasts: what to ask them for, and under which licence.
+"""Services of weather forecasts: their requests and their licences.
 
 Interfaces: open-meteo.com/en/docs and /docs/ensemble-api; registry.opendata.aws/noaa-hrrr-pds, /noaa-gfs-bdp-pds and /noaa-gefs; ECMWF open data
 (confluence.ecmwf.int/display/DAC); aviationweather.gov/data/api.
@@ -42,7 +42,7 @@ WIND_ECMWF = ("10u", "10v", "100u", "100v", "10fg", "2t")
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is asked for."""
+    """Request for a forecast."""
 
     box: Box
     begin: datetime

@@ -1,1 +1,1 @@
-"""Flights in processes of their own: how they are started, and what they tell while they fly."""
+"""Flights in separate processes: how they are started, and how they report."""

@@ -1,4 +1,4 @@
-"""What is kept of a flight when it has ended: its logs, fetched once the vehicle stands disarmed, and how the vehicle shook."""
+"""Data kept after a flight: its logs, downloaded once the vehicle stands disarmed, and its vibration."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 def keep_vibration(context: Context, watch: VibrationWatch) -> None:
-    """Keep how the vehicle shook on a flight, for the check before its next; what cannot be written is told."""
+    """Keep the vibration of a flight, for the check before the next; reports a failure to write it."""
     shook, book = watch.end(), context.job.health
     if shook is None or book is None:
         return
     try:
         book.flew(context.observed.uid, context.now_s, shook)
     except InputError as error:
-        context.operator.tell(f"the vibration of the flight is not kept: {error}")
+        context.operator.tell(f"the vibration of the flight was not stored: {error}")
 
 
 class LogsHome:
@@ -43,14 +43,14 @@ class LogsHome:
         try:
             found = logs_before(ctx.vehicle)
         except LinkError as error:
-            self._tell(f"the logs aboard are not known ({error}): after the flight the latest is fetched")
+            self._tell(f"the onboard logs are unknown ({error}): after the flight the latest is downloaded")
             return None
-        aboard = f"{len(found.sizes)} aboard, {bytes_text(sum(found.sizes.values()))}"
+        aboard = f"{len(found.sizes)} on board, {bytes_text(sum(found.sizes.values()))}"
         ctx.note(LogsSeen(by=found.way, sizes_bytes=dict(found.sizes)), f"logs before the flight: {aboard}")
         return found
 
     def _noted(self) -> LogsBefore | None:
-        """Return what the journal of a resumed flight says; a flight begun without --fetch-log has the latest fetched."""
+        """Return what the journal of a resumed flight says; a flight started without --fetch-log has the latest fetched."""
         for record in read_journal(self._context.journal.path).records:
             entry = record.entry(LogsSeen)
             if entry is not None and entry.by in ("ftp", "requests"):

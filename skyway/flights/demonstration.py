@@ -1,4 +1,4 @@
-"""The demonstration that is watched: a simulated drone that flies a real plan ten times faster than life, in processes of their own."""
+"""The demonstration on the page: a simulated drone flies a real plan ten times faster than real time, in separate processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a flight tells each second, in a file beside its orders: whoever reads it knows where the delivery stands, and what can be ordered.
+"""Status of a flight, written each second to a file beside its orders: where the delivery is, and which commands are possible.
 
 The journal tells what has happened. This file tells what is: it is replaced as a whole, and nothing is decided by it.
 """
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 LIVE = ".live"
 SCHEMA = "skyway.live/1"
 EVERY_S, REFUGES_S = 0.5, 10.0
-"""It is written no more often, in seconds of this computer; and where else it could land is worked out again, in those of the vehicle."""
+"""It is written no more often, in seconds of this computer; and where else it could land is computed again, in those of the vehicle."""
 MAX_BYTES = 4 * 1024 * 1024
 _MEANING = {str(state): rule.meaning for state, rule in TABLE.items()}
 
 
 class Live(msgspec.Struct, kw_only=True):
-    """Where a delivery stands. Times are POSIX seconds: `wall_s` of this computer, all others of the vehicle; None is unknown."""
+    """Status of a delivery. Times are POSIX seconds: `wall_s` of this computer, all others of the vehicle; None is unknown."""
 
     schema: str = SCHEMA
     pid: int = 0
@@ -99,21 +99,21 @@ _DECODER = msgspec.json.Decoder(Live)
 def requests_at(orders: Path) -> Path:
     """Check the name of a file of orders."""
     if orders.suffix != ENDING:
-        raise InputError("is no file of orders", field="--orders", value=orders, remedy=f"FILE{ENDING}")
+        raise InputError("is not a file of orders", field="--orders", value=orders, remedy=f"FILE{ENDING}")
     return orders
 
 
 def read_live(path: Path) -> Live:
-    """Read what a flight tells; an `InputError` says that it is not there, or is something else."""
+    """Read the state of a flight. Raises an `InputError` if the file is missing, or something else."""
     try:
         return _DECODER.decode(read_bytes(path, max_bytes=MAX_BYTES))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"does not tell of a flight: {error}", str(path)) from error
+        raise InputError(f"is not a status of a flight: {error}", str(path)) from error
 
 
 @contextmanager
 def live_file(orders: Path | None) -> Iterator[LiveFile | None]:
-    """Tell of a flight in ``FILE.live`` beside its orders, to the end; None where no orders are taken from a file."""
+    """Publish a flight in ``FILE.live`` beside its orders, to the end; None where no orders are taken from a file."""
     if orders is None:
         yield None
         return
@@ -127,7 +127,7 @@ def live_file(orders: Path | None) -> Iterator[LiveFile | None]:
 
 
 class LiveFile:
-    """Tells what a flight is at, each second; see `Live`."""
+    """Writes the status of a flight each second; see `Live`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -137,7 +137,7 @@ class LiveFile:
         self._written_s = -math.inf
 
     def doing(self, what: str) -> None:
-        """Tell what is being done before there is a journal."""
+        """Publish the current activity before there is a journal."""
         self.live.doing = what
         self._write()
 
@@ -163,7 +163,7 @@ class LiveFile:
             self._write()
 
     def tick(self, ctx: Context) -> None:
-        """Take what is known of the delivery now."""
+        """Take the latest state of the delivery."""
         self._context = ctx
         self.live.journal = ctx.journal.path.name
         if time.monotonic() < self._written_s + EVERY_S:
@@ -198,7 +198,7 @@ class LiveFile:
             live.refuges = refuges(ctx)
 
     def end(self, problem: str) -> None:
-        """Tell that the program has ended, and why where it was no regular end."""
+        """Publish the end of the program, with the reason where it was not regular."""
         live = self.live
         live.ended, live.problem, live.offered, live.question = True, problem, [], None
         if self._context is not None:
@@ -252,7 +252,7 @@ def _wind(ctx: Context) -> dict[str, Any]:
 
 
 def refuges(ctx: Context) -> list[dict[str, Any]]:
-    """Where else it could land now, and with what, by the newest forecast; who stands there is not asked."""
+    """Other possible landing places now, with the charge there, by the newest forecast; their present queues are not requested."""
     known = information(ctx, FlightMemory(), {})
     if known is None:
         return []

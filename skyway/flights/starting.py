@@ -1,4 +1,4 @@
-"""Starting flights in processes of their own, which whoever started them may leave, or be killed beside."""
+"""Starting flights in separate processes that survive the process that started them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OUTPUT = ".out"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOptions:
-    """How a plan is to be flown, as typed; empty is as usual."""
+    """Options of a flight, as typed; empty means default."""
 
     plan: str = ""
     """File of the plan."""
@@ -61,7 +61,7 @@ class FlightOptions:
                 raise InputError("cannot begin with a hyphen", field=field, value=value[:80])
         if not self.connect:
             remedy = "such as udpin:127.0.0.1:14540, tcp:127.0.0.1:5760 or /dev/ttyUSB0,57600"
-            raise InputError("say how the drone is connected", field="connection", remedy=remedy)
+            raise InputError("give the connection of the drone", field="connection", remedy=remedy)
         named = [("--pads", self.pads), ("--drag", self.drag), ("--scenario", self.scenario)]
         words = ["fly", self.plan, "--connect", self.connect]
         words += [word for option, value in named if value for word in (option, value)]
@@ -88,15 +88,19 @@ def channel(journal: Path) -> list[str]:
 def resumed(words: Sequence[str], journal: Path) -> list[str]:
     """Return the command that continues a flight, of the one that began it; an `InputError` refuses any other command."""
     if not words or words[0] != "fly" or str(journal) not in words:
-        raise InputError("was not begun here, and cannot be continued here", str(journal), remedy="skyway fly --resume")
+        raise InputError(
+            "was not started here, and cannot be continued here", str(journal), remedy="skyway fly --resume"
+        )
     at = list(words).index(str(journal)) - 1
     if words[at] not in ("--journal", "--resume"):
-        raise InputError("was not begun here, and cannot be continued here", str(journal), remedy="skyway fly --resume")
+        raise InputError(
+            "was not started here, and cannot be continued here", str(journal), remedy="skyway fly --resume"
+        )
     return [*words[:at], "--resume", *words[at + 1 :]]
 
 
 def start(words: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
-    """Start a command of skyway that ends when it has done its work, whatever becomes of us; it prints into a file."""
+    """Start a command of skyway that outlives this process, until its work is done; it prints into a file."""
     try:
         with open(output, "ab", opener=_plain) as file:
             return subprocess.Popen(  # noqa: S603  our own command, its words as a list

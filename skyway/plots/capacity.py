@@ -1,4 +1,4 @@
-"""Picture of what a network carries: shares of orders delivered as promised by rate, and what one thing more adds."""
+"""Picture of the capacity of a network: shares of orders delivered as promised by rate, and the gain of each addition."""
 
 from __future__ import annotations
 
@@ -84,5 +84,7 @@ def _effects(axes: Any, found: CapacityFound) -> None:
     axes.invert_yaxis()
     axes.axvline(0.0, color=INK, linewidth=0.8)
     base = "" if found.base is None else f" at {found.base.case.rate_per_h:g} orders/h, {found.base.case.drones} drones"
-    axes.set_xlabel(f"orders an hour more as promised{base}; lines: 95 %; grey: not told from chance", fontsize=8)
+    axes.set_xlabel(
+        f"orders an hour more as promised{base}; lines: 95 %; grey: no clear difference from chance", fontsize=8
+    )
     plain_axes(axes)

@@ -1,4 +1,4 @@
-"""Picture of heights over a terrain model: ground, what stands in the corridor, the way flown, and its least clearance."""
+"""Picture of heights over a terrain model: ground, highest in the corridor, flight path, and its least clearance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HEIGHTS_IN = 2.4
 def plot_heights(legs: Sequence[LegHeights | None], path: Path, *, title: str = "") -> None:
     """Draw the heights of some legs into a file; an `InputError` where none is known."""
     if all(one is None for one in legs):
-        raise InputError("there are no heights to draw: the ground is not known below any flight", str(path))
+        raise InputError("no heights to draw: the ground below all flights is unknown", str(path))
     figure = new_figure(9, HEIGHTS_IN + 0.6)
     draw_heights(figure.add_subplot(), legs)
     figure.suptitle(title, fontsize=9)

@@ -105,7 +105,7 @@ def _headline(composition: Composition, zone: ZoneInfo) -> str:
 
 
 class Frame(NamedTuple):
-    """What a map shows, degrees."""
+    """Extent of a map, degrees."""
 
     west: float
     east: float

@@ -32,7 +32,7 @@ _PLACES = ((1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1))
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure; an `InputError` says how to install matplotlib where it is missing."""
+    """Return an empty figure. Raises an `InputError` with the install command if matplotlib is missing."""
     try:
         import matplotlib as mpl
         from matplotlib.backends.backend_agg import FigureCanvasAgg

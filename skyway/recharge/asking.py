@@ -1,4 +1,4 @@
-"""What is typed of a mission to be cut, as the values that it is cut with."""
+"""Typed values of a mission to cut, as the options of the cut."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MOST_PACKS = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What is typed besides the mission, in the units of the command line."""
+    """Typed options besides the mission, in the units of the command line."""
 
     pads: Path | None = None
     vans: Path | None = None

@@ -1,4 +1,4 @@
-"""From a mission and pads to one mission for each battery."""
+"""Cutting: from a mission and pads to one mission for each battery."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
 SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""So long before a pad is gone stops may have to end, for what is not known of charging."""
+"""So long before a pad is gone stops may have to end, for what is unknown of charging."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Recharged:
 
     @property
     def told(self) -> tuple[Flight, ...]:
-        """Flights of the first autopilot: figures are told of these."""
+        """Flights of the first autopilot, to which all figures refer."""
         return next(iter(self.flights.values()))
 
 
@@ -76,7 +76,7 @@ def recharged(
 ) -> Recharged:
     """Cut a mission so that it can be flown with charges on pads on the way, and check every flight.
 
-    An `InputError` says what hinders it: a home that is not known, no pad in reach and what is lacking, an item that cannot be cut, a
+    An `InputError` says what hinders it: a home that is unknown, no pad in reach and what is lacking, an item that cannot be cut, a
     flight that an autopilot does not fly.
     """
     ready = prepared(document, pads, families, options)
@@ -114,8 +114,8 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     if most >= enough:
         return found
     note = (
-        f"pads are not there long enough to charge for all that is not known: as planned a landing keeps the reserve with {probability(most, 1)};"
-        " skyway fly leaves the work earlier then"
+        f"pads are not available long enough to charge for all uncertainty: as planned a landing keeps the reserve with {probability(most, 1)};"
+        " if necessary, skyway fly leaves the work earlier"
     )
     return replace(found, notes=(*found.notes, note))
 
@@ -145,9 +145,9 @@ def _cut(ready: Prepared, options: RechargeOptions) -> Recharged:
         sure = surer(sure, least, options)
     else:
         raise InputError(
-            f"a landing keeps the reserve with probability {probability(least, 1)} only: winds of the forecast that are too unlike each other, or too many turns",
+            f"a landing keeps the reserve with probability {probability(least, 1)} only: the winds of the forecast differ too much, or there are too many turns",
             field="--epsilon",
-            remedy="allow more, or wait for a surer forecast",
+            remedy="allow a larger --epsilon, or wait for a better forecast",
         )
     faults = {family.name: _faults(flights[family.name], family) for family in families}
     fit = {name: flown for name, flown in flights.items() if not faults[name]}
@@ -155,7 +155,9 @@ def _cut(ready: Prepared, options: RechargeOptions) -> Recharged:
         raise InputError([fault for found in faults.values() for fault in found])
     left_out += [f"no missions for {name}: {found[0].problem}" for name, found in faults.items() if found]
     route = work.route
-    told = tuple(f"item {number} jumps back for ever: flown {options.laps + 1} times" for number in route.endless_jumps)
+    told = tuple(
+        f"item {number} jumps back without end: flown {options.laps + 1} times" for number in route.endless_jumps
+    )
     whole: dict[str, MissionDocument] = {}
     if options.single and len(next(iter(fit.values()))) > 1:
         for family in families:
@@ -164,15 +166,17 @@ def _cut(ready: Prepared, options: RechargeOptions) -> Recharged:
                 whole[family.name], begins = _in_one(fit[family.name], builder)
                 left_out += _set_by_hand(family, begins)
     if plan.depart_s >= LATE_S:
-        left_out.append(f"the first take-off is {duration(plan.depart_s)} later than it could be: pads are there later")
+        left_out.append(
+            f"the first take-off is {duration(plan.depart_s)} later than possible, since pads are available later"
+        )
     found = Recharged(problem, plan, cuts, fit, (*notes, *told, *left_out), whole)
     if options.swap_s is None or not plan.stops:
         return found
     if options.packs is not None:
         waits_s = sum(stop.leave_s - options.ground_s - options.swap_s - stop.on_pad_s for stop in plan.stops)
-        told_of_packs = f"of {options.packs} batteries, {options.chargers} charged at a time; waits for full ones come to {duration(waits_s)}"
+        told_of_packs = f"of {options.packs} batteries, {options.chargers} charged at a time; total wait for full ones {duration(waits_s)}"
         return replace(found, notes=(*found.notes, told_of_packs))
-    packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is out"
+    packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is removed"
     return replace(found, notes=(*found.notes, packs))
 
 
@@ -187,14 +191,14 @@ def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> tuple[MissionDoc
 
 
 def _set_by_hand(family: Family, begins: Sequence[int]) -> tuple[str, ...]:
-    """Return what people do before each flight of a single mission, where the autopilot does not go on by itself."""
+    """Return manual actions before each flight of a single mission, where the autopilot does not continue automatically."""
     if family.stays_in_mission_after_landing:
         return ()
     items = ", ".join(
         f"{begin + family.home_items} for battery {number}" for number, begin in enumerate(begins[1:], start=2)
     )
     return (
-        f"{family.name} goes back to the first item of the single mission when it disarms: before arming, set the current item to {items}",
+        f"{family.name} returns to the first item of the single mission when it disarms: before arming, set the current item to {items}",
     )
 
 
@@ -209,7 +213,7 @@ def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:
 
 
 def packs_needed(found: Recharged) -> int:
-    """Return how many batteries it takes so that a full one lies ready at every change, each charged as soon as it is out."""
+    """Return how many batteries are needed so that a full one is ready at every change, each charged as soon as it is out."""
     curve = found.problem.options.conditions.drone.charging_curve()
     ready: list[float] = []
     packs = 1
@@ -224,7 +228,7 @@ def packs_needed(found: Recharged) -> int:
 
 
 def cuts_of(plan: ChargingPlan) -> tuple[Cut, ...]:
-    """Return the places at which the work is left, with the pads that are landed on before it goes on."""
+    """Return the places at which the work is interrupted, with the landing pads before it resumes."""
     found: list[Cut] = []
     for stop in plan.stops:
         if found and found[-1].point == stop.position:
@@ -244,7 +248,7 @@ def flights_of(
 ) -> tuple[Flight, ...]:
     """Make and check the flights of an autopilot, from the start or from a point and a pad on.
 
-    Each is begun when, and with the charge, that the plan says.
+    Each starts when, and with the charge, that the plan says.
     """
     conditions, transit = problem.options.conditions, problem.options.transit
     builder = PartBuilder(problem.work, problem.ways, transit, family)

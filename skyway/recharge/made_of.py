@@ -1,4 +1,4 @@
-"""What a cut mission was made of: written beside its flights, so that whoever flies them can replan what is left.
+"""The inputs of a cut mission, stored beside its flights so that `fly` can replan the rest.
 
 The mission, its pads and the fleet are copied; terrain, zones, forecasts and scenarios are named. Of every file there is a digest.
 """
@@ -42,7 +42,7 @@ CUT_AGAIN = "cut the mission again with skyway recharge"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeOf:
-    """What was typed, and where it comes from."""
+    """Typed options of a cut, and their files."""
 
     asked: Asked
     mission: Path
@@ -158,7 +158,7 @@ def opened(folder: Path) -> OpenedSet:
     texts = mission_texts(found)
     differ = [name for name, text in texts.items() if data["files"].get(name) != _sha(text.encode())]
     if differ:
-        problem = f"this version of skyway would cut the mission otherwise ({differ[0]} differs)"
+        problem = f"this version of skyway would cut the mission differently ({differ[0]} differs)"
         raise InputError(problem, str(folder), remedy=CUT_AGAIN)
     return OpenedSet(folder, made_of, document, region, zones, found, str(data["sha256"]))
 
@@ -172,10 +172,8 @@ def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
     start = records[0].entry(Start) if records else None
     told = None if start is None else start.composition.get("id")
     if told != identity_of(cut.found):
-        remedy = "give the folder that it was flown from, or another journal"
-        raise InputError(
-            "is the journal of something else than this set", str(journal), field="--resume", remedy=remedy
-        )
+        remedy = "give the folder of its flight, or another journal"
+        raise InputError("is not a journal of this set", str(journal), field="--resume", remedy=remedy)
 
 
 def sets_in(folder: Path) -> tuple[Path, ...]:
@@ -192,19 +190,19 @@ def _listed(folder: Path) -> dict[str, Any]:
     """Return what a folder says of itself, unedited."""
     file = folder / SET
     if not file.is_file() and sets_in(folder):
-        remedy = f"fly {folder / 'drone-1'} and the others, each with a skyway of its own, begun together"
+        remedy = f"fly {folder / 'drone-1'} and the others, each with its own skyway, started together"
         raise InputError("is the work of several drones", str(folder), remedy=remedy)
     if not file.is_file():
-        what = "is only half there, or was written by an older skyway" if (folder / SUMMARY).is_file() else "is none"
+        what = "is incomplete, or was written by an older skyway" if (folder / SUMMARY).is_file() else "is none"
         remedy = CUT_AGAIN if (folder / SUMMARY).is_file() else "name a folder that skyway recharge -o wrote"
         raise InputError(f"{SET} is missing: the folder of a cut mission {what}", str(folder), remedy=remedy)
     try:
         data = json.loads(read_text(file, max_bytes=MAX_BYTES))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is no JSON: {error}", str(file), remedy=CUT_AGAIN) from None
+        raise InputError(f"is not JSON: {error}", str(file), remedy=CUT_AGAIN) from None
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         found = data.get("schema") if isinstance(data, dict) else None
-        raise InputError("is of another kind", str(file), field="schema", value=found, remedy=f"{SCHEMA} is read")
+        raise InputError("has another schema", str(file), field="schema", value=found, remedy=f"expected {SCHEMA}")
     if data.get("sha256") != _of(data):
         raise InputError("was edited since the mission was cut", str(file), field="sha256", remedy=CUT_AGAIN)
     return data
@@ -217,7 +215,7 @@ def _check_files(folder: Path, data: Mapping[str, Any]) -> None:
         path = folder / name
         if not path.is_file():
             faults.append(
-                Fault("is missing: the folder is only half there", str(path), remedy="copy it whole, or " + CUT_AGAIN)
+                Fault("is missing: the folder is incomplete", str(path), remedy="copy it whole, or " + CUT_AGAIN)
             )
         elif _digest(path) != digest:
             remedy = "edit the mission that was cut, and " + CUT_AGAIN
@@ -225,7 +223,7 @@ def _check_files(folder: Path, data: Mapping[str, Any]) -> None:
     for name, digest in data["inputs"].items():
         path = Path(name)
         if not path.is_file():
-            faults.append(Fault("is not there any more: the mission was cut with it", name, remedy=CUT_AGAIN))
+            faults.append(Fault("was removed since the mission was cut with it", name, remedy=CUT_AGAIN))
         elif _digest(path) != digest:
             faults.append(Fault("has changed since the mission was cut", name, remedy=CUT_AGAIN))
     if faults:

@@ -1,4 +1,4 @@
-"""The units of a mission as a problem of free order: what each takes, either way round, and the ways between them."""
+"""The units of a mission as a problem of free order: the cost of each in either direction, and the ways between them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions, RechargeProblem
 
 MAX_UNITS = 400
-"""More are not put in another order: their ways are too many to be worked out."""
+"""More are not put in another order: their ways are too many to be computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,7 +53,7 @@ class _Levels:
         self.floor_m, self.over = max(highest_m, options.transit.height_m or 0.0), options.transit.over
 
     def table(self, ends: Sequence[Spot], begins: Sequence[Spot]) -> NDArray[np.float64]:
-        """Heights above home of the ways from each spot to each other one; NaN where the ground is not known."""
+        """Heights above home of the ways from each spot to each other one; NaN where the ground is unknown."""
         to = np.array(begins)
         level = np.maximum(np.maximum(np.array(ends)[:, None, 2], to[None, :, 2]), self.floor_m)
         if self.over is None:
@@ -69,7 +69,7 @@ class _Levels:
 
 
 def tables_of(ready: Prepared, options: RechargeOptions, sure_ratio: float, *, drones: int = 1) -> OrderTables | None:
-    """Work out the units of a mission and what they take; None where it has none, or more than can be looked through."""
+    """Compute the units of a mission and what they take; None where it has none, or more than can be looked through."""
     work = ready.work(options)
     division = divided(work)
     if not division.units or len(division.units) > MAX_UNITS:

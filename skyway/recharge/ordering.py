@@ -1,4 +1,4 @@
-"""The order of a mission's independent parts, chosen so that the whole ends first: `--reorder`."""
+"""The order of a mission's independent parts that ends first: `--reorder`."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ SAME_M = 0.1
 """A picture is where it was within this."""
 MOST_TOLD = 3
 NOTHING_FREE = (
-    "order kept: no parts of the mission are surely independent (lines of pictures, places with a picture or a stay)"
+    "order kept: no parts of the mission are certainly independent (lines of pictures, places with a picture or a stay)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class OrderTold:
-    """What is told of an order.
+    """Report on an order.
 
     Attributes
     ----------
@@ -123,10 +123,10 @@ def _better(
     try:
         other = cut(in_order(ready, tables, tour), options)
     except InputError as error:
-        return own, 0.0, (f"order kept: the best that was found is not flown: {error.faults[0].problem}",)
+        return own, 0.0, (f"order kept: the best order found is not used: {error.faults[0].problem}",)
     off_m = pictures_off_m(tables.writer.work, [other.problem.work])
     if off_m > SAME_M:
-        return own, 0.0, ("order kept: pictures would not be where they were",)
+        return own, 0.0, ("order kept: pictures would move",)
     if own is not None and own.plan.end_s <= other.plan.end_s:
         return own, 0.0, ()
     return other, off_m, ()
@@ -146,7 +146,7 @@ def told(tables: OrderTables | None) -> tuple[str, ...]:
 
 
 def pictures_off_m(before: Work, after: Sequence[Work]) -> float:
-    """Return how far the farthest picture is from where it was, whatever their order; infinite where one is lost, or taken twice."""
+    """Return the largest distance of a picture from its original place, in any order; infinite where one is lost, or taken twice."""
     if len(before.pictures) != sum(len(work.pictures) for work in after):
         return math.inf
     if not before.pictures:

@@ -1,4 +1,4 @@
-"""The folder of a cut mission: one mission a flight for each autopilot, what must be set on the vehicle, and the summary."""
+"""The folder of a cut mission: one mission per flight for each autopilot, the parameters of the vehicle, and the summary."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def refuse_folder(folder: Path, *, force: bool) -> None:
         return
     ours = folder.is_dir() and ((folder / SUMMARY).is_file() or not any(folder.iterdir()))
     if not ours:
-        raise InputError("exists, and is no folder that skyway recharge wrote", str(folder), remedy="name another one")
+        raise InputError("exists, and was not written by skyway recharge", str(folder), remedy="name another one")
     if not force and any(folder.iterdir()):
         raise InputError("exists already", str(folder), remedy="give another name, or --force to replace it")
 

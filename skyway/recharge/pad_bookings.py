@@ -1,4 +1,4 @@
-"""Pads that a ledger keeps (`models.ledger`): what others have booked is theirs, and what a cut mission needs is booked for it.
+"""Pads in a ledger (`models.ledger`): bookings of others are respected, and the stays of a cut mission are booked.
 
 What was booked are the windows of the set: a drone that replans on its way stays within them, whoever books beside it later.
 """
@@ -65,7 +65,7 @@ class PadBookings:
     ) -> Iterator[list[dict[str, tuple[Window, ...]]]]:
         """Book a pad for each stay of each drone, around it as far as its window reaches; yield the windows that each drone has.
 
-        Where what is done with them fails, they are released. An `InputError` says that somebody else has booked one meanwhile.
+        Where what is done with them fails, they are released. Raises an `InputError` if somebody else has booked one meanwhile.
         """
         found: list[dict[str, tuple[Window, ...]]] = []
         lease = self.ledger.acquire(self.holder, "skyway recharge", ttl_s=OWNER_S)
@@ -120,7 +120,7 @@ class PadBookings:
 
 @contextmanager
 def desk_of(ledger: str, folder: Path, depart: str | None) -> Iterator[PadBookings]:
-    """Open a ledger for the folder that a set is written to: cut once more, it takes the place of its own bookings."""
+    """Open a ledger for the folder that a set is written to: cutting again replaces its earlier bookings."""
     if depart is None:
         raise InputError(
             "needs --depart", field="--ledger", remedy="say when the first take-off is, with its UTC offset"
@@ -162,7 +162,7 @@ def free_windows(
 def stays_within(
     found: Recharged, pads: Sequence[Station], free: Sequence[Sequence[tuple[Window, int]]]
 ) -> list[tuple[Stay, Window]]:
-    """Return the stays of a cut mission on numbered pads, each with the window that it lies in; pads by their place in `pads`."""
+    """Return the stays of a cut mission on numbered pads, each with its window; pads by their place in `pads`."""
     place_of = {pad.id: place for place, pad in enumerate(pads)}
     stays = []
     for stop in found.plan.stops:

@@ -1,4 +1,4 @@
-"""Pictures before and after: those that the written missions take, beside those of the mission that was cut."""
+"""Comparison of pictures before and after: those of the written missions with those of the original mission."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_OFF_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class PictureAudit:
-    """How many pictures there are, and how far the farthest is from where it was."""
+    """Number of pictures, and the largest displacement of one."""
 
     before: int
     after: int
@@ -57,4 +57,4 @@ def kept_pictures(found: Recharged) -> PictureAudit:
     told = f"the mission takes {audit.before} pictures, and these flights would take {audit.after}"
     if audit.before == audit.after:
         told = f"a picture would be {distance_text(audit.off_m)} from where it was"
-    raise InputError(told, field="mission", remedy="cut it by hand, and tell us the mission")
+    raise InputError(told, field="mission", remedy="cut it by hand, and send us the mission")

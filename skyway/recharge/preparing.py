@@ -1,4 +1,4 @@
-"""A mission that is to be cut, completed: flown from the ground to the ground, by the autopilots that fly it."""
+"""Completion of a mission before the cut: from the ground to the ground, for the autopilots that can fly it."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ _OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A mission that is flown from the ground to the ground, and what it is cut for."""
+    """A mission from the ground to the ground, and the autopilots that it is cut for."""
 
     document: MissionDocument
     families: tuple[Family, ...]
     """Autopilots that fly it."""
     only: bool
-    """One autopilot was asked for."""
+    """One autopilot was requested."""
     pads: tuple[Station, ...]
     """Those that can be landed on."""
     notes: tuple[str, ...]
@@ -55,7 +55,7 @@ class Prepared:
 
     @property
     def by(self) -> Family | None:
-        """Who reads it; None where neither the file nor who cuts it says."""
+        """Autopilot that reads it; None where neither the file nor the caller names one."""
         return self.families[0] if self.only else family_of(self.document.mission.firmware)
 
     def work(self, options: RechargeOptions) -> Work:
@@ -74,7 +74,7 @@ class Prepared:
 def prepared(
     document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
 ) -> Prepared:
-    """Complete a mission, and find out who flies it and where it can land; an `InputError` says what hinders it."""
+    """Complete a mission, and determine its drone and possible landings. Raises an `InputError` with the obstacle."""
     given = len(document.mission.items)
     mission, notes = _whole(document.mission, families, options)
     document = replace(document, mission=mission)
@@ -103,7 +103,7 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
     lands = not route.legs or route.legs[-1].landing != "none"
     mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
     if mission.hover_speed_mps is None:
-        notes.append("the mission tells no speed to plan with: 5 m/s is taken until it orders one")
+        notes.append("the mission sets no speed: assuming 5 m/s until it does")
     return mission, (*added, *notes)
 
 

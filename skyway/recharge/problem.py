@@ -1,4 +1,4 @@
-"""A mission and pads as the problem of a fixed route: what every hop takes, in the winds of the forecast."""
+"""A mission and pads as the problem of a fixed route: the cost of every hop in the winds of the forecast."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.sharing import Stay
 
 MAX_SLOTS = 24
-"""Slots of a forecast that are looked at; the last one holds on."""
+"""Slots of a forecast that are considered; the last one holds on."""
 AT_ONCE_S = 1e-3
 MORE_SURE, MOST_MORE = 1.02, 1.2
 """Flights are given so much more charge at least, and at most, where one of them does not keep the reserve as surely as is asked."""
@@ -62,7 +62,7 @@ class PadQueues:
 
 @dataclass(frozen=True, slots=True)
 class RechargeOptions:
-    """How a mission is cut; manoeuvres count."""
+    """Options of a cut; manoeuvres are included."""
 
     conditions: FlightConditions
     transit: TransitRules
@@ -98,7 +98,7 @@ class RechargeOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RechargeProblem:
-    """The fixed route of a mission, and what it was made of."""
+    """The fixed route of a mission, and its inputs."""
 
     work: Work
     ways: PadWays
@@ -120,7 +120,7 @@ class RechargeProblem:
         return found or ((0, NEVER),)
 
     def route(self, sure_ratio: float) -> FixedRoute:
-        """Return the route that is begun with charge for so many times what the model says of each flight.
+        """Return the route with so many times the modelled charge of each flight.
 
         Its pads are those of `usable`.
         """
@@ -177,7 +177,7 @@ def slots_of(conditions: FlightConditions) -> Slots:
 
 
 def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeProblem:
-    """Work out what every hop of a mission takes, to its pads and back."""
+    """Compute what every hop of a mission takes, to its pads and back."""
     conditions, transit = options.conditions, options.transit
     slots = slots_of(conditions)
     at_s = slots.start_s + slots.slot_s * (np.arange(slots.length, dtype=np.float64) + 0.5)
@@ -253,7 +253,7 @@ def pool_of(options: RechargeOptions) -> PackPool | None:
 
 
 def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
-    """Return what a flight takes at most with all but the probability that is allowed, over what the model says.
+    """Return the charge of a flight at the allowed failure probability, over the model's.
 
     Manoeuvres have the share of it that they have of some work; without that, none.
     """
@@ -262,7 +262,7 @@ def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
 
 
 def sure_of(belief: EnergyBelief, epsilon: float, turns: float) -> float:
-    """Return what a flight takes at most with all but some probability, over what the model says; `turns` is the share of manoeuvres in that."""
+    """Return the charge of a flight at some failure probability, over the model's; `turns` is the share of manoeuvres in that."""
     if not math.isfinite(epsilon):
         return 1.0
     low = high = belief.quantile(1.0 - epsilon)
@@ -290,7 +290,7 @@ def _share_of_turns(work: Work, conditions: FlightConditions) -> float:
 
 
 def surer(sure_ratio: float, least: float, options: RechargeOptions) -> float:
-    """Return what a flight must have charge for, where one keeps the reserve with a probability of `least` only."""
+    """Return the charge factor of a flight whose reserve holds only with a probability of `least`."""
     belief = options.conditions.drone.energy_belief
     lacks = belief.quantile(1.0 - options.epsilon) / belief.quantile(min(max(least, LEAST_P), 1.0 - options.epsilon))
     return sure_ratio * min(max(lacks, MORE_SURE), MOST_MORE)

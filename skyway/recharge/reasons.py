@@ -1,4 +1,4 @@
-"""Why a mission cannot be cut: no pad in reach, and how much is lacking; or an item that it cannot be left at."""
+"""Reasons why a mission cannot be cut: no pad in reach, with the missing energy; or an item that cannot be left."""
 
 from __future__ import annotations
 
@@ -27,27 +27,29 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
     reached, lacking, to_point = _reach(problem, sure_ratio, can_leave)
     if not np.isfinite(ways.level_m[can_leave]).any():
         what = "leaves the fence, enters a zone, or is over unknown ground"
-        return InputError(f"no pad in reach: every way from the mission to a pad {what}", field="--pads")
+        return InputError(f"no pad in reach: every flight from the mission to a pad {what}", field="--pads")
     if reached == len(work.points) - 1 and problem.options.windows:
-        told = "pads are not there when they are needed, or not for long enough: could they be used at any time, the mission could be cut"
-        return InputError(told, field="--pads", remedy="more time for vans and bookings, or a pad that is always there")
+        told = "pads are not available when necessary, or not long enough; with pads available at any time, the mission could be cut"
+        return InputError(
+            told, field="--pads", remedy="extend vans and bookings, or add a pad that is always available"
+        )
     hindering = _hindering(problem, sure_ratio, reached)
     if hindering is not None:
         name = work.mission.items[hindering].name
         told = (
-            f"item {hindering} ({name}) cannot be cut, and the battery lacks {percent(lacking, 1)} of itself to fly from before it to a"
-            " pad behind it"
+            f"item {hindering} ({name}) cannot be cut, and the battery lacks {percent(lacking, 1)} of its energy to fly from before it"
+            " to a pad after it"
         )
-        return InputError(told, field="mission", remedy="a pad nearer by, or a larger battery")
+        return InputError(told, field="mission", remedy="add a nearer pad, or use a larger battery")
     joule = lacking * problem.options.conditions.drone.battery_j
     target = work.points[to_point]
     pad, away = _nearest(problem, to_point)
     item = work.steps[max(target.step, 0)].item
     text = (
         f"no pad in reach: on the way to item {item} the battery lacks {energy_text(joule)} ({percent(lacking, 1)} of it)"
-        f" to go on and land with the reserve; the nearest pad, {pad}, is {distance_text(away)} from there"
+        f" to continue and land with the reserve; the nearest pad, {pad}, is {distance_text(away)} from there"
     )
-    return InputError(text, field="--pads", remedy="add a pad nearer by, lower the reserve, or fly a larger battery")
+    return InputError(text, field="--pads", remedy="add a nearer pad, lower the reserve, or use a larger battery")
 
 
 def _nowhere(problem: RechargeProblem) -> InputError:
@@ -57,8 +59,8 @@ def _nowhere(problem: RechargeProblem) -> InputError:
     bound = [one for one in hinders if role_of(items[one]) == "bound"]
     inside = [one for one in hinders if items[one].command not in TAKEOFF_COMMANDS | LAND_COMMANDS]
     number = (bound or inside or hinders)[0]
-    told = f"item {number} ({items[number].name}) cannot be cut, nor what comes behind it: the mission is nowhere left for a pad"
-    return InputError(told, field="mission", remedy="a larger battery, or fly that part as a mission of its own")
+    told = f"item {number} ({items[number].name}) cannot be cut, nor the items after it: no place to leave the mission for a pad"
+    return InputError(told, field="mission", remedy="use a larger battery, or fly that part as a separate mission")
 
 
 def _hindering(problem: RechargeProblem, sure_ratio: float, reached: int) -> int | None:

@@ -1,6 +1,6 @@
-"""One mission for several drones: its independent parts are shared among them, and so are the pads.
+"""One mission for several drones: its independent parts and the pads are shared among them.
 
-Every drone gets a mission of its own, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
+Every drone gets a separate mission, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
 from another one.
 """
 
@@ -46,7 +46,7 @@ BESIDE_M = 5.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Share:
-    """What one drone does."""
+    """Share of one drone."""
 
     units: int
     text: str
@@ -93,7 +93,7 @@ class SharedWork:
 
     @property
     def end_s(self) -> float:
-        """When all have ended by the plan."""
+        """Time at which all have ended by the plan."""
         return max(share.found.plan.end_s for share in self.shares)
 
 
@@ -111,7 +111,7 @@ def shared_among(
     Without `options.reorder` each flies its parts in the order of the mission. An `InputError` says why it cannot be shared, or cut.
     """
     if options.packs is not None:
-        raise InputError("is for one drone", field="--packs", remedy="leave it out, or --drones")
+        raise InputError("is for one drone", field="--packs", remedy="remove it, or --drones")
     ready = prepared(document, pads, families, options)
     alone_s: float | None = None
     refusal: InputError | None = None
@@ -134,7 +134,7 @@ def shared_among(
     off_m = pictures_off_m(tables.writer.work, [one.problem.work for one, _ in own])
     if off_m > SAME_M:
         raise InputError(
-            "pictures would be lost or taken twice: the parts that were found are not independent",
+            "pictures would be lost or taken twice: the parts found are not independent",
             field="--drones",
             remedy="fly it with one drone",
         )
@@ -168,7 +168,7 @@ def shared_among(
 
 
 def in_windows(work: SharedWork, windows: Sequence[dict[str, tuple[Window, ...]]]) -> SharedWork:
-    """Cut what each drone does once more, with the windows of pads that it has."""
+    """Cut what each drone does again, with the windows of pads that it has."""
     shares = []
     for share, own in zip(work.shares, windows, strict=True):
         found = cut(share.ready, replace(share.found.problem.options, windows=own))
@@ -183,7 +183,7 @@ def _shareable(tables: OrderTables | None, refusal: InputError | None) -> OrderT
         return tables
     if refusal is not None and len(units) < 2:
         raise refusal
-    why = told(tables) or ("no parts are surely independent (lines of pictures, places with a picture or a stay)",)
+    why = told(tables) or ("no parts are certainly independent (lines of pictures, places with a picture or a stay)",)
     raise InputError(
         f"the mission cannot be shared among drones: {why[0].removeprefix('order kept: ')}",
         field="--drones",
@@ -276,8 +276,8 @@ def _left(pad: Station, place: int, taken: Sequence[Stay], options: RechargeOpti
 def _notes(ready: Prepared, tables: OrderTables, shares: Sequence[Share], drones: int) -> tuple[str, ...]:
     notes = [*ready.notes, *ready.left_out]
     if len(shares) < drones:
-        notes.append(f"{len(shares)} of {drones} drones fly: more would not end earlier")
+        notes.append(f"{len(shares)} of {drones} drones fly: more drones would not end earlier")
     if len(shares) > 1:
         notes.append(f"each drone stands {BESIDE_M:g} m east of the one before, and lands there")
-        notes.append("all begin together: pads are theirs by the time since then")
+        notes.append("start all drones together: their pad windows count from then")
     return (*notes, *told(tables), *dict.fromkeys(note for share in shares for note in share.found.notes))

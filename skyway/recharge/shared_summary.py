@@ -1,4 +1,4 @@
-"""What is told of a mission that several drones share: ``skyway.recharge-drones/1``, and the folder it is written to."""
+"""Summary of a mission that several drones share: ``skyway.recharge-drones/1``, and its folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCHEMA = "skyway.recharge-drones/1"
 
 @dataclass(frozen=True, slots=True)
 class PadStay:
-    """A pad of a station, and who is on it from when until when, seconds after all have begun."""
+    """A pad of a station, and the drone on it over time, seconds after the start of all drones."""
 
     pad: str
     number: int
@@ -39,7 +39,7 @@ class PadStay:
 
 @dataclass(frozen=True, slots=True)
 class DroneTold:
-    """What one drone does."""
+    """Share of one drone."""
 
     number: int
     folder: str
@@ -95,7 +95,7 @@ class DronesSummary:
 
 
 def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
-    """Return what is told of shared work, each drone simulated in the same winds as the others."""
+    """Return the summary of shared work, each drone simulated in the same winds as the others."""
     runs = [simulated(share.found, drone=number) for number, share in enumerate(work.shares)]
     ends_s = np.max([one.ends_s for one in runs], axis=0)
     kept = np.all([one.kept for one in runs], axis=0)

@@ -1,4 +1,4 @@
-"""The flights of a cut mission simulated: when it ends and whether each landing keeps the reserve, over winds, energies, times and pads.
+"""Simulation of the flights of a cut mission: its end, and whether each landing keeps the reserve, over winds, energies, times and pads.
 
 Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
 who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, more or less by what the flights before have taught of the drone's
@@ -128,7 +128,7 @@ def simulated(
 
 
 class Taught:
-    """What the flights of each run have taught of the drone's energy, as `EnergyBelief.learnt` has it for one."""
+    """Energy belief learnt from the flights of each run, like `EnergyBelief.learnt` for one."""
 
     def __init__(self, options: RechargeOptions) -> None:
         self.belief = self.begun = options.conditions.drone.energy_belief
@@ -146,7 +146,7 @@ class Taught:
         self.belief = replace(then, mean_ratio=self.belief.mean_ratio)
 
     def more(self, turns: float) -> NDArray[np.float64]:
-        """Of each run: so much more of what the model says is a flight given charge for, than before the first one; `turns` of it are manoeuvres."""
+        """Of each run: extra charge given to a flight over the modelled one, compared with the first; `turns` of it are manoeuvres."""
         surer = sure_of(self.belief, self.epsilon, turns) - sure_of(self.begun, self.epsilon, turns)
         return self.mean - self.begun.mean_ratio + surer
 
@@ -162,7 +162,7 @@ class _Pool:
         self.free = np.full((runs, options.chargers), -math.inf)
 
     def changed(self, clock: NDArray[np.float64], soc: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return when each run goes on that comes at a time with a charge."""
+        """Return the departure of each run that arrives at a time with a charge."""
         if self.packs is None:
             return clock + self.swap_s
         begin = np.maximum(clock + self.swap_s, self.free[:, 0])

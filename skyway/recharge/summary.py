@@ -1,4 +1,4 @@
-"""What is told of a cut mission: ``skyway.recharge/1``."""
+"""Summary of a cut mission: ``skyway.recharge/1``."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class RechargeSummary:
 
 
 def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
-    """Return what is told of a cut mission; `files` has the names by autopilot, one for each flight."""
+    """Return the summary of a cut mission; `files` has the names by autopilot, one for each flight."""
     problem, plan = found.problem, found.plan
     conditions = problem.options.conditions
     cut_of = [cut for cut in found.cuts for _ in cut.pads]
@@ -171,8 +171,8 @@ def _decided(found: Recharged) -> tuple[str, ...]:
         return ()
     charge = "that the battery is changed" if found.problem.options.swap_s is not None else "how long to charge"
     return (
-        f"on every pad: where the work is left next, for which pad, and {charge}, with the wind and the energy measured until then",
-        "in the air, every ten seconds: whether to leave the work earlier, where a landing would miss the reserve",
+        f"on every pad: where to leave the work next, for which pad, and {charge}, from the measured wind and energy",
+        "in the air, every ten seconds: whether to leave the work earlier, because the landing would miss the reserve",
     )
 
 

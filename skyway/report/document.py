@@ -134,7 +134,7 @@ def _outcome(records: tuple[Record, ...]) -> Result:
 
 
 def _handed_over_s(records: tuple[Record, ...]) -> float | None:
-    """When the drone went on after the package had been handed over; None where it did not."""
+    """When the drone went on after the package had been delivered; None where it did not."""
     return next((at_s for at_s, _, entry in _of(records, entries.WentOn) if entry.delivered), None)
 
 

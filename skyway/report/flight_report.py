@@ -20,7 +20,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Delivery(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
-    """What was to be delivered, by what, and under which settings."""
+    """The delivery: its places, its vehicle, its settings."""
 
     origin: str | None
     destination: str | None
@@ -38,7 +38,7 @@ class Delivery(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "fro
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """How it ended, or that it has not; `resumed`: how often."""
+    """The outcome, or that there is none yet; `resumed`: number of resumes."""
 
     ended: bool
     state: str
@@ -130,7 +130,7 @@ class Totals(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
-    """A flight: what was planned at the take-off, and what came of it."""
+    """A flight: its plan at the take-off, and its actual values."""
 
     flight: int
     origin: str | None
@@ -212,7 +212,7 @@ class RadioSeen(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AircraftSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """Another aircraft that came near, or what was done about it."""
+    """Another aircraft that came near, or the reaction to it."""
 
     time_s: float
     flight: int
@@ -220,7 +220,7 @@ class AircraftSeen(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RemoteIdSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """What the Remote ID module said of itself, in order, and who flew, as it was told."""
+    """Statuses of the Remote ID module, in order, and the operator data sent to it."""
 
     operator: str | None
     self_id: str | None

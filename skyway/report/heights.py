@@ -1,4 +1,4 @@
-"""Heights of a flight report: ground, what stands in the corridor, and the planned way over them, as SVG."""
+"""Heights in a flight report: ground, highest in the corridor, and the planned flight path over them, as SVG."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _numbers(values: Any) -> list[float]:
 
 
 def drawn_heights(document: FlightReport) -> str:
-    """Return the figure of the planned heights over the terrain; empty where no plan tells any."""
+    """Return the figure of the planned heights over the terrain; empty where no plan has any."""
     legs = [leg.heights for leg in document.planned.legs if leg.heights is not None]
     if not legs:
         return ""

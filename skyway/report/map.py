@@ -89,7 +89,7 @@ def drawn_map(document: FlightReport, zones: list[Zone] | None) -> str:
 
 
 def map_picture(document: FlightReport, zones: list[Zone] | None) -> tuple[str, float] | None:
-    """Return what stands inside the picture, `WIDTH` wide, and its height; None where no position is known."""
+    """Return the content of the picture, `WIDTH` wide, and its height; None where no position is known."""
     stations = document.planned.stations
     tracks = _tracks(document)
     ways = _planned_ways(document)

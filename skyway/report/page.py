@@ -1,4 +1,4 @@
-"""The report of a flight as one page that needs nothing else: made from the struct `FlightReport` alone."""
+"""The report of a flight as one self-contained page, made from the struct `FlightReport` alone."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _section(title: str, content: str) -> str:
 
 
 def rows(head: Sequence[str], body: Iterable[Sequence[str]], kinds: str) -> str:
-    """Return a table; `kinds` says of each column whether it has numbers (n), times (t) or words (w)."""
+    """Return a table; `kinds` gives for each column numbers (n), times (t) or words (w)."""
     lines = [
         "<tr>"
         + "".join(f'<td class="{kind}">{safe(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))
@@ -269,7 +269,7 @@ def _seen(document: FlightReport) -> str:
     told = (
         rows(("at", "flight", "other aircraft"), aircraft, "tnw")
         if aircraft
-        else '<p class="none">No other aircraft came near, as far as a receiver on the drone heard.</p>'
+        else '<p class="none">No other aircraft came near, as far as the receiver of the drone heard.</p>'
     )
     return f"{rows(RADIO_HEAD, radio_rows(document), 'tnnnntnnnn')}{told}<p>{safe(remote_id_line(document))}</p>"
 
@@ -296,7 +296,7 @@ def _events(document: FlightReport) -> str:
     body = [(str(e.n), utc_clock(e.time_s), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
     table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
-    return f"<details><summary>{len(events)} events, telemetry left out</summary>{table}{more}</details>"
+    return f"<details><summary>{len(events)} events, without telemetry</summary>{table}{more}</details>"
 
 
 def _foot(document: FlightReport) -> str:

@@ -24,7 +24,7 @@ _MAP_SHARE = 0.36
 
 
 def picture(document: FlightReport, zones: list[Zone] | None) -> str:
-    """Return the picture; an `InputError` where the journal tells no position."""
+    """Return the picture. Raises an `InputError` where the journal has no position."""
     drawn = chart_of_places.map_picture(document, zones)
     if drawn is None:
         raise InputError("the journal has no positions to draw", field="--plot")

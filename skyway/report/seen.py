@@ -1,4 +1,4 @@
-"""What a flight report tells of radios, other aircraft and Remote ID, from the journal."""
+"""Radios, other aircraft and Remote ID in a flight report, from the journal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_ROWS = 1000
 
 
 def radios_seen(records: tuple[Record, ...]) -> list[RadioSeen]:
-    """Return each radio, in the order in which they were first told."""
+    """Return each radio, in the order of first appearance."""
     found: dict[str, Measured] = {}
     for at_s, record in of.timed(records):
         entry = record.entry(entries.RadioMeasured)
@@ -100,10 +100,10 @@ def radio_rows(document: FlightReport) -> list[tuple[str, ...]]:
 
 
 def remote_id_line(document: FlightReport) -> str:
-    """Say whether it was broadcast who flew."""
+    """Return whether the operator's identity was broadcast."""
     found = document.remote_id
     if found is None:
-        return "Remote ID: the journal does not tell."
+        return "Remote ID: not in the journal."
     told = ", ".join(one for one in (found.operator, found.self_id) if one) or "no operator was given"
     return f"Remote ID: {told}; " + "; ".join(f"{utc_clock(one.time_s)} {one.said}" for one in found.said)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.file import Record
 
 Columns = dict[str, list[Any]]
-"""Values over time by name, all of one length; None is not known."""
+"""Values over time by name, all of one length; None is unknown."""
 _TRACK = (
     "time_s", "flight", "air", "lat", "lon", "height_m", "ground_speed_mps", "power_w", "forecast_north_mps",
     "forecast_east_mps", "soc", "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m",
@@ -63,7 +63,7 @@ class WindExpected(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LegWind(msgspec.Struct, frozen=True, kw_only=True):
-    """Winds of a flight: expected, estimated, true; how far the first two were from the truth (RMS of the vector)."""
+    """Winds of a flight: expected, estimated, true; errors of the first two (RMS of the vector)."""
 
     forecast: WindExpected
     estimate: WindFound | None = None
@@ -79,7 +79,7 @@ class LegWind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def series_of(records: tuple[Record, ...]) -> Series:
-    """Return the courses that a journal tells."""
+    """Return the time series in a journal."""
     track: list[dict[str, Any]] = []
     truth: list[dict[str, Any]] = []
     for at_s, record in of.timed(records):

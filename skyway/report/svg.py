@@ -94,7 +94,7 @@ class Chart:
     """(POSIX seconds, words): upright marks."""
 
     def drawn(self) -> str:
-        """Return the figure with its legend; one that says so where nothing is known."""
+        """Return the figure with its legend; one that reads so where nothing is known."""
         inner = self.picture()
         title = f"{safe(self.title)}, {safe(self.unit)}"
         if not inner:
@@ -109,7 +109,7 @@ class Chart:
         )
 
     def picture(self) -> str:
-        """Return what stands inside the picture; empty where nothing is known."""
+        """Return the content of the picture; empty where nothing is known."""
         values = [v for c in self.courses for piece in c.pieces() for _, v in piece]
         values += [v for band in self.bands for piece in band.pieces() for _, v in piece]
         if not values:

@@ -1,4 +1,4 @@
-"""Connections of browsers: one that is slow to say what it wants, or to take the answer, is cut off, so that none keeps the others out."""
+"""Connections of browsers: slow clients are disconnected so that they do not block the others."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_WAITED_FOR = 128
 
 
 class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known when it runs
-    """HTTP as uvicorn speaks it, with a limit on the time in which a request is begun and its answer taken; its body is limited by the guard."""
+    """HTTP as uvicorn speaks it, with a limit on the time until a request arrives and its answer is taken; its body is limited by the guard."""
 
     _late: asyncio.TimerHandle | None = None
     _stuck: asyncio.TimerHandle | None = None

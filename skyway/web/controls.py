@@ -1,4 +1,4 @@
-"""Controls of forms, with labels: native elements, so that keyboards, screen readers and tablets know them."""
+"""Controls of forms, with labels: native elements, for keyboards, screen readers and tablets."""
 
 from __future__ import annotations
 
@@ -130,14 +130,14 @@ def say(element: ui.element, words: str) -> None:
 
 
 class Status(ui.element):
-    """A line that tells what is going on, also to those who do not see it."""
+    """A status line, also for screen readers."""
 
     def __init__(self) -> None:
         super().__init__("p")
         self.classes("status").props("role=status")
 
     def tell(self, words: str, *, wrong: bool = False) -> None:
-        """Tell something, in place of what was told before."""
+        """Show a text, in place of the last one."""
         self.classes(replace="status wrong" if wrong else "status")
         say(self, words)
 

@@ -1,4 +1,4 @@
-"""Documents that scripts of the page fetch, and the two that they send: files, and orders to a flight. No GET changes anything."""
+"""Documents that scripts of the page fetch, and the two that they send: files, and commands to a flight. No GET changes anything."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MAX_REPORT = 64 * 2**20
 
 
 class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a browser orders of a flight. Its id is the browser's own: sent again after a lost answer, it counts once."""
+    """A command from a browser to a flight. Its id comes from the browser: repeated after a lost answer, it counts once."""
 
     flight: Annotated[str, msgspec.Meta(max_length=300)]
     id: Annotated[str, msgspec.Meta(pattern="^[0-9a-zA-Z-]{8,64}$")]
@@ -52,12 +52,12 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
-    """Return what is worked out; it ends where the browser that asked has gone, and then says so."""
+    """Return what is computed; it ends where the browser that asked has gone, and then says so."""
     working, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
     try:
         await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)
         if not working.done():
-            raise SkywayError("nobody waits for the answer")
+            raise SkywayError("no question is open")
         return await working
     finally:
         for task in (working, gone):
@@ -70,7 +70,7 @@ async def _gone(request: Request) -> None:
 
 
 async def _answer(site: Site, name: str, *arguments: Any, ends_with: Request | None = None) -> Response:
-    """Return what a worker answers, or why it does not; heavy work ends with who asked for it."""
+    """Return a worker's answer, or its error; heavy work ends when its requester leaves."""
     asked = site.workers.ask(name, *arguments)
     try:
         found = await (asked if ends_with is None else _waited_for(ends_with, asked))
@@ -124,7 +124,7 @@ def add(app: FastAPI, site: Site) -> None:
         name, holder = (request.query_params.get(one, "")[:300] for one in ("ledger", "holder"))
         try:
             if not name.lower().endswith(LEDGERS):
-                raise InputError("is no ledger of the work folder", field="--ledger", value=name)
+                raise InputError("is not a ledger of the work folder", field="--ledger", value=name)
             found = await site.workers.ask("dispatched.told", str(site.folder.existing(name)), holder)
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
@@ -155,7 +155,7 @@ def add(app: FastAPI, site: Site) -> None:
         try:
             asked = msgspec.json.decode(await request.body(), type=Order)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            return JSONResponse({"error": f"is no order: {error}"}, 422)
+            return JSONResponse({"error": f"is not an order: {error}"}, 422)
         try:
             site.flights.order(asked.flight, asked.request(who))
         except SkywayError as error:
@@ -189,11 +189,11 @@ def _logs(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/report")
     async def report(request: Request) -> Response:
-        """A report to be kept, made of a journal or as it lies in the folder: it is never shown as a page of ours."""
+        """A report to save, made from a journal or as found in the folder: it is never shown as a page of ours."""
         kept = request.query_params.get("file", "")
         try:
             if kept and not kept.lower().endswith(REPORTS):
-                raise InputError("is no report of the work folder", field="file", value=kept[:200])
+                raise InputError("is not a report of the work folder", field="file", value=kept[:200])
             path = site.folder.existing(kept or request.query_params.get("journal", ""))
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 404)

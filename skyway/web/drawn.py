@@ -1,4 +1,4 @@
-"""Charts of a plan as SVG: bars of what the drone does, the arrival as a distribution, the charge as a fan.
+"""Charts of a plan as SVG: the schedule as bars, the arrival as a distribution, the charge as a fan.
 
 Text is escaped; colours are classes of ``static/page.css``. Marks differ by pattern too, never by colour alone.
 """
@@ -218,7 +218,7 @@ def profile(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
 
 
 def heights(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
-    """Return ground, what stands in the corridor, and the way flown, leg after leg, with the least clearance of all."""
+    """Return ground, corridor obstacles, and the way flown, leg after leg, with the smallest clearance of all."""
     if not legs:
         return ""
     top, bottom = 16.0, 126.0

@@ -19,7 +19,7 @@ LOGS = (".tlog", ".bin", ".ulg", ".log", ".csv", ".jsonl")
 REPORTS = (".html",)
 """Endings of missions, of logs and journals, and of reports."""
 MOST_FILES = 5000
-"""Files of a folder that are looked at."""
+"""Files of a folder that are considered."""
 MOST_NAME, MOST_BYTES = 1000, 255
 """Signs of a path within the folder, and bytes of each part of it: systems take no longer ones."""
 MOST_SAFE = 180
@@ -49,7 +49,7 @@ class Folder:
     root: Path
 
     def path(self, name: str) -> Path:
-        """Return the path of a name within the folder; an `InputError` where it leads out, or is no name."""
+        """Return the path of a name within the folder. Raises an `InputError` for a path outside it, or an invalid name."""
         root = self.root.resolve()
         wrong = InputError("not a file of the work folder", field="file", value=name[:200])
         if not name or len(name) > MOST_NAME or "\0" in name or "\\" in name or Path(name).is_absolute():
@@ -64,7 +64,7 @@ class Folder:
         return path
 
     def existing(self, name: str) -> Path:
-        """Return the path of a file that is there."""
+        """Return the path of an existing file."""
         path = self.path(name)
         if not path.is_file():
             raise InputError("no such file in the work folder", field="file", value=name[:200])
@@ -92,7 +92,7 @@ class Folder:
                 found.append(Found(entry.relative_to(root).as_posix(), state.st_size, state.st_mtime))
 
     def write(self, name: str, content: bytes, *, force: bool = False) -> Path:
-        """Write a file, whole or not at all; one that is there is replaced only with `force`."""
+        """Write a file, whole or not at all; an existing one is replaced only with `force`."""
         path = self.path(name)
         if not path.parent.is_dir():
             raise InputError("no such folder in the work folder", field="file", value=name[:200])

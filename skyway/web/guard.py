@@ -1,4 +1,4 @@
-"""What stands between the network and the page: who may ask, from where, how much, and what browsers may load.
+"""Protection of the page from the network: who may send requests, from where, how much, and what browsers may load.
 
 An ASGI application around another. It answers nothing itself but refusals and the sign-in.
 """
@@ -71,7 +71,7 @@ class Guard:
     app : ASGI application
         What is guarded.
     token : str or None
-        What a person types once in each browser; None lets everyone in who may connect.
+        Password that a person types once in each browser; None admits everyone who may connect.
     max_body : int
         Bytes of one request.
     tiles : BaseMap
@@ -170,7 +170,7 @@ class Guard:
         """Whether the token that a form sends is the right one."""
         body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
         if body is None:
-            return False  # nobody waits for the answer: others do
+            return False  # no question is open: others do
         given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
         async with self._trying:
             right = hmac.compare_digest(given.encode(), token.encode())
@@ -181,7 +181,7 @@ class Guard:
     async def _pass(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
         """Hand a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
 
-        Pages are asked for uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
+        Pages are requested uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
         """
         nonce = secrets.token_urlsafe(16)
         begun: Message = {}
@@ -216,7 +216,7 @@ class Guard:
 
 
 def browser(headers: Mapping[str, str]) -> str:
-    """Return who a browser is, for journals: nothing can be made of it, and nothing where it has not said."""
+    """Return a browser's pseudonym, for journals: it reveals nothing, and is empty where none was given."""
     try:
         found = SimpleCookie(headers.get("cookie", "")).get(BROWSER)
     except CookieError:

@@ -1,4 +1,4 @@
-"""The map: one canvas of ours, which draws stations, routes, wind and vehicles; and what moves something on it."""
+"""The map: one canvas that draws stations, routes, wind and vehicles, and lets people move things."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "static/map"}):
-    """A map. It fetches the region, the ground, the base map and the outline by itself.
+    """A map that fetches the region, the ground, the base map and the outline.
 
     Parameters
     ----------
     label : str
-        For those who do not see it.
+        For people who cannot see it.
     on_choose, on_drag, on_vehicle, on_move : callable, optional
         Called with what was chosen in the menu of a place (action, station, lat, lon); with the stations that a stop was dragged from
         and to; with the id of a vehicle; with the id of a mark and where it was dragged to.
@@ -47,12 +47,12 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
         self.run_method("set", parts)
 
     def load(self, name: str, url: str) -> None:
-        """Let the browser fetch a part by itself."""
+        """Let the browser fetch a part separately."""
         self.run_method("load", name, url)
 
 
 class OnMap(ui.element):
-    """A component of the page that moves something on the map by itself, in the units that a person prefers."""
+    """A component of the page that moves something on the map, in the units that a person prefers."""
 
     def __init__(self, wanted: Preferences) -> None:
         super().__init__()
@@ -95,7 +95,7 @@ class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "s
 
 
 class FleetBoard(ui.element, component="static/fleet.js"):
-    """How a fleet stands, in parts that the browser fetches by itself, and its drones on the map: ``static/fleet.js``.
+    """Status of a fleet, in parts that the browser fetches, and its drones on the map: ``static/fleet.js``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a person prefers: colours, units and times, kept by the browser in cookies."""
+"""Preferences of a person: colours, units and times, stored by the browser in cookies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MEASURED = re.compile(rf"{_NUMBER}(?: ?(?:±|to|\() ?-?\d+(?:\.\d+)?\)?)* (m/s|
 
 @dataclass(frozen=True, slots=True)
 class Preferences:
-    """What one person prefers."""
+    """Preferences of one person."""
 
     speed: str = "mps"
     height: str = "m"
@@ -46,12 +46,12 @@ class Preferences:
 
     @property
     def speed_factor(self) -> float:
-        """What a speed in m/s is multiplied by."""
+        """Factor for speeds in m/s."""
         return _SPEEDS[self.speed]
 
     @property
     def height_factor(self) -> float:
-        """What a height in metres is multiplied by."""
+        """Factor for heights in metres."""
         return _FEET_PER_M if self.height == "ft" else 1.0
 
     def zone(self, timezone: str) -> tzinfo:

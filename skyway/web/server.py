@@ -1,4 +1,4 @@
-"""The server of the page: one process that answers browsers, and others that work things out."""
+"""The server of the page: one process that answers browsers, and others that compute."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RECONNECT_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeOptions:
-    """What is served, where, and to whom."""
+    """Options of the server."""
 
     scenario: Path | None = None
     """Scenario folder; None is New York, built in."""
@@ -55,7 +55,7 @@ class ServeOptions:
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
     def checked(self) -> ServeOptions:
-        """Return the same, or raise an `InputError` that says what is not safe or not there."""
+        """Return the same, or raise an `InputError` with what is unsafe or missing."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
         if self.scenario is not None and not self.scenario.is_dir():
@@ -66,7 +66,7 @@ class ServeOptions:
         if self.outline is not None:
             shapes(str(self.outline))
         if self.demo and self.scenario is not None:
-            remedy = "leave one of them out"
+            remedy = "remove one of them"
             raise InputError(
                 "the demonstration flies in New York, which is built in",
                 str(self.scenario),

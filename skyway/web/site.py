@@ -1,4 +1,4 @@
-"""What all pages share: the options, the work folder, and the processes that work things out."""
+"""Parts shared by all pages: the options, the work folder, and the processes that compute."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ class Site:
         return None if self.options.scenario is None else str(self.options.scenario)
 
     async def region(self) -> dict[str, Any]:
-        """Return what the map shows of the scenario; worked out once for each state of its files, so that no page waits for what is planned."""
+        """Return what the map shows of the scenario; computed once for each state of its files, so that no page waits for what is planned."""
         now = stamp(self.options.scenario)
         if self._region is None or self._region[0] != now:
             self._region = now, await self.workers.ask("region.region", self.scenario)
         return self._region[1]
 
     def start(self) -> None:
-        """Start the processes; the first one loads its libraries and the scenario while nobody waits."""
+        """Start the processes; the first one loads its libraries and the scenario in the background."""
         self.workers.start(self.scenario)
 
     def stop(self) -> None:

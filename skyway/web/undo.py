@@ -1,4 +1,4 @@
-"""Taking back what was asked, and asking it again."""
+"""Undoing a request, and repeating it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Asked = TypeVar("Asked")
 
 
 class Undo(Generic[Asked]):
-    """What was asked before, and what was taken back; with a button for each way, and the usual keys.
+    """Previous and undone requests, with buttons and the usual keys.
 
     Parameters
     ----------

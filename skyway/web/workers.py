@@ -1,4 +1,4 @@
-"""Processes that work things out for the pages: the one that answers browsers never does."""
+"""Processes that compute for the pages, so that the process that answers browsers never does."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatc
     assert all(path.stat().st_size > 0 for path in written)
     text = (tmp_path / "out" / "planners.md").read_text()
     assert "## new-york-0.5" in text
-    assert "compare shapes" in text
+    assert "only shapes can be compared" in text
     document = json.loads((tmp_path / "out" / "planners.json").read_text())
     assert document["schema"] == "skyway.benchmark-results/1"
     assert {row["planner"] for row in document["rows"]} >= {"shortest", "ies"}

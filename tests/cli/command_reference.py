@@ -12,7 +12,7 @@ from skyway.cli.main import app
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "commands.md"
 HEAD = """# Commands
 
-Made from the commands themselves; `skyway COMMAND --help` says the same.
+Generated from the commands; `skyway COMMAND --help` prints the same.
 
 | exit code | meaning |
 | --- | --- |
@@ -23,7 +23,7 @@ Made from the commands themselves; `skyway COMMAND --help` says the same.
 | 130 | interrupted |
 
 Percent appears only in options; files have fractions. Times need an offset from UTC. Files are overwritten only with
-`--force`. Standard output holds the answer, standard error warnings and errors.
+`--force`. The answer goes to standard output, warnings and errors to standard error.
 """
 
 

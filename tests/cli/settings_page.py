@@ -10,8 +10,8 @@ from skyway.settings import Settings
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "settings.md"
 HEAD = """# Settings of planners and filters
 
-The tuned numbers, made from their classes (`skyway.settings.Settings`); `skyway settings` lists them too. `skyway plan`, `compare`,
-`replay` and `bench planners` take `--set NAME=VALUE`, more than once; several numbers are separated by commas. From Python:
+These are the tuned parameters, generated from their classes (`skyway.settings.Settings`); `skyway settings` lists them too. `skyway plan`, `compare`,
+`replay` and `bench planners` accept `--set NAME=VALUE`, several times; separate several numbers by commas. From Python:
 
 ```python
 from skyway.models.base.parameters import with_values
@@ -20,8 +20,8 @@ from skyway.planner.parameters.planner import PlannerParameters
 fifty = with_values(PlannerParameters(), {"robust.members": 50})  # plan(..., parameters=fifty)
 ```
 
-A plan keeps those that are not at their defaults (`parameters` in [its file](files.md)). What stands under *set by* was measured; where
-nothing stands nobody has measured it, and the default is what its author chose.
+A plan stores those that differ from their defaults (`parameters` in [its file](files.md)). *set by* names the measurement behind a default; if it
+is empty, the default was chosen, not measured.
 """
 
 

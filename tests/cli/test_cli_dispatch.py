@@ -111,7 +111,7 @@ def test_options_that_do_not_fit(skyway, files):
     for more, said in {
         ("--actual-wind", "2013-07-10"): "a fleet is not planned with perfect information",
         ("--time-limit", "0"): "--time-limit: must be above 0",
-        ("--ledger", "mysql://host/db"): "is no ledger",
+        ("--ledger", "mysql://host/db"): "is not a ledger",
     }.items():
         done = skyway(*PLAN, *more)
         assert done.code == 2

@@ -113,7 +113,7 @@ def test_a_plan_of_another_scenario_is_not_flown(planned, tmp_path):
     (tmp_path / "other.json").write_text(json.dumps(plan))
     answer = planned("fly", "other.json", *NOBODY)
     assert answer.code == 2
-    assert "the scenario differs from that of the plan" in answer.err
+    assert "the scenario differs from the plan's" in answer.err
 
 
 def test_demo_plans_without_flying_and_refuses_what_is_no_day(skyway):
@@ -266,7 +266,7 @@ def test_no_is_an_answer_too_and_leaves_it_where_it_stands(planned, tmp_path):
         assert there.world.vehicles[1].station() == "bellevue"
         assert not there.world.vehicles[1].autopilot.armed
     assert code == 1, said
-    assert "does not allow the take-off" in said
+    assert "said no to the take-off" in said
 
 
 @pytest.mark.slow

@@ -59,9 +59,9 @@ def test_an_edited_mission_is_named(copy):
 
 def test_a_folder_that_is_half_there_is_named(copy):
     (copy / "px4" / "battery-1.plan").unlink()
-    assert "half there" in refused(copy)
+    assert "incomplete" in refused(copy)
     (copy / SET).unlink()
-    assert "half there" in refused(copy)
+    assert "incomplete" in refused(copy)
 
 
 def test_an_edited_list_is_refused(copy):

@@ -61,7 +61,7 @@ def test_a_plan_is_conditioned_on_metars_and_says_so(planned, metars, tmp_path):
     assert found["conditions"][0]["speed_mps"] == pytest.approx(16 * 1852 / 3600)
     assert (found["conditions"][0]["from_deg"], found["conditions"][2]["from_deg"]) == (270.0, None)
     said = (
-        "conditioned on the wind observed: EWR 8.2 m/s from 270°, 9 min before the departure; JFK 6.2 m/s from 230°, "
+        "conditioned on the observed wind: EWR 8.2 m/s from 270°, 9 min before the departure; JFK 6.2 m/s from 230°, "
     )
     assert found["notes"][-1].startswith(said)
     assert load(tmp_path / "plan.json").conditions[1].place == "JFK"
@@ -82,10 +82,10 @@ def test_what_a_plan_is_told_moves_its_wind(planned):
 
 def test_compare_and_wind_take_it_too(skyway, metars):
     answer = skyway("compare", "--planners", "pfs,shortest", *HOP, "--drone", "m200", "--observed", metars)
-    assert "Note: conditioned on the wind observed: EWR" in answer.out
+    assert "Note: conditioned on the observed wind: EWR" in answer.out
     shown = [skyway("wind", "--depart", "2013-07-10T14:00-04:00", *more).out for more in ((), ("--observed", metars))]
     assert shown[0] != shown[1]
-    assert "Note: conditioned on the wind observed: EWR" in shown[1]
+    assert "Note: conditioned on the observed wind: EWR" in shown[1]
 
 
 @pytest.mark.parametrize(
@@ -95,10 +95,10 @@ def test_compare_and_wind_take_it_too(skyway, metars):
             ("--observed", "KTEB=8@270"),
             "--observed: unknown station KTEB (got 'KTEB=8@270'); the scenario's wind sites are EWR, JFK, LGA",
         ),
-        (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and left out"),
+        (("--observed", "EWR=8@270@2013-07-10T15:00-04:00"), "after the departure and ignored"),
         (
             ("--observed", "EWR=8@270@2013-07-09T15:00-04:00"),
-            "none of 1 observed winds counts: the wind observed at EWR is left out: 23 h",
+            "none of 1 observed winds is usable: the wind observed at EWR is ignored: 23 h",
         ),
         (
             ("--observed", "EWR=8@270", "--observed", "EWR=8@090"),
@@ -148,7 +148,7 @@ def test_what_a_drone_measured_is_taken_from_its_journal(tmp_path, refused):
         (1800.0, 60.0, 9.0),
     ]
     journal_with(file, [])
-    assert "flight.jsonl tells of no wind" in refused("plan", *HOP, *QUICK, "--observed", file)
+    assert "flight.jsonl has no wind" in refused("plan", *HOP, *QUICK, "--observed", file)
 
 
 def test_the_departures_of_a_window_each_know_what_was_observed_before_them(planned, metars):
@@ -236,7 +236,7 @@ def test_a_pad_that_the_service_has_not_is_out_of_order(tmp_path):
 def test_pads_seen_long_ago_do_not_count(refused, tmp_path):
     file = tmp_path / "pads.jsonl"
     file.write_text('{"station": "bellevue", "busy": 5, "posix_s": 1373400000}')
-    assert "seen 22 h before the departure, 30 min before it at most count" in refused(
+    assert "seen 22 h before the departure, the limit is 30 min before it" in refused(
         "plan", *HOP, *QUICK, "--pads", file
     )
 
@@ -284,7 +284,7 @@ def test_what_is_handed_over_comes_before_the_files_of_the_scenario(tmp_path):
     file.write_text(f"KEWR {datetime.now(UTC) - timedelta(hours=9):%d%H%M}Z 27016KT\n")
     places, notes = told_now(world)
     assert places == []
-    assert "the wind observed at EWR is left out: 9 h before the departure" in notes
+    assert "the wind observed at EWR is ignored: 9 h before the departure" in notes
 
 
 def test_without_any_a_plan_for_now_says_that_it_knows_the_record_alone():
@@ -293,15 +293,15 @@ def test_without_any_a_plan_for_now_says_that_it_knows_the_record_alone():
 
 def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
     world = replace(load_scenario(None), observed_wind=("none.txt",), observed_pads=str(tmp_path / "none.jsonl"))
-    assert told_now(world) == ([], "no wind of now: none.txt is not there")
+    assert told_now(world) == ([], "no current wind: none.txt does not exist")
     now = datetime.now(UTC)
     pads = PadOptions().known(world, now, for_now=True)
-    assert (pads.busy, pads.notes) == ({}, (f"no pads of now: {tmp_path / 'none.jsonl'} is not there",))
+    assert (pads.busy, pads.notes) == ({}, (f"no current pads: {tmp_path / 'none.jsonl'} does not exist",))
     assert PadOptions().known(world, now, for_now=False) is None
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     pads = PadOptions().known(replace(world, observed_pads=f"tcp:127.0.0.1:{port}"), now, for_now=True)
-    assert pads.notes[0].startswith(f"no pads of now: the pad service at tcp:127.0.0.1:{port} fails")
+    assert pads.notes[0].startswith(f"no current pads: the pad service at tcp:127.0.0.1:{port} failed")
 
 
 def test_a_broken_file_of_now_is_an_error(tmp_path):
@@ -319,7 +319,7 @@ def test_a_flight_knows_what_was_observed(metars):
     before, after = (one.forecast_at(now.timestamp(), place.lat, place.lon, updated=True) for one in (alone, told))
     assert after.p90_mps - after.p10_mps < before.p90_mps - before.p10_mps
     assert after.from_deg == pytest.approx(270.0, abs=15.0)
-    assert (alone.origin, told.origin) == ("forecast", "forecast corrected by the winds observed")
+    assert (alone.origin, told.origin) == ("forecast", "forecast updated with the observed winds")
 
 
 def test_a_flight_reads_a_file_of_winds_again_when_it_has_changed(tmp_path):
@@ -340,7 +340,7 @@ def test_a_flight_reads_a_file_of_winds_again_when_it_has_changed(tmp_path):
     assert speeds(later_s + 90.0) == [13.4]
     assert len(told) == 1
     assert "is not a METAR" in told[0]
-    assert told[0].endswith("the winds read before count on")
+    assert told[0].endswith("still using the winds read before")
     file.unlink()
     assert speeds(later_s + 120.0) == [13.4]
     assert speeds(later_s + 12 * 3600.0) == []  # too old by then

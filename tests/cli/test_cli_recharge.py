@@ -114,7 +114,7 @@ def test_a_folder_is_replaced_only_if_it_is_ours_and_that_is_asked(skyway, patro
     (patrol / "out/notes.txt").write_text("mine")
     refused = skyway(*typed, "--force")
     assert refused.code == 2
-    assert "no folder that skyway recharge wrote" in refused.err
+    assert "not written by skyway recharge" in refused.err
     (patrol / "out/notes.txt").unlink()
     assert skyway(*typed, "--autopilot", "px4").code == 0
     assert not (patrol / "out/ardupilot").exists()
@@ -207,8 +207,7 @@ def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
     assert "vans.csv:2: from: is not a time (got 'noon'); hours and minutes" in skyway(*typed, "--force").err
     vans.write_text("van,lat,lon,elevation_m,from,until\nvan,47.3978,8.5450,488,0:00,0:05\n")
     assert (
-        "pads are not there when they are needed, or not for long enough"
-        in skyway(*typed, "--wind", "6@250", "--force").err
+        "pads are not available when necessary, or not long enough" in skyway(*typed, "--wind", "6@250", "--force").err
     )
     assert "give --pads, or --vans" in skyway("recharge", str(patrol / "patrol.plan"), "-o", str(patrol / "no")).err
 
@@ -232,8 +231,8 @@ def test_another_order_is_told_with_its_bound_written_and_found_again(skyway, tm
     out = tmp_path / "out"
     answer = skyway(*map(str, typed), "--reorder", "-o", str(out))
     assert answer.code == 0
-    assert "of 4 parts moved or turned round" in answer.out
-    assert "no order ends before" in answer.out
+    assert "of 4 parts moved or reversed" in answer.out
+    assert "lower bound for any order" in answer.out
     assert "none lost, none twice" in answer.out
     told = json.loads((out / "recharge.json").read_text())["order"]
     assert 0.0 < told["bound_s"] <= told["end_s"] < told["before_s"]

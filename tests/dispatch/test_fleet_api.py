@@ -97,7 +97,7 @@ def test_the_api_describes_itself_and_tells_figures(client):
 
 def test_only_this_machine_or_who_has_the_token_is_served(ledger, client, monkeypatch):
     assert client.get("/orders", host="attacker.example")[0] == 403
-    with pytest.raises(InputError, match="anybody in the network"):
+    with pytest.raises(InputError, match="anyone on the network"):
         serve_in_background(ledger, "dispatch", "0.0.0.0:0")
     monkeypatch.setenv("SKYWAY_TOKEN", "secret")
     guarded = Client(ledger)

@@ -29,7 +29,7 @@ def test_a_dispatcher_that_is_killed_loses_nothing(tmp_path):
         run.stop()
     status = nothing_is_forgotten(run)
     assert {state for state, _ in status.orders.values()} == {"delivered"}
-    assert "going on with the service" in run.said()
+    assert "resuming the service" in run.said()
 
 
 def test_a_lost_drone_is_left_to_a_person_and_its_other_orders_are_planned_anew(tmp_path):
@@ -80,7 +80,7 @@ def test_a_dispatcher_that_was_held_up_beyond_its_lease_takes_it_again(tmp_path)
         run.stop()
     status = nothing_is_forgotten(run)
     assert {state for state, _ in status.orders.values()} == {"delivered"}
-    assert "taken again" in run.said()
+    assert "takes it again" in run.said()
 
 
 def test_a_database_that_is_restarted_is_waited_for(tmp_path):

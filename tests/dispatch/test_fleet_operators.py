@@ -75,4 +75,4 @@ def test_two_operators_whose_network_is_cut_hold_no_pad_twice_and_lose_nothing(s
         north.stop()
         south.stop()
         network.close()
-    assert "waiting for it" in north.said() or "taken again" in north.said()
+    assert "waiting for it" in north.said() or "takes it again" in north.said()

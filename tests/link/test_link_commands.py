@@ -129,7 +129,7 @@ def test_nobody_there_ends_with_3_and_nonsense_with_2(run, plan, tmp_path):
     write(MissionDocument(), empty)
     code, text = run("upload", empty)
     assert code == 2
-    assert "holds no mission" in text
+    assert "has no mission" in text
 
 
 def test_a_broken_parameter_file_names_its_line(tmp_path):

@@ -53,7 +53,7 @@ def test_every_station_is_asked_once_and_an_unknown_one_is_told():
     with served(status) as address:
         found, notes = snapshot(address, ["a", "gone", "b"])
     assert [(one.station, one.busy) for one in found] == [("a", 2), ("b", 2)]
-    assert notes == [f"the pad service at {address} told of 2 of 3 stations: no station 'gone' here"]
+    assert notes == [f"the pad service at {address} reported 2 of 3 stations: no station 'gone' here"]
 
 
 def test_a_service_that_dawdles_is_left_at_the_deadline():
@@ -64,7 +64,7 @@ def test_a_service_that_dawdles_is_left_at_the_deadline():
     with served(slowly) as address:
         found, notes = snapshot(address, [str(number) for number in range(50)], within_s=0.15)
     assert 1 <= len(found) < 50
-    assert f"told of {len(found)} of 50 stations within 0.15 s" in notes[0]
+    assert f"reported {len(found)} of 50 stations within 0.15 s" in notes[0]
 
 
 @pytest.mark.parametrize("reply", [b"", b"{}\n", b"[" * 100_000 + b"\n", b"\xff\n", b"null\n"])
@@ -76,7 +76,7 @@ def test_nonsense_is_one_clear_error(reply):
 def test_no_service_and_another_kind_of_address_are_refused():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    with pytest.raises(PadServiceError, match="fails"):
+    with pytest.raises(PadServiceError, match="failed"):
         snapshot(f"tcp:127.0.0.1:{port}", ["a"])
     with pytest.raises(InputError, match="not an address of pads"):
         snapshot("udpin:127.0.0.1:5790", ["a"])

@@ -212,7 +212,7 @@ def staged(story: Story, folder: Path, key: bytes | None, tamper: Callable[[Stag
     story = story if key is None else replace(story, vehicle={**story.vehicle, "signing_key": key})
     stage = Stage(story, folder)
     stage.operator = Scripted(
-        lambda question, _: (120.0, "go") if "nothing is commanded" in question else (0.0, "yes"),
+        lambda question, _: (120.0, "go") if "sending no commands" in question else (0.0, "yes"),
         stage.lockstep.clock.now_s,
     )
     connect = stage.lockstep.connect

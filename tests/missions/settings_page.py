@@ -8,10 +8,10 @@ from skyway.missions.autopilots.settings import MAIN
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "parameters.md"
 HEAD = """# Parameters by firmware version
 
-Made from the tables that skyway itself uses (`settings.py` in `missions/autopilots/px4` and `ardupilot`). A setting has one meaning; firmware calls
-it by one name or another, in one unit or another. skyway asks a vehicle for every name that it knows: builds between two
-versions have some of the new ones. Where a vehicle has none of them, that is known within seconds, and preflight ends with
-the names that were tried. A firmware that is newer than this table is flown by giving its name, here with the plan of
+Generated from the tables that skyway uses (`settings.py` in `missions/autopilots/px4` and `ardupilot`). A setting has one meaning, but its name
+and unit depend on the firmware. skyway asks a vehicle for every known name, since builds between two
+versions have some of the new names. If a vehicle has none of them, preflight stops within seconds and lists the names. For a firmware
+newer than this table, give the name of the parameter, here with the plan of
 [Your first delivery](../tutorial/first-delivery.md):
 
 <!-- after: tutorial/first-delivery.md -->

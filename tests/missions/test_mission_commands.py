@@ -128,12 +128,12 @@ def test_converting_says_what_the_new_format_does_not_keep(run, tmp_path):
         "not kept: the survey becomes its 2 items, from item 0: it can no longer be edited as one",
         "not kept: what it was planned for: cruiseSpeed 15",
         "not kept: the height of home is unknown: row 0 has NaN",
-        "not kept: that the heights of 1 items were worked out above terrain: they stay, above sea level",
+        "not kept: that the heights of 1 items were computed above terrain: they stay, above sea level",
         "not kept: fields of items: pilot",
     ]
     (tmp_path / "b.waypoints").write_text("QGC WPL 110\n# gate\n0 1 3 22 0 0 0 0 47.5 8.5 15 1\n")
     [line] = run("convert", "b.waypoints", "b.plan").stderr.splitlines()
-    assert "filled in because QGroundControl asks for it: plannedHomePosition, firmwareType" in line
+    assert "filled in because QGroundControl requires it: plannedHomePosition, firmwareType" in line
     [line] = run("convert", "b.waypoints", "c.waypoints").stderr.splitlines()[:1]
     assert line == "not kept: home is unknown: row 0 is 0, 0"
 

@@ -48,7 +48,7 @@ def test_it_names_wind_gusts_energy_and_pads_with_their_data(found):
     assert set(by_name) == {WIND, GUSTS, ENERGY, PADS}
     assert by_name[WIND].source == "30 days of the record"
     assert by_name[ENERGY].size == EnergyBelief().leg_sd
-    assert "nobody has measured" in by_name[ENERGY].source
+    assert "was not measured" in by_name[ENERGY].source
     assert all(one.gain is not None for one in found)
 
 

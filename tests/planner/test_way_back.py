@@ -168,7 +168,7 @@ def test_a_pad_that_leads_nowhere_is_not_the_nearest_useful_one():
 def test_a_target_from_which_nothing_is_in_reach_is_refused_with_by_how_much(planner):
     scenario = line(0.0, 16.0, target="b", reach_km=17.0)
     forecast = calm(scenario)
-    with pytest.raises(NoRouteError, match=r"b.*no pads.*% too little") as caught:
+    with pytest.raises(NoRouteError, match=r"b.*no pads.*% missing") as caught:
         plan(scenario, ask("b"), planner=planner, forecast=forecast)
     assert caught.value.constraint == "energy"
     plan(scenario, ask("b", escape=False), planner=planner, forecast=forecast)  # there alone it would get

@@ -97,7 +97,7 @@ def test_what_is_no_base_map_is_refused_with_its_reason(tmp_path):
         (tmp_path / f"b.{ending}").write_bytes(b"nonsense")
         (tmp_path / f"e.{ending}").write_bytes(b"")
     refused = {
-        tmp_path / "b.mbtiles": "is no MBTiles file", tmp_path / "b.pmtiles": "is no PMTiles file", tmp_path / "e.pmtiles": "is no PMTiles file",
+        tmp_path / "b.mbtiles": "is not an MBTiles file", tmp_path / "b.pmtiles": "is not a PMTiles file", tmp_path / "e.pmtiles": "is not a PMTiles file",
         tmp_path / "none.pmtiles": "no such file", tmp_path: "no such file", mbtiles(tmp_path / "c.mbtiles", b"text"): "neither pictures nor",
         pmtiles(tmp_path / "c.pmtiles", b"text"): "neither pictures nor", mbtiles(tmp_path / "l.mbtiles", PICTURE + bytes(MAX_BYTES)): "neither",
         pmtiles(tmp_path / "z.pmtiles", PICTURE, tile_compression=Compression.ZSTD): "compressed in a way",
@@ -106,7 +106,7 @@ def test_what_is_no_base_map_is_refused_with_its_reason(tmp_path):
         with pytest.raises(InputError, match=why):
             BaseMap(path).checked()
     (tmp_path / "a.png").write_bytes(PICTURE)
-    with pytest.raises(InputError, match="is no base map"):
+    with pytest.raises(InputError, match="is not a base map"):
         BaseMap(tmp_path / "a.png").checked()
     assert main(["serve", "--map", str(tmp_path / "b.pmtiles")]) == 2
 
@@ -181,7 +181,7 @@ def _policy(base):
     ],
 )  # fmt: skip
 def test_an_address_that_is_none_or_would_widen_the_policy_is_refused(server):
-    with pytest.raises(InputError, match="is no address"):
+    with pytest.raises(InputError, match="is not an address"):
         BaseMap(server=server).checked()
 
 

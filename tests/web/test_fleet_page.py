@@ -99,7 +99,7 @@ def test_what_needs_a_person_comes_first_and_bars_are_those_of_the_ledger(ledger
     alarms = found["alarms"]
     assert alarms[0].startswith("no dispatcher runs")
     assert alarms[1].startswith("d2 is lost")
-    assert alarms[2].startswith("o2 is for a person")
+    assert alarms[2].startswith("o2 needs a person")
     assert "pad 1 of jacobi" in alarms[-2]
     assert alarms[-1] == "d1 is 5 min behind its plan"
     bars = {row["name"]: [(bar["kind"], bar["state"]) for bar in row["bars"]] for row in found["doing"]}

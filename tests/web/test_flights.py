@@ -223,7 +223,7 @@ def test_the_command_of_a_flight_is_that_of_a_person_and_is_continued_only_if_it
     assert "--journal" not in resumed(words, journal)
     assert resumed(resumed(words, journal), journal) == resumed(words, journal)
     for other in (["sim"], [], ["fly", "x"], ["plan", "--journal", str(journal)]):
-        with pytest.raises(InputError, match="not begun here"):
+        with pytest.raises(InputError, match="not started here"):
             resumed(other, journal)
 
 

@@ -39,7 +39,7 @@ def test_a_mission_is_compared_uploaded_read_back_and_compared_again(page):
         tab.get_by_role("button", name="Compare with the vehicle").click()
         told(tab, "they differ")
         tab.get_by_role("button", name="Upload and read back").click()
-        told(tab, "say above that you are sure")  # nothing was sent yet
+        told(tab, "confirm it above")  # nothing was sent yet
         tab.get_by_label("I am sure").check()
         tab.evaluate("""() => { window.seen = []; const bar = document.querySelector('progress');
             new MutationObserver(() => window.seen.push([bar.value, bar.max])).observe(bar, {attributes: true}); }""")
@@ -69,9 +69,9 @@ def test_what_is_certain_is_mended_as_a_new_file(page):
     plan["mission"]["items"][2]["params"][1] = None  # not given: the vehicle takes 0
     path.write_text(json.dumps(plan))
     with chromium() as browser, person(browser, page.address, "/missions?file=fraction.plan") as tab:
-        tab.get_by_text("(certain: it can be mended)").first.wait_for()
+        tab.get_by_text("(can be corrected automatically)").first.wait_for()
         tab.locator("table [data-item]").first.click()
         tab.get_by_role("button", name="Mend what is certain").click()
         tab.locator(".answer .status").filter(has_text="saved fraction-2.plan").wait_for()
-        assert tab.get_by_text("(certain: it can be mended)").count() == 0
+        assert tab.get_by_text("(can be corrected automatically)").count() == 0
     assert read(page.folder / "fraction-2.plan").mission.items[2].param2 == 0.0

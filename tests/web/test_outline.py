@@ -42,9 +42,9 @@ def test_shapes_are_water_land_or_streets_by_what_the_file_calls_them(tmp_path):
 @pytest.mark.parametrize(
     ("geometry", "why"),
     [
-        ({"type": "Polygon", "coordinates": [[["x", 1], [2, 3]]]}, "no numbers"), ({"type": "Polygon", "coordinates": 7}, "no list"),
-        ({"type": "LineString", "coordinates": [[1e400, 1]]}, "no numbers"), ({"type": "LineString", "coordinates": [[1]]}, "no numbers"),
-        ({"type": "GeometryCollection", "geometries": 3}, "no lists"), ({"type": "MultiPolygon", "coordinates": [7]}, "no numbers"),
+        ({"type": "Polygon", "coordinates": [[["x", 1], [2, 3]]]}, "not numbers"), ({"type": "Polygon", "coordinates": 7}, "not a list"),
+        ({"type": "LineString", "coordinates": [[1e400, 1]]}, "not numbers"), ({"type": "LineString", "coordinates": [[1]]}, "not numbers"),
+        ({"type": "GeometryCollection", "geometries": 3}, "not lists"), ({"type": "MultiPolygon", "coordinates": [7]}, "not numbers"),
     ],
     ids=["words", "number", "infinite", "short", "collection", "part"],
 )  # fmt: skip

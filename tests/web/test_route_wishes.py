@@ -38,7 +38,7 @@ def test_what_is_avoided_is_neither_landed_at_nor_flown(planner):
     assert station not in {stop.station for stop in plan.stops}
     assert segment not in _flown(plan)
     assert station not in {name for leg in plan.services for name in leg.diverts}
-    assert any("avoided as asked" in note for note in plan.notes)
+    assert any("avoided as requested" in note for note in plan.notes)
 
 
 def test_the_drone_stops_where_it_is_asked_to_in_that_order():
@@ -57,7 +57,7 @@ def test_asking_for_a_stop_that_is_made_anyway_costs_little():
     [
         ({"stop_at": ["siuh-north"]}, "start or the destination"),
         ({"stop_at": ["jacobi"], "planner": "pfs"}, "plans no stops"),
-        ({"stop_at": ["jacobi"], "avoid": ["jacobi"]}, "a stop that is asked for"),
+        ({"stop_at": ["jacobi"], "avoid": ["jacobi"]}, "a requested stop"),
         ({"avoid": ["white-plains"]}, "the destination"),
         ({"avoid": ["edison:jacobi"]}, "no such segment"),
         ({"avoid": ["nowhere"]}, "no such station"),
@@ -73,7 +73,7 @@ def test_the_command_line_takes_the_same_wishes(capsys):
     assert main([*words, "--stop-at", "columbia", "--avoid", "yankee"]) == 0
     said = capsys.readouterr().out
     assert "columbia: " in said
-    assert "Note: stops as asked: columbia; avoided as asked: yankee" in said
+    assert "Note: stops as requested: columbia; avoided as requested: yankee" in said
 
 
 def test_the_briefing_and_the_kml_tell_the_plan_and_escape_what_people_typed(capsys, tmp_path):

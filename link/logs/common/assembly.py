@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 FRESH_S = 2.0
-"""A quantity of motion older than this is not known any more."""
+"""A quantity of motion older than this is unknown any more."""
 SLOW_FRESH_S = 15.0
 """The same for what is told rarely."""
 SLOW = frozenset(
@@ -59,7 +59,7 @@ class Stretch:
 
 
 class Assembler:
-    """Makes the samples of one vehicle; `lasting` quantities are told once when they change, and known until then."""
+    """Makes the samples of one vehicle; `lasting` quantities are sent only when they change, and remain valid until then."""
 
     def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
         self.system = system
@@ -134,7 +134,7 @@ class Assembler:
 
 
 def _finished(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are told."""
+    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are reported."""
     found = believable(values)
     air, power_w = COLUMN["airspeed_mps"], COLUMN["power_w"]
     found[..., air] = np.where(found[..., COLUMN["airspeed_ok"]] == 1.0, found[..., air], np.nan)

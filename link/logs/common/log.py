@@ -30,7 +30,7 @@ class LogEvent:
 
 @dataclass(frozen=True, slots=True)
 class LogSummary:
-    """What a log holds."""
+    """Summary of a log."""
 
     format: str
     """``tlog``, ``dataflash``, ``ulog`` or ``csv``."""
@@ -57,7 +57,7 @@ class LogSummary:
     """From when to when each vehicle said that it does not trust its position, as in the samples, by system id."""
 
     def vehicle(self, system: int | None) -> Vehicle:
-        """What a vehicle of this log is."""
+        """Type and autopilot of a vehicle in this log."""
         return self.vehicles.get(system or 0, Vehicle())
 
 
@@ -66,7 +66,7 @@ class Log(Protocol):
 
     @property
     def summary(self) -> LogSummary:
-        """What it holds."""
+        """Summary of the contents."""
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
         """Return the telemetry of every vehicle piece by piece; each vehicle's pieces are in the order of time."""

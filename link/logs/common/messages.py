@@ -1,7 +1,7 @@
 """MAVLink messages as telemetry quantities, for logs (arrays) and live links (numbers).
 
 Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
-0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; VFR_HUD has
+0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is not a fix; VFR_HUD has
 indicated airspeed, of which true airspeed is made by the standard density at its height; a heartbeat of a ground station, radio or
 camera is not the vehicle's.
 """
@@ -108,7 +108,7 @@ def _hud(fields: Any) -> Columns:
 
 
 def wind(north: Any, east: Any) -> Columns:
-    """Wind of an estimator, which tells 0 until it is alive."""
+    """Wind of an estimator, which reports 0 until it starts."""
     towards = np.asarray(north, dtype=np.float64), np.asarray(east, dtype=np.float64)
     alive = np.isfinite(towards[0]) & np.isfinite(towards[1]) & ((towards[0] != 0.0) | (towards[1] != 0.0))
     return {
@@ -166,7 +166,7 @@ def _battery(fields: Any) -> Columns:
 
 
 def on_rotors(autopilot: Any, custom_mode: Any) -> tuple[Any, Any]:
-    """Whether each MAV_AUTOPILOT tells by its mode that a plane stands on its rotors, and whether it does; arrays or numbers."""
+    """Whether each MAV_AUTOPILOT reports by its mode that a plane hovers on its rotors, and whether it does; arrays or numbers."""
     tells: Any = False
     stands: Any = False
     for family in FAMILIES.values():

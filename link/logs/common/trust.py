@@ -103,7 +103,7 @@ class DoubtedSpans:
         self._open: dict[str, float] = {}
 
     def hear(self, time_s: float, why: str, *, doubts: bool | None) -> None:
-        """Take what a line says; doubts of different reasons are ended each by its own."""
+        """Take a line; doubts of different reasons end independently."""
         if doubts is None or math.isnan(time_s):
             return
         if doubts:

@@ -63,17 +63,17 @@ WATCHED = frozenset(
         *("FRAME_CLASS", "MAV_TYPE", "CA_AIRFRAME", "SYS_AUTOSTART", "VT_TYPE", "VT_FWD_THRUST_EN"),
     )
 )
-"""Parameters that are looked at."""
+"""Parameters that are considered."""
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """What a vehicle is."""
+    """Kind of a vehicle, with its source."""
 
     kind: Kind = "unknown"
     """One of `KINDS`."""
     told_by: str = "the log does not state the kind of vehicle"
-    """What says so, or why it is not known."""
+    """What says so, or why it is unknown."""
     leans: bool = field(default=True, metadata=HIDDEN)
     """Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
     hover do not."""

@@ -119,7 +119,7 @@ class _Piece:
 class DataFlash:
     """An ArduPilot DataFlash log: read once piece by piece to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read.
+    Raises an `InputError` if the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -261,7 +261,7 @@ class DataFlash:
         by_type = self._names()
         doubts: tuple[str, ...] = ()
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
+            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are ignored",)
         base = TimeBase("the autopilot's clock, set by GPS", doubts=doubts)
         if self._zero_s is None:
             doubts = ("no GPS time was logged: times count from the start of the autopilot", *doubts)

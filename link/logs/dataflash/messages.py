@@ -66,7 +66,7 @@ EVENTS = {
     165: "on the bottom",
     166: "off the bottom",
 }
-"""``EV.Id``; what is left out, tuning and training, says nothing of a flight."""
+"""``EV.Id``; what is omitted, tuning and training, says nothing of a flight."""
 CRASH_CHECK, EKF_CHECK, EKF_FAILSAFE, GPS = 12, 16, 17, 11
 _SUBSYSTEMS = {
     1: "main loop",
@@ -130,7 +130,7 @@ _FAILSAFES = (5, 6, 7, 8, 9, 17, 20, 23, 26, 27, 28, 29, 31)
 
 
 def error_text(kind: Kind, subsystem: int, code: int) -> str:
-    """What a message ERR means."""
+    """Meaning of a message ERR."""
     name = _SUBSYSTEMS.get(subsystem, f"subsystem {subsystem}")
     known = _CODES.get((subsystem, code))
     if known is not None:
@@ -160,7 +160,7 @@ def _numbers(fields: Fields, key: str, default: float = np.nan) -> NDArray[np.fl
 
 
 def _first(fields: Fields) -> NDArray[np.bool_]:
-    """Messages of the sensor, the core or the battery that is looked at: the first."""
+    """Messages of the sensor, the core or the battery that is considered: the first."""
     numbers = [_numbers(fields, key, 0.0) for key in ("I", "C", "Inst", "Instance")]
     return np.asarray(np.all(np.stack(numbers) == 0.0, axis=0))
 
@@ -318,7 +318,7 @@ _PARTIAL = ("EV", "ERR")
 def quantities(name: str, fields: Fields, times: NDArray[np.float64]) -> dict[str, tuple[NDArray[np.float64], Columns]]:
     """Return the series in messages of one type: times and columns, by name.
 
-    Messages of another sensor, or another core of the filter, than the one that is looked at are left out.
+    Messages of another sensor, or another core of the filter, than the one that is considered are omitted.
     """
     speak, choose = SPOKEN[name]
     columns = speak(fields)

@@ -67,7 +67,7 @@ def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
 
 
 def frame_within(head: bytes) -> bool:
-    """Return whether a whole frame stands behind a time stamp anywhere: a tlog whose beginning is cut or damaged."""
+    """Return whether a whole frame follows a time stamp anywhere: a tlog whose beginning is cut or damaged."""
     extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
     for at in np.flatnonzero((data == MAGIC_1) | (data == MAGIC_2)).tolist():
         if at < kernels.STAMP_SIZE or at + MAX_FRAME_BYTES > len(data):

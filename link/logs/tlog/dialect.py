@@ -35,7 +35,7 @@ def _all_types() -> dict[int, Any]:
 
 @cache
 def crc_extras() -> NDArray[np.int16]:
-    """Extra checksum byte of each message type, shape (65536,); -1 where the type is not known."""
+    """Extra checksum byte of each message type, shape (65536,); -1 where the type is unknown."""
     table = np.full(DENSE_IDS, -1, dtype=np.int16)
     for number, kind in _all_types().items():
         table[number] = kind.crc_extra
@@ -43,7 +43,7 @@ def crc_extras() -> NDArray[np.int16]:
 
 
 def name_of(number: int) -> str:
-    """Return the name of a message type; ``UNKNOWN_`` and its id where it is not known, as pymavlink says it."""
+    """Return the name of a message type; ``UNKNOWN_`` and its id where it is unknown, like pymavlink."""
     kind = _all_types().get(number)
     return f"UNKNOWN_{number}" if kind is None else str(kind.msgname)
 

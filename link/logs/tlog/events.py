@@ -57,7 +57,7 @@ class TlogEvents:
                 hear(times[rows], frames.system[rows], frames.component[rows], frames.decoded(name, rows))
 
     def vehicles(self) -> dict[int, Vehicle]:
-        """What each system is."""
+        """Type of each system."""
         return {system: evidence.vehicle() for system, evidence in self._evidence.items()}
 
     def events(self) -> tuple[LogEvent, ...]:

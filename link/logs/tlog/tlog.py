@@ -77,7 +77,7 @@ def _fresh_state() -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class ScanState:
-    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
+    """State of the parser between chunks; a copy of it at a position lets reading continue there."""
 
     state: NDArray[np.int64] = field(default_factory=_fresh_state)
     clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
@@ -91,10 +91,10 @@ class ScanState:
 def read_frames(
     path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
 ) -> Iterator[Frames]:
-    """Read the messages of a log chunk by chunk, of at least 64 kB.
+    """Read the messages of a log in chunks of at least 64 kB.
 
     They begin at the stamp before a frame; 0 is the start of the log. `memory` is what the parser remembers where it
-    begins; it is filled with the counts of what was skipped. An `InputError` says that the file cannot be read.
+    begins; it is filled with the counts of what was skipped. Raises an `InputError` if the file cannot be read.
     """
     memory = memory or ScanState()
     extras = crc_extras()

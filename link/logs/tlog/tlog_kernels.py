@@ -132,7 +132,7 @@ def _take_stamp(
 ) -> bool:
     """Take the stamp before a message; after bad bytes search for a plausible one. False: continue in the next chunk.
 
-    A stamp is plausible if it is no further than `STAMP_REACH_S` from that of the last good message, ``clock[1]``.
+    A stamp is plausible if it is at most `STAMP_REACH_S` from that of the last good message, ``clock[1]``.
     Arguments as of `scan_chunk`; `stop` is where a chunk ends that is not the last.
     """
     # Too few bytes for a stamp: the log is over.

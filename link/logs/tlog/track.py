@@ -53,7 +53,7 @@ class _Clock:
 class Tlog:
     """A MAVLink telemetry log: read once to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read.
+    Raises an `InputError` if the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -137,7 +137,7 @@ class Tlog:
 
 def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) -> tuple[str, ...]:
     doubts = [
-        f"vehicle {system} reports its vertical speed upwards, as ArduPilot did until 2018; it is turned"
+        f"vehicle {system} reports its vertical speed upwards, as ArduPilot did until 2018; its sign is changed"
         for system, agreement in sorted(climbs.items())
         if agreement > 0.0
     ]
@@ -148,7 +148,7 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
     if check.set_back:
         most = max(check.set_back)
         doubts.append(
-            f"the clock was set back {len(check.set_back)} times, by {duration(most)} at most; later times are shifted"
+            f"the clock was set back {len(check.set_back)} times, by up to {duration(most)}; later times are shifted"
         )
     if check.disbelieved:
         doubts.append(f"{check.disbelieved} time stamps are far from their neighbours; the previous ones are used")

@@ -145,7 +145,7 @@ class ULogEvents:
     ) -> tuple[list[tuple[float, str]], tuple[tuple[float, float], ...]]:
         """Return times, microseconds, and words in the order of time, and spans in which the position was doubted, s.
 
-        A text that ends in a tab stands for an event, too, where that is told.
+        A text that ends in a tab also stands for an event, where the event is logged.
         """
         doubts = DoubtedSpans()
         events, checks, in_words = self._events_told(words)

@@ -233,7 +233,7 @@ class ULogScan:
         self._state[[kernels.BASE, kernels.LAST_SYNC]] = HEADER_BYTES, last_sync
 
     def copy(self) -> ULogScan:
-        """Return one that goes on from the same place."""
+        """Return a reader that continues from the same place."""
         other = ULogScan(-1)
         other._state[:] = self._state
         return other

@@ -141,4 +141,4 @@ SPOKEN: dict[str, Callable[[dict[str, Any]], Columns]] = {
 }
 """Topics that telemetry is made of, and what each says."""
 REPLACED = {"airspeed": "airspeed_validated", "wind_estimate": "wind", "sensor_gps": "vehicle_gps_position"}
-"""Topics that are left out where a better one is there."""
+"""Topics that are omitted where a better one is there."""

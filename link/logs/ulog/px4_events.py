@@ -21,7 +21,7 @@ from skyway.models.base.errors import one_line
 AUTOPILOT = 1
 """The component whose names are hashed."""
 MAX_PACKED, MAX_JSON = 1 << 20, 1 << 23
-"""Bytes of metadata, packed and unpacked, that are looked at; PX4's are 50 and 160 kB."""
+"""Bytes of metadata, packed and unpacked, that are considered; PX4's are 50 and 160 kB."""
 _MAX_MEMORY = 80 << 20
 """Bytes for unpacking: XZ's highest setting, which PX4 uses, asks for 65 MB."""
 _WHOLE = [f"{kind}{bits}_t" for bits in (8, 16, 32, 64) for kind in ("int", "uint")]
@@ -184,7 +184,7 @@ class EventWords:
         return number in self._known
 
     def is_check(self, number: int) -> bool:
-        """Whether an event is a line of a report of checks, in which what lasts stands each time."""
+        """Whether an event is a line of a report of checks, which repeats lasting conditions each time."""
         return self.describes(number) and self._known[number][0] in _CHECKS and not self.is_summary(number)
 
     def text(self, number: int, arguments: bytes) -> str:
@@ -214,7 +214,7 @@ class EventWords:
 
 
 class EventReports:
-    """Goes through events in order, and leaves out of each report of checks what the report before had."""
+    """Goes through events in order, and omits of each report of checks what the report before had."""
 
     def __init__(self, words: EventWords) -> None:
         self._words = words
@@ -223,7 +223,7 @@ class EventReports:
         self._reporting = False
 
     def hear(self, number: int, arguments: bytes) -> tuple[str, bool]:
-        """Take an event; returns what is to be told, empty: nothing, and whether it is a line of a report."""
+        """Take an event; returns the text to report, empty for none, and whether it is a line of a report."""
         if self._words.is_summary(number):
             self._reporting = number == REPORT_BEGINS
             if self._reporting:

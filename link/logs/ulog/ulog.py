@@ -41,7 +41,7 @@ LASTING = frozenset(("armed", "mode", "landed", "fixed_wing"))
 class ULogFile:
     """A PX4 log: read once piece by piece to index it, and again for each use.
 
-    An `InputError` says that the file cannot be read, or has no header.
+    Raises an `InputError` if the file cannot be read, or has no header.
     """
 
     def __init__(self, path: Path) -> None:
@@ -152,7 +152,7 @@ class ULogFile:
             lost = self._log.dropouts_ms / 1000.0
             doubts += (f"the logger lost data {self._log.dropouts} times, {duration(lost)} in all",)
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
+            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are ignored",)
         first_us, last_us = self._range_us
         told, spans = self._events.texts(self._log.texts, EventWords(self._log.event_metadata))
         return LogSummary(

@@ -30,7 +30,7 @@ A, B, C, D, F, I, L, M, O, P, Q, R, S = (ord(letter) for letter in "ABCDFILMOPQR
 
 @compiled
 def find_sync(data: NDArray[np.uint8], begin: int, end: int, sync: NDArray[np.uint8]) -> int:
-    """Place behind the first sync sequence that lies whole between `begin` and `end`; -1: none."""
+    """Position after the first sync sequence that lies entirely between `begin` and `end`; -1 for none."""
     for at in range(begin, end - SYNC_BYTES + 1):
         same = 0
         while same < SYNC_BYTES and data[at + same] == sync[same]:
@@ -42,7 +42,7 @@ def find_sync(data: NDArray[np.uint8], begin: int, end: int, sync: NDArray[np.ui
 
 @compiled
 def least_bytes(kind: int) -> int:
-    """Bytes that a message of a type has at least; with fewer reading ends, as at the end of a cut log."""
+    """Minimum size of a message of a type in bytes; with fewer left reading ends, as at the end of a cut log."""
     # Number of the subscription.
     if kind == D:
         return 2

@@ -1,1 +1,1 @@
-"""What people order of a delivery under way, who of them may, and the file by which the operator's page says it."""
+"""Commands by people during a delivery: which exist, who may give them, and the file by which the operator's page sends them."""

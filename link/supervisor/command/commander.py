@@ -1,4 +1,4 @@
-"""Who has command of a delivery: one person, of all that watch it; another one asks for it, and is given it or not."""
+"""Command of a delivery: one person among all who watch; another person asks for it, and is given it or refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WORDS = ("take", "give", "keep")
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody who watches, by a browser."""
+    """A person who watches with a browser."""
 
     id: str
     name: str
@@ -26,7 +26,7 @@ class Person:
 
 @dataclass(slots=True)
 class Commander:
-    """Command of one delivery. What is typed at the console of the program itself needs none."""
+    """Command of one delivery. Commands at the console of the program itself do not need it."""
 
     holder: Person | None = None
     """Who has it."""
@@ -36,13 +36,13 @@ class Commander:
     """Since when, by the clock of this computer."""
 
     def restore(self, holder: Person | None) -> None:
-        """Bring back what a journal says."""
+        """Restore command from a journal."""
         self.holder, self.asker = holder, None
 
     def refuse(self, said: Said) -> str:
-        """Return why somebody may not order anything; nothing where they may."""
+        """Return why somebody may not give orders; empty where they may."""
         if self.holder is None:
-            return "nobody has command: take it first"
+            return "nobody has command: press Take command first"
         if self.holder.id != said.who:
             return f"{self.holder.name} has command: ask for it first"
         return ""
@@ -74,7 +74,7 @@ class Commander:
         return True, f"{person.name} asks {self.holder.name} for command, who has {duration(SILENT_S)} to keep it"
 
     def overdue(self, now_s: float) -> str:
-        """Give command to the one who asks where nobody has answered; returns what happened, or nothing."""
+        """Give command to the asker where nobody has answered in time; returns what happened, or nothing."""
         if self.asker is None or self.holder is None or now_s < self.asked_s + SILENT_S:
             return ""
         before, self.holder, self.asker = self.holder, self.asker, None

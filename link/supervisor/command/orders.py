@@ -1,4 +1,4 @@
-"""Orders in the air: which can be given now, and what is done by each. On a console and on the page they are the same words."""
+"""Commands in the air: which are possible now, and the effect of each. The console and the page use the same words."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DEFERRED = ("pause", "go", "divert", "return", "land", UNDELIVERED)
 
 
 def offered(ctx: Context) -> tuple[str, ...]:
-    """Return the words that can be said now; each station that it can be sent to with a word of its own."""
+    """Return the words that the operator may type now; one for each station the drone can be sent to."""
     from skyway.link.pads import ManualPads
 
     talk = ctx.conversation
@@ -104,7 +104,7 @@ def _call_off(ctx: Context, by: str) -> After | None:
 
 
 def _fly_again(ctx: Context) -> None:
-    """Forget that it was told to stop on its way: it is sent elsewhere."""
+    """Forget the order to hover on its way: it is sent elsewhere."""
     ctx.conversation.pause(on=False)
     ctx.give_way.end()
 
@@ -127,5 +127,5 @@ def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
         ctx.give_way.overrule()
     leg.learn_nothing()  # it hovers, which tells nothing of its flights
     leg.command(leg.commanded_mps, ctx.now_s)
-    word = "the drone has stopped on its way, and is still watched" if pauses else "the drone flies on"
+    word = "the drone has stopped, and is still supervised" if pauses else "the drone flies on"
     ctx.say(Ordered(word=said.word, id=said.id or None, done="done"), word)

@@ -1,4 +1,4 @@
-"""Orders by a file: whoever may write into it, the operator's page, appends a line for each; the supervisor reads them.
+"""Commands by file: the operator's page appends one line for each; the supervisor reads them.
 
 A line stays when the page is killed, and the supervisor takes each once: by its id, which it journals before it does anything.
 """
@@ -41,7 +41,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     name: str
     """What the person is called."""
     time_s: float
-    """When it was asked for, POSIX seconds of this computer."""
+    """When it was requested, POSIX seconds of this computer."""
     about: int | None = None
     """Number of the record with the question that it answers."""
 
@@ -50,7 +50,7 @@ _DECODER = msgspec.json.Decoder(Request)
 
 
 def request(path: Path, wanted: Request) -> None:
-    """Append a request; it is on the disk when this returns. An `InputError` says that it cannot be written."""
+    """Append a request; it is on disk when this returns. Raises an `InputError` if it cannot be written."""
     line = msgspec.json.encode(wanted) + b"\n"
     try:
         handle = os.open(path, _APPENDED, 0o600)
@@ -65,7 +65,7 @@ def request(path: Path, wanted: Request) -> None:
 
 @dataclass(slots=True)
 class RequestFile:
-    """An operator who orders by a file; see `link.supervisor.operators.Operator`."""
+    """An operator who sends commands by a file; see `link.supervisor.operators.Operator`."""
 
     path: Path
     show: Callable[[str], None]
@@ -102,7 +102,7 @@ class RequestFile:
                 file.seek(self._at)
                 found = file.read(_PIECE)
         except OSError:
-            return  # it is looked at again a second later
+            return  # it is checked again a second later
         self._at += len(found)
         *lines, rest = (self._rest + found).split(b"\n")
         self._rest = rest if len(rest) <= MAX_LINE else b""

@@ -1,4 +1,4 @@
-"""What a person is told before a take-off: the list while it is gone through, and then all that a yes answers to."""
+"""The briefing before a take-off: the checklist as it is completed, and then everything that a yes confirms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REMIND_S = 30.0
 
 
 class Checklist:
-    """The list of one departure: each entry is journaled when it is looked at first, and when its verdict changes."""
+    """The checklist of one departure: each entry is journaled at its first verdict, and when its verdict changes."""
 
     def __init__(self, ctx: Context) -> None:
         self._ctx = ctx
@@ -39,7 +39,7 @@ class Checklist:
         return check
 
     def waits(self, reason: str, left_s: float) -> None:
-        """Say from time to time what is waited for, and how long still."""
+        """Print from time to time the reason for a wait, and how long it still lasts."""
         now = self._ctx.clock.now_s()
         if now < self._reminded_s + REMIND_S:
             return
@@ -49,7 +49,7 @@ class Checklist:
 
 
 def brief(ctx: Context, leg: Leg) -> None:
-    """Tell everything that a take-off is decided by: the flight, wind, diverts, parameters, and what happens by itself."""
+    """Print the basis of a take-off decision: flight, wind, diverts, parameters, and automatic actions."""
     first = ctx.delivery.flight == 0
     alone = ctx.vehicle.family.failsafes.by_itself(ctx.failsafes.values)
     changes = ctx.parameters.proposed
@@ -62,7 +62,7 @@ def brief(ctx: Context, leg: Leg) -> None:
     ]
     lines += told(changes, restored=ctx.job.restore_parameters)
     if first:
-        lines += ["what the drone does by itself:", *(f"  {line}" for line in alone)]
+        lines += ["what the drone does without commands:", *(f"  {line}" for line in alone)]
     to_set = tuple(ParameterToSet(name=one.name, now=one.before, then=one.after, why=one.why) for one in changes)
     ctx.note(
         Briefed(
@@ -80,7 +80,7 @@ def brief(ctx: Context, leg: Leg) -> None:
 
 
 def _flight_line(ctx: Context, leg: Leg) -> str:
-    """The flight that is asked for; legs are numbered from 1."""
+    """The requested flight; legs are numbered from 1."""
     left = len(ctx.delivery.plan.services) if ctx.delivery.plan is not None else 1
     number = ctx.delivery.flight + 1
     kept = f" (reserve {percent(ctx.job.request.reserve_soc)})"

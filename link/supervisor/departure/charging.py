@@ -1,4 +1,4 @@
-"""What is done at a pad: ask for one until there is one, charge, and tell the vehicle what its battery holds."""
+"""Actions at a pad: request one until it is free, charge, and set the battery counter of the vehicle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5
 """A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
 SHORT_SOC = 0.01
-"""A charge that is less short of what was asked for counts as it."""
+"""A charge that is less short of what was requested counts as it."""
 REDECIDE_S = 600.0
 """A drone that waits for a pad, or is still to be charged for longer, thinks again this often: others come and leave, and hours of the forecast begin."""
 
@@ -39,18 +39,20 @@ def waiting(ctx: Context) -> After:
             if str(error) != said:
                 said = str(error)
                 ctx.note(PadAnswered(answer="refused"), said)
-                ctx.tell(f"no pad at {ctx.delivery.station} yet: {said}. Asked again every {duration(POLL_S)}")
+                ctx.tell(f"no pad at {ctx.delivery.station} yet: {said}. Asking again every {duration(POLL_S)}")
         else:
             if told.state in ("charging", "done"):
                 _note_pad(ctx, told)
                 return State.CHARGING, f"on a pad at {ctx.delivery.station}"
-            line = f"waiting for a pad at {ctx.delivery.station}, {told.place_in_line} before it in line. Nothing to do"
+            line = (
+                f"waiting for a pad at {ctx.delivery.station}, {told.place_in_line} drones ahead in line. Nothing to do"
+            )
             if line != said:
                 said = line
                 _note_pad(ctx, told)
                 ctx.tell(line)
         if ctx.now_s > begun_s + REDECIDE_S:
-            return State.REPLANNING, f"no pad was free for {duration(REDECIDE_S)}: decide again"
+            return State.REPLANNING, f"no pad was free for {duration(REDECIDE_S)}: deciding again"
         ctx.wait_until(ctx.now_s + POLL_S)
 
 
@@ -67,15 +69,15 @@ def charging(ctx: Context) -> After:
         if isinstance(ctx.pads, ManualPads) and not ctx.conversation.attended:
             return (
                 State.STOPPED,
-                f"the battery must be charged at {ctx.delivery.station}, and nobody is there to type charged",
+                f"charge the battery at {ctx.delivery.station}, then start again with --resume: nobody can type charged here",
             )
         try:
             told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
             ctx.note(PadAnswered(answer="refused"), str(error))
-            return State.REPLANNING, f"charging was interrupted, decide again: {error}"
+            return State.REPLANNING, f"charging was interrupted, deciding again: {error}"
         if told.state == "waiting":
-            return State.WAITING, "the pad was taken from the drone: wait for another"
+            return State.WAITING, "the pad was given to another drone: waiting for a free one"
         if told.soc is not None and not 0.0 <= told.soc <= 1.0:
             told = _doubted(ctx, told, "not a state of charge")
         if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
@@ -101,7 +103,7 @@ def charging(ctx: Context) -> After:
     ctx.tell(f"{reached} at {ctx.delivery.station}")
     return (
         State.REPLANNING,
-        reached if ctx.battery.soc >= target - SHORT_SOC else f"{reached} of {percent(target)}: decide again",
+        reached if ctx.battery.soc >= target - SHORT_SOC else f"{reached} of {percent(target)}: deciding again",
     )
 
 
@@ -113,7 +115,7 @@ def _least_s(ctx: Context, before: float, after: float) -> float:
 
 def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
     """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
-    ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asked again")
+    ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asking again")
     return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
 
 

@@ -1,4 +1,4 @@
-"""What is done before a take-off: make the leg, check, upload, ask, arm and start."""
+"""Actions before a take-off: make the leg, check, upload, ask, arm and start."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 UNKNOWN_PATIENCE_S = 840.0
-"""What is not known may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
+"""What is unknown may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
 REPLAN_AGAIN_S = 10.0
 ARM_PATIENCE_S = 90.0
 TAKE_OFF_S = 60.0
@@ -56,7 +56,7 @@ def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
 
 
 def _no_plan(ctx: Context) -> str:
-    return f"no plan leads on from {ctx.delivery.station or 'here'}: make one from there, and fly it"
+    return f"the plan has no leg from {ctx.delivery.station or 'here'}: plan again from there, then fly that plan"
 
 
 def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
@@ -101,7 +101,7 @@ def preflight(ctx: Context) -> After:
         if unknown:
             must_answer(ctx, "; ".join(map(str, unknown)))
         elif not wrong or any(not check.waits for check in wrong):
-            break  # else what is wrong may follow from what is not known
+            break  # else what is wrong may follow from what is unknown
         patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
         if waited_s >= patience_s:
             break
@@ -116,7 +116,7 @@ def preflight(ctx: Context) -> After:
 
 
 def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
-    """Plan again where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
+    """Plan again where another station, more charge or another hour helps; else stop: never fly on unknown data."""
     if first.verdict == "unknown":
         return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":
@@ -188,10 +188,10 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
 
 
 def ready(ctx: Context) -> After:
-    """Ask before the take-off where that was asked for."""
+    """Ask for confirmation before the take-off, where that was requested."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.PREFLIGHT, "the leg must be prepared again"
+        return State.PREFLIGHT, "preparing the leg again"
     job = ctx.job
     brief(ctx, leg)
     must = job.asking == "each" or (job.asking == "once" and not (ctx.conversation.asked_once and _at_pads(ctx)))
@@ -199,7 +199,7 @@ def ready(ctx: Context) -> After:
         if not ctx.conversation.attended:
             return (
                 State.STOPPED,
-                "nobody is there to allow the take-off: run skyway fly at a terminal, or with --yes in a simulation",
+                "nobody can allow the take-off: run skyway fly at a terminal, or with --yes in a simulation",
             )
         count = len(ctx.parameters.proposed)
         sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
@@ -217,9 +217,9 @@ def ready(ctx: Context) -> After:
             )
         ctx.conversation.allow()
         if ctx.battery.soc < before - 0.03:
-            return State.REPLANNING, "the charge has fallen while the answer was waited for: decide again"
+            return State.REPLANNING, "the charge fell while waiting for the answer: deciding again"
     if ctx.conversation.stays:
-        return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
+        return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     try:
         apply(ctx)
     except LinkError as error:
@@ -238,10 +238,10 @@ def arming(ctx: Context) -> After:
     """Arm and start, until it is in the air."""
     leg = ctx.delivery.leg
     if leg is None or ctx.delivery.plan is None:
-        return State.PREFLIGHT, "the leg must be prepared again"
+        return State.PREFLIGHT, "preparing the leg again"
     ctx.wait(FRESH_S)
     if (aircraft := ctx.give_way.bars(ctx)) is not None:
-        return State.PREFLIGHT, f"not yet: {aircraft}"
+        return State.PREFLIGHT, f"take-off delayed: {aircraft}"
     ctx.delivery.begin_flight()
     ctx.divert.call_off()  # that of an earlier flight
     ctx.lean.begin()
@@ -278,17 +278,17 @@ def _start(ctx: Context) -> str:
     """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
 
     What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is
-    given time to take off before it is told again. Returns why it did not take off; nothing where it did.
+    given time to take off before the order is repeated. Returns why it did not take off; nothing where it did.
     """
     problem, tries = "", 0
     end = ctx.clock.now_s() + ARM_PATIENCE_S
     while tries < STARTS:
         if ctx.conversation.stays:
-            return "the operator asked the drone to stay"
+            return "the operator ordered the drone to stay"
         try:
             ctx.vehicle.start()
             tries += 1
-            problem = f"it was started and is not in the air after {duration(TAKE_OFF_S)}"
+            problem = f"it did not leave the ground within {duration(TAKE_OFF_S)}"
         except LinkError as error:
             refused = isinstance(error, CommandRefusedError)
             tries += int(not refused or ctx.clock.now_s() >= end)

@@ -1,4 +1,4 @@
-"""The settings of a vehicle that decide what it does by itself; what they mean says its family (`missions.autopilots`)."""
+"""The failsafe settings of a vehicle; its family explains them (`missions.autopilots`)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Failsafes:
-    """The settings of one vehicle that decide what it does by itself."""
+    """The failsafe settings of one vehicle."""
 
     values: dict[str, float] = field(default_factory=dict)
-    """By key, in our units, as they will be in the flight; one that its firmware does not have is left out."""
+    """By key, in our units, as they will be in the flight; one that its firmware does not have is omitted."""
 
     def read(self, vehicle: Vehicle, proposed: Mapping[str, float]) -> None:
         """Read them, those that are to be set (by key, in our units) as they will be."""
@@ -26,9 +26,9 @@ class Failsafes:
 
 
 def left_words(ctx: Context) -> str:
-    """Say what the vehicle does when it is left to itself now."""
+    """Return what the vehicle does if we now stop commanding it."""
     if ctx.on_ground:
         return "it stands disarmed on the ground"
     if ctx.vehicle.mode != "mission":
-        return f"it is in mode {ctx.vehicle.mode} and stays in it until its battery failsafe, or a pilot, ends it"
+        return f"it stays in mode {ctx.vehicle.mode} until its battery failsafe or a pilot ends it"
     return ctx.vehicle.family.failsafes.when_left(ctx.failsafes.values)

@@ -1,4 +1,4 @@
-"""What is decided on the ground: where to fly next, with how much charge, and when."""
+"""Decisions on the ground: where to fly next, with how much charge, and when."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 POLL_S = 10.0
 MAX_ASKED = 60
-"""The pads of so many stations are asked for at most: over a slow link each question takes a while."""
+"""Request the pads of at most so many stations: over a slow link each question takes a while."""
 _UNTOLD_S = 300.0
 
 
 def replanning(ctx: Context) -> After:
     """Decide where to fly next, with how much charge, and when."""
     if ctx.conversation.stays:
-        return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
+        return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     stay_until_due(ctx)
     known = information(ctx)
     if another_pad(ctx, known):
@@ -50,7 +50,7 @@ def replanning(ctx: Context) -> After:
         ctx.delivery.take_plan(with_places(decision.composition, ctx.job.scenario, decision.diverts))
     elif decision.departure is not None and decision.departure.segments:
         ctx.wait_until(ctx.now_s + _UNTOLD_S)
-        return State.REPLANNING, "the next leg cannot be flown in any wind of the forecast: look again"
+        return State.REPLANNING, "no wind of the forecast allows the next leg: deciding again"
     ctx.delivery.prepare(decision.diverts, decision.charge_to, decision.least_soc)
     if decision.action == "stop":
         return State.STOPPED, decision.reason
@@ -58,19 +58,19 @@ def replanning(ctx: Context) -> After:
     if decision.action == "wait" and decision.charge_to is None:
         rest(ctx)
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
-        return State.REPLANNING, "the wait is over: decide again"
+        return State.REPLANNING, "the wait is over: deciding again"
     if decision.charge_to is not None:
         return State.WAITING, f"charge to {percent(decision.charge_to)}"
     if ctx.delivery.flight == 0 and ctx.now_s < ctx.job.not_before_s:
         rest(ctx)
         ctx.wait_until(ctx.job.not_before_s)
-        return State.REPLANNING, "the package is ready: decide again"
+        return State.REPLANNING, "the package is ready: deciding again"
     return State.PREFLIGHT, decision.reason
 
 
 def _look_again(ctx: Context) -> str:
-    """Return where it stands, once that and its charge are known; what is not told is asked for again."""
-    unknown, end = "the drone does not report where it stands, or its state of charge", ctx.clock.now_s() + ASK_FOR_S
+    """Return where it stands, once that and its charge are known; missing data are requested again."""
+    unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()
         ctx.delivery.stand_at(station)
@@ -84,7 +84,7 @@ def _look_again(ctx: Context) -> str:
 
 
 def information(ctx: Context) -> Information:
-    """What is known where the drone stands."""
+    """Information available at the drone's station."""
     station = _look_again(ctx)
     busy: dict[str, int] = {}
     behind, plan = 0, ctx.delivery.plan
@@ -139,7 +139,7 @@ def _planned(ctx: Context) -> float | None:
 def _as_planned(ctx: Context, known: Information) -> Decision:
     """Fly the plan as it is, whatever comes: what supervision is compared with."""
     if ctx.delivery.plan is None:
-        return Decision("stop", "no plan leads on from here: make one, and fly it")
+        return Decision("stop", "the plan has no leg from here: plan again, then fly that plan")
     service = ctx.delivery.plan.services[0]
     stop = next((s for s in ctx.delivery.plan.stops if s.station == service.origin), None)
     target = stop.soc_to if stop is not None and stop.soc_to > known.soc + 0.01 and not ctx.delivery.charged else None

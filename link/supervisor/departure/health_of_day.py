@@ -1,4 +1,4 @@
-"""Calibration and health in the list before a take-off: looked at once a day, and remembered."""
+"""Calibration and health in the checklist before a take-off: checked once a day, and stored."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
-    """Return whether the drone was found healthy today, and what was found; None where nobody asks for it.
+    """Return whether the drone was found healthy today, and the findings; None where no check is configured.
 
-    A `VehicleTimeoutError` says that it does not answer.
+    Raises a `VehicleTimeoutError` if it does not answer.
     """
     book, uid = ctx.job.health, ctx.observed.uid
     if book is None:
@@ -43,4 +43,4 @@ def _verdict(items: Sequence[HealthItem]) -> tuple[Verdict, str]:
 
 
 def _not_known(names: Sequence[str]) -> str:
-    return f"; not known: {', '.join(names)}" if names else ""
+    return f"; unknown: {', '.join(names)}" if names else ""

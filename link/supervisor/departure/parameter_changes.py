@@ -1,4 +1,4 @@
-"""Parameters that a delivery changes on the vehicle: told beforehand, journaled before they are set, restored at its end."""
+"""Parameters that a delivery changes on the vehicle: listed beforehand, journaled before they are set, restored at its end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ParameterChange:
 
 @dataclass(slots=True)
 class ParameterChanges:
-    """What a delivery has changed, and is about to."""
+    """Parameters that a delivery has changed, or will change."""
 
     proposed: tuple[ParameterChange, ...] = ()
     """Of the leg to come."""
@@ -82,12 +82,12 @@ class ParameterChanges:
             self.ours.pop(told.name, None)
 
     def words(self) -> str:
-        """What is still changed, for a person."""
+        """The remaining changes, in words."""
         return ", ".join(f"{name} {self.ours[name]:g} (before: {value:g})" for name, value in self.before.items())
 
 
 def changes_of(records: Iterable[Record]) -> ParameterChanges:
-    """Return what a journal says is still changed on the vehicle."""
+    """Return the parameters that are still changed on the vehicle, according to a journal."""
     found = ParameterChanges()
     found.follow(records)
     return found
@@ -101,7 +101,7 @@ def _note(ctx: Context, entry: ParameterNote, reason: str) -> None:
 def apply(ctx: Context) -> None:
     """Set what was proposed, each with its old value on the disk before, and read back.
 
-    A `LinkError` says that the vehicle refuses one, or does not answer.
+    Raises a `LinkError` if the vehicle refuses one, or does not answer.
     """
     proposed = ctx.parameters.take_proposed()
     for one in proposed:
@@ -123,7 +123,7 @@ def _set(ctx: Context, one: ParameterChange) -> None:
 
 
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
-    """Give a disarmed vehicle back the values it had; returns why that could not be done for all, or nothing.
+    """Restore the parameters of a disarmed vehicle; returns why some could not be restored, or nothing.
 
     One that has neither its old value nor ours was changed by somebody else, and is left. `tell` takes name,
     ``restored`` or ``released``, a sentence and the value that it has now; `changes` is not modified here.
@@ -156,7 +156,7 @@ def _restore_once(vehicle: Vehicle, name: str, before: float, ours: float) -> tu
     if _same(now, before):
         return "restored", f"{name} is {before:g} again", now
     if not _same(now, ours):
-        return "released", f"{name} is {now:g}, which somebody else has set: left as it is", now
+        return "released", f"{name} is {now:g}, set by somebody else: not changed", now
     found = vehicle.set_parameter(name, before).value
     return "restored", f"{name} restored from {now:g} to {before:g}", found
 
@@ -167,13 +167,13 @@ def _same(one: float, other: float) -> bool:
 
 
 def restore_at_end(ctx: Context) -> None:
-    """Restore at the end of a delivery, where the vehicle stands disarmed; in the air its failsafes stay as they are."""
+    """Restore parameters at the end of a delivery, if the vehicle is disarmed on the ground; in the air its failsafes stay as they are."""
     changes = ctx.parameters
     if not changes.before:
         return
     count = len(changes.before)
     if not ctx.job.restore_parameters:
-        ctx.tell(f"{_count(count)} left changed on the drone, as asked: {changes.words()}")
+        ctx.tell(f"{_count(count)} left changed on the drone, as ordered: {changes.words()}")
         return
     if not ctx.on_ground:
         why = "the drone does not stand disarmed on the ground"
@@ -202,8 +202,8 @@ def _count(number: int) -> str:
 
 
 def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
-    """Say what is to be changed, a line each."""
+    """List the changes to be made, one a line."""
     if not settings:
         return []
     after = "restored at the end" if restored else "not restored"
-    return [f"{_count(len(settings))} to set on the drone (now > then; {after}):", *(f"  {one}" for one in settings)]
+    return [f"{_count(len(settings))} to set on the drone (old > new; {after}):", *(f"  {one}" for one in settings)]

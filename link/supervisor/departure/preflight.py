@@ -1,4 +1,4 @@
-"""The list before each take-off: every entry is in order, or not, or not known, and says so with its figure."""
+"""The checklist before each take-off: every entry is in order, not in order, or unknown, with its figure."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Check:
 def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
     """Go through the list, entry by entry; nothing is changed on the vehicle.
 
-    A `LinkError` says that the vehicle did not answer.
+    Raises a `LinkError` if the vehicle did not answer.
     """
     yield from _identity(ctx)
     yield from _health(ctx)
@@ -84,7 +84,7 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
 def _identity(ctx: Context) -> Iterator[Check]:
     who = ctx.vehicle.identify()
     if ctx.observed.is_another(who.uid):
-        yield Check("vehicle", "no", f"{who} is another drone than the one this delivery began with: connect that one")
+        yield Check("vehicle", "no", f"{who} is not the drone that began this delivery: connect that drone")
     else:
         ctx.observed.identify(ctx.observed.uid or who.uid)
         yield Check("vehicle", "ok", str(who))
@@ -123,7 +123,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     elif doubt is not None:
         wrong = f"the reported position {doubt}"
     elif ctx.observed.sample is not None and ctx.observed.sample.gps_ok == 0.0:
-        wrong = "the GPS receiver has no fix that it trusts: wait, with a clear view of the sky"
+        wrong = "the GPS receiver has no reliable fix: wait, with a clear view of the sky"
     yield Check("position", "no" if wrong else "ok", wrong or said, waits=bool(wrong))
     try:
         home = ctx.vehicle.home()
@@ -136,7 +136,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     height = ctx.observed.sample.alt_msl_m if ctx.observed.sample is not None else math.nan
     if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
         said = (
-            f"the drone reports the ground at {height_text(height)} above sea level, {service.origin} has {height_text(ground)}: set the "
+            f"the drone reports {height_text(height)} above sea level, but {service.origin} is at {height_text(ground)}: set the "
             "home height of the drone, or correct the elevation of the station"
         )
         yield Check("home", "no", said, waits=True)
@@ -209,11 +209,11 @@ def _lean(ctx: Context) -> Check:
     known = [limit for limit in limits.values() if limit > 0.0]
     drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
     if not known:
-        return Check("lean limit", "ok", "not reported by this firmware: whether it limits the airspeed is unknown")
+        return Check("lean limit", "ok", "not reported by this firmware: it may limit the airspeed")
     ctx.lean.know_limits(min(known), drone.max_airspeed_mps)
     said = f"{min(known):.0f}°"
     if ctx.job.drag is None:
-        return Check("lean limit", "ok", f"{said}; the airspeed that it allows is unknown without --drag")
+        return Check("lean limit", "ok", f"{said}; give --drag to compute the airspeed that it allows")
     planned = ctx.job.request.airspeed_mps or drone.cruise_airspeed_mps
     most = airspeed_at_lean(ctx.job.drag, min(known))
     said += f" allows an airspeed of {speed_text(most)}, {speed_text(planned)} are planned"
@@ -252,13 +252,13 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
 def _diverts(ctx: Context, service: DroneService) -> Check:
     if ctx.job.work is not None and not ctx.delivery.diverts:
         return Check(
-            "diverts", "ok", f"none but {service.destination} itself: it leaves the work for a pad where that is needed"
+            "diverts", "ok", f"none but {service.destination} itself: the drone leaves the work for a pad if necessary"
         )
     if not ctx.delivery.diverts and ctx.delivery.onward is not None and ctx.job.replanning:
         # the gate has found a refuge for every point of the leg: without another, it is the end
         return Check("diverts", "ok", f"none nearer than {service.destination} itself")
     if not ctx.delivery.diverts:
-        return Check("diverts", "no", f"no divert station stays in reach on the way to {service.destination}")
+        return Check("diverts", "no", f"no divert station is in reach on the way to {service.destination}")
     return Check("diverts", "ok", ", ".join(ctx.delivery.diverts))
 
 
@@ -277,7 +277,7 @@ def _pads(ctx: Context, service: DroneService) -> Check:
     present = status.present
     chance = no_place_probability(scenario, node, present, now_s, now_s + flight_s, spare * flight_s)
     full = chance > ctx.job.parameters.online.p_begin
-    said += f"; no place for the landing with probability {probability(chance, 1)}" if chance > SAID else ""
+    said += f"; no free place to land with probability {probability(chance, 1)}" if chance > SAID else ""
     return Check("pads", "no" if full else "ok", said, waits=True)
 
 
@@ -285,7 +285,7 @@ def _traffic(ctx: Context) -> Check:
     """Other aircraft near: told, and waited for where the drone gives way."""
     near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
     bars = ctx.give_way.bars(ctx)
-    said = "; ".join(map(str, near[:3])) or "no aircraft near, as far as a receiver on the drone hears"
+    said = "; ".join(map(str, near[:3])) or "no aircraft near, as far as the drone's receiver hears"
     return Check("traffic", "ok" if bars is None else "no", said, waits=True)
 
 
@@ -293,7 +293,7 @@ def _remote_id(ctx: Context) -> Check:
     """What the Remote ID module says of itself; its absence stops the take-off where who flies is to be broadcast."""
     status, who = ctx.remote_id.status(ctx), ctx.job.remote_id
     if not who.given:
-        return Check("remote id", "ok", f"{status}; no operator was given to be broadcast")
+        return Check("remote id", "ok", f"{status}; no operator to broadcast: give --operator-id")
     told = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
     verdict: Verdict = "ok" if status.ready else "unknown" if status.heard and status.ready is None else "no"
     return Check("remote id", verdict, f"{status}; sent: {told}", waits=True)

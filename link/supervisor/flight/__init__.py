@@ -1,1 +1,1 @@
-"""In the air: turns, landing, what the vehicle and its pilot do."""
+"""In the air: turns, landing, events of the vehicle and its pilot."""

@@ -1,4 +1,4 @@
-"""What is done in the air: watch, decide, send the speed again, turn elsewhere."""
+"""Actions in the air: watch, decide, send the speed again, divert."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def flying(ctx: Context) -> After:
     """Watch a leg to its landing, deciding every ten seconds."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.HOLDING, "the drone is in the air, and its leg is not known"
+        return State.HOLDING, "the drone is in the air on an unknown leg"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
     if ctx.job.work is not None:
@@ -77,7 +77,7 @@ def _free_pad(ctx: Context, station: str) -> None:
     try:
         ctx.pads.release(station, ctx.observed.system)
     except (LinkError, InputError) as error:
-        ctx.note(PadAnswered(), f"the pad at {station} could not be given back: {error}")
+        ctx.note(PadAnswered(), f"the pad at {station} could not be released: {error}")
 
 
 def _due(ctx: Context, decided_s: float) -> bool:
@@ -115,7 +115,7 @@ def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None
 
 
 def _waits(ctx: Context, decision: Decision) -> bool:
-    """Whether a decision has time until a drone that was told to stop flies on: all have but those to divert or to land."""
+    """Whether a decision can wait until a hovering drone flies on: all can but those to divert or to land."""
     leg = ctx.delivery.leg
     if leg is None or not ctx.stands_in_air:
         return False
@@ -123,7 +123,7 @@ def _waits(ctx: Context, decision: Decision) -> bool:
         ctx.conversation.pause(on=False)
         ctx.give_way.end()
         return False
-    leg.command(leg.commanded_mps, ctx.now_s)  # it stands because it was told to
+    leg.command(leg.commanded_mps, ctx.now_s)  # it hovers on orders
     return True
 
 
@@ -237,7 +237,7 @@ def _unsure(ctx: Context) -> bool:
         return False
     ctx.say(
         GaugeNote(),
-        "no landing here yet: the voltage fell, but neither the current nor a further fall confirms that charge was lost",
+        "not landing here yet: the voltage fell, but neither the current nor a further fall confirms a loss of charge",
     )
     return True
 

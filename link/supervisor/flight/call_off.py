@@ -1,4 +1,4 @@
-"""A delivery that is called off in the air: the place is blocked, or nobody is there, and the package goes back or on to the named station."""
+"""Calling off a delivery in the air: the place is blocked, or nobody is there, and the package goes back or to the named station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a vehicle that stands disarmed has crashed: it lies on its side or its back, or says so."""
+"""Detection of a crash of a disarmed vehicle: it lies on its side or its back, or reports it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOOK_S = 120.0
 
 
 def leans_deg(ctx: Context) -> float:
-    """How far it leans; NaN where that is not known."""
+    """Tilt in degrees; NaN where it is unknown."""
     s = ctx.observed.sample
     if s is None:
         return math.nan
@@ -25,7 +25,7 @@ def leans_deg(ctx: Context) -> float:
 
 
 def lies(ctx: Context) -> str:
-    """How it lies, where it does not stand; nothing where it stands, or that is not known."""
+    """Its attitude after a fall, in words; empty where it stands upright or that is unknown."""
     end = ctx.clock.now_s() + LOOK_S
     while leans_deg(ctx) > LIES_DEG:
         if ctx.clock.now_s() >= end:
@@ -41,7 +41,7 @@ def crashed(ctx: Context, since_s: float) -> str:
 
 
 def crash_end(ctx: Context, since_s: float) -> After | None:
-    """How the delivery ends where it has crashed since an instant, see `crashed`, with the place; None where it has not."""
+    """How the delivery ends if the drone has crashed since an instant, see `crashed`, with the place; None where it has not."""
     crash = crashed(ctx, since_s)
     if not crash:
         return None

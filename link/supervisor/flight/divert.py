@@ -1,4 +1,4 @@
-"""A divert under way: which station the vehicle is sent to, and whether it holds that mission."""
+"""A divert under way: its station, and whether the vehicle has its mission."""
 
 from __future__ import annotations
 

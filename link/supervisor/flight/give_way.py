@@ -1,4 +1,4 @@
-"""Giving way to other aircraft: one that comes within the limits is told, or the drone holds, or lands at the nearest station, until it is clear.
+"""Giving way to other aircraft within the limits: report them, hold, or land at the nearest station, until the sky is clear.
 
 States: clear; holding (stopped on its way); overruled (a person said `go`: nothing more is done until the sky is clear). An aircraft counts from the limits
 on, and is gone once all are beyond `CLEAR_MARGIN` times the limits, or unheard, for `CLEAR_S`.
@@ -30,7 +30,7 @@ AGAIN_S = 5.0
 
 
 class OnTraffic(StrEnum):
-    """What is done about an aircraft that comes near."""
+    """Reaction to an aircraft that comes near."""
 
     TELL = "tell"
     HOLD = "hold"
@@ -39,7 +39,7 @@ class OnTraffic(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrafficRule:
-    """What counts as near, and what is done about it."""
+    """Limits of nearness, and the reaction."""
 
     action: OnTraffic = OnTraffic.TELL
     limits: TrafficLimits = field(default_factory=TrafficLimits)
@@ -50,7 +50,7 @@ class GiveWay:
     """Giving way in one delivery; written by the methods here alone."""
 
     holds: bool = False
-    """It stands in the air until it is clear."""
+    """It stands in the air until the sky is clear."""
     overruled: bool = False
     """It flies on by a person's word, or to the nearest station anyway, though an aircraft is near."""
     _since_s: float = math.nan
@@ -58,7 +58,7 @@ class GiveWay:
     _tried_s: float = -math.inf
 
     def bars(self, ctx: Context) -> Aircraft | None:
-        """Return the aircraft for which it must not take off; None where there is none, or traffic is only told."""
+        """Return the aircraft that prohibits a take-off; None where there is none, or traffic is only reported."""
         if ctx.job.traffic.action is OnTraffic.TELL:
             return None
         near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
@@ -92,13 +92,13 @@ class GiveWay:
             if not ctx.conversation.paused:
                 ctx.vehicle.pause()
         except LinkError as error:
-            ctx.say(_entry("failed", one), f"{one}; the order to hold was not taken: {error}")
+            ctx.say(_entry("failed", one), f"{one}; the drone did not accept the order to hold: {error}")
             return
         self.holds, self._since_s = True, ctx.now_s
         leg = ctx.delivery.leg
         if leg is not None:
             leg.learn_nothing()  # it hovers, which tells nothing of its flights
-        ctx.say(_entry("hold", one), f"{one}: the drone holds until it is clear")
+        ctx.say(_entry("hold", one), f"{one}: the drone holds until the sky is clear")
 
     def _land(self, ctx: Context, one: Aircraft, stations: Iterable[str]) -> After | None:
         leg, place, network = ctx.delivery.leg, ctx.place, ctx.job.scenario.network
@@ -117,7 +117,7 @@ class GiveWay:
             ctx.say(entry, f"{one}: {nearest} is the nearest station, and the drone flies on to it")
             return None
         leg.learn_nothing()
-        ctx.say(entry, f"{one}: the drone lands at {nearest} until it is clear")
+        ctx.say(entry, f"{one}: the drone lands at {nearest} until the sky is clear")
         ctx.divert.to(nearest)
         return State.DIVERTING, f"diverting to {nearest}: {one}"
 
@@ -135,19 +135,19 @@ class GiveWay:
             if not ctx.conversation.paused:
                 ctx.vehicle.resume()
         except LinkError as error:
-            ctx.say(GaveWay(action="failed"), f"it is clear, and the order to fly on was not taken: {error}")
+            ctx.say(
+                GaveWay(action="failed"), f"the sky is clear, but the drone did not accept the order to fly on: {error}"
+            )
             return
         self.holds = False
         leg = ctx.delivery.leg
         if leg is not None:
             leg.command(leg.commanded_mps, ctx.now_s)
         stays = "; it stays paused, as ordered" if ctx.conversation.paused else ": the drone flies on"
-        ctx.say(
-            GaveWay(action="go", waited_s=waited_s), f"no aircraft is near any more after {duration(waited_s)}{stays}"
-        )
+        ctx.say(GaveWay(action="go", waited_s=waited_s), f"the sky is clear after {duration(waited_s)}{stays}")
 
     def overrule(self) -> None:
-        """Note that a person has it fly on, whatever is near."""
+        """Record that a person orders it to fly on in spite of traffic."""
         self.overruled, self.holds = self.overruled or self.holds, False
 
     def end(self) -> None:

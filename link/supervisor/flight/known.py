@@ -1,4 +1,4 @@
-"""What is known in the air, as a decision of the policy wants it."""
+"""Information in the air, in the form of the policy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUDDEN_S = 15.0
 
 
 def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> Information | None:
-    """What is known in the air; None while the position or the charge is not."""
+    """Information available in the air; None while the position or the charge is unknown."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None or not math.isfinite(ctx.battery.soc):
         return None
@@ -48,7 +48,7 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
 
 
 def _obeyed_mps(ctx: Context, leg: Leg) -> float:
-    """Ground speed that it was told; what it flies where that has long been another, so that it is told again."""
+    """Commanded ground speed; the flown one where that has long been different, so that the order is repeated."""
     s, told_mps = ctx.observed.sample, leg.commanded_mps
     if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
         return told_mps
@@ -60,7 +60,7 @@ def _obeyed_mps(ctx: Context, leg: Leg) -> float:
 
 
 def _airspeed_limit(ctx: Context) -> float:
-    """Airspeed that its lean does not let it exceed; infinite where it flies as fast as it is told."""
+    """Airspeed limit due to its lean angle; infinite where it flies as fast as commanded."""
     estimate = ctx.wind.estimate
     if estimate is None:
         return math.inf
@@ -70,7 +70,7 @@ def _airspeed_limit(ctx: Context) -> float:
         north, east = estimate.north_mps, estimate.east_mps
     return ctx.lean.airspeed_mps(
         (float(north), float(east))
-    )  # with what the rest is worked out with: it gives the speed seen
+    )  # with what the rest is computed with: it gives the speed seen
 
 
 def _ahead(ctx: Context) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What is done after a landing: find out where it stands, learn what the flight took, hand the package over."""
+"""Actions after a landing: find the station, learn from the energy of the flight, hand the package over."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PLACE_S = 90.0
 
 
 def after_landing(ctx: Context) -> After:
-    """Find out where it stands, learn what the flight took, and go on from there."""
+    """Locate the drone after a landing, learn from the energy used, and continue from there."""
     leg = ctx.delivery.leg
     ctx.vehicle.watch_lists(watched=False)
     ctx.conversation.end_flight()
@@ -42,7 +42,7 @@ def after_landing(ctx: Context) -> After:
         return crash
     if ctx.place is None:
         must_answer(ctx, "the drone has landed and does not answer")
-        return State.HOLDING, "the drone has landed and does not report where: look for it at the end of its track"
+        return State.HOLDING, "the drone has landed and does not report its position: search at the end of its track"
     station = ctx.here_station()
     ctx.delivery.stand_at(station)
     settle_use(ctx, station)
@@ -67,7 +67,7 @@ def after_landing(ctx: Context) -> After:
     if ctx.conversation.stays:
         return (
             State.STOPPED,
-            f"stopped at {station} as asked: the drone stands disarmed; --resume continues the delivery",
+            f"stopped at {station} as ordered: the drone stands disarmed; --resume continues the delivery",
         )
     return State.REPLANNING, f"at {station}"
 
@@ -104,7 +104,7 @@ def _deliver(ctx: Context) -> After:
     if ctx.proof.lost:
         return after_failure(ctx, f"at {destination} without the package: {ctx.proof.verdict[1]}", loaded=False)
     if hovers(ctx.job.options.release):
-        why = f"landed at {destination}, where the package was to be released in the air: it is aboard"
+        why = f"landed at {destination}, where the package should have been released in the air: it is still on board"
         return after_failure(ctx, why, loaded=True)
     if ctx.job.options.release == "gripper":
         refused = _release(ctx)
@@ -125,9 +125,7 @@ def _taken_off(ctx: Context, destination: str) -> bool:
     if way is None or way.undelivered is None:
         ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
         return True
-    question = (
-        f"take the package off at {destination}, then type done; undelivered: it goes to {way.undelivered.destination}"
-    )
+    question = f"take the package off at {destination}, then type done; type undelivered to send it to {way.undelivered.destination}"
     return ctx.conversation.answer(ctx, question, ("done", "undelivered")) == "done"
 
 

@@ -1,4 +1,4 @@
-"""A ground speed that is commanded and not reached at full lean: its cause, and the measurement of the wind that it is.
+"""A commanded ground speed that is not reached at full lean: its cause, and the wind that follows from it.
 
 A multirotor that leans as far as its autopilot lets it, and goes steadily, has the drag of that lean: it flies through the
 air at one airspeed, in the direction in which it leans. What its ground velocity differs by is wind. Where the drag is known
@@ -40,7 +40,7 @@ USUAL_LEAN_DEG = 25.0
 DRAG_EXPONENT = 0.75
 """Airspeed grows with the tangent of the lean to between the half (quadratic drag) and the first power (linear)."""
 RELATIVE_SIGMA, ACROSS_MPS = 0.35, 1.5
-"""Of the airspeed at full lean where the drag is not known; and across the lean, whose direction is."""
+"""Of the airspeed at full lean where the drag is unknown; and across the lean, whose direction is."""
 
 
 def airspeed_at_lean(drag: DragModel, lean_deg: float) -> float:
@@ -66,10 +66,10 @@ class WindAtLimit:
 
 @dataclass(slots=True)
 class LeanWatch:
-    """Watches whether a flight is as fast as it was told to be, and why not."""
+    """Watches whether a flight reaches its commanded speed, and why not."""
 
     limit_deg: float = math.nan
-    """The autopilot's greatest lean; NaN where it is not known, and then nothing is said."""
+    """The autopilot's greatest lean; NaN where it is unknown, and then nothing is said."""
     top_airspeed_mps: float = 20.0
     """The maker's."""
     limited: bool = False
@@ -136,7 +136,7 @@ class LeanWatch:
         return np.nan_to_num(thrust_acceleration(table[:, 3], table[:, 4], table[:, 5]))
 
     def measure(self) -> WindAtLimit | None:
-        """Measure the wind, where it is limited and long enough after the last time; for a drag that is not known.
+        """Measure the wind, where it is limited and long enough after the last time; for a drag that is unknown.
 
         Its error lies in the airspeed and is the same each time, so each further one counts for less.
         """
@@ -163,8 +163,11 @@ class LeanWatch:
         return float(np.hypot(*(self._velocity - np.array(wind))))
 
     def said(self, commanded_mps: float) -> str:
-        """What limits it, in words."""
-        return f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground, {speed_text(commanded_mps)} commanded"
+        """The limiting factor, in words."""
+        return (
+            f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground instead of the "
+            f"commanded {speed_text(commanded_mps)}"
+        )
 
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
@@ -181,7 +184,7 @@ def watch_lean(ctx: Context, s: TelemetrySample) -> None:
         return
     estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)
     if not watch.limited:
-        words = f"speed no longer limited by the lean limit: {speed_text(leg.commanded_mps)} over ground are reached"
+        words = f"speed no longer limited by the lean limit: the commanded {speed_text(leg.commanded_mps)} over ground are reached"
     elif estimate is not None:
         words += f"; estimated wind {wind_text(estimate.speed_mps, estimate.from_deg, estimate.sigma_mps)}"
     found_limit = SpeedLimited(

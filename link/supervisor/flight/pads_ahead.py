@@ -1,4 +1,4 @@
-"""Who is at the stations ahead: asked of their pad services when a decision in the air wants to know, not before."""
+"""Pads of the stations ahead: requested from their pad services only when a decision in the air needs them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 ASK_EVERY_S = 30.0
 """What was told of a station holds for so long."""
 SILENT_S = 60.0
-"""After a pad service failed nothing is asked for so long: each question may take seconds, in which nothing else is looked at."""
+"""Pause after a failure of a pad service: each request may take seconds, during which nothing else is monitored."""
 
 
 class PadsAhead(Mapping[str, int]):
-    """Others on the pads and in line at stations, by station; one that nobody tells of is not in it."""
+    """Other drones on the pads and in line at stations, by station; stations without a report are absent."""
 
     def __init__(self, pads: PadService, now_s: Callable[[], float]) -> None:
         self._pads, self._now_s = pads, now_s

@@ -1,4 +1,4 @@
-"""What somebody else does to the vehicle: then nothing more is commanded."""
+"""Interventions of somebody else on the vehicle: the supervisor then sends no commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ALONE_S = 2.5
 
 
 def follows_a_landing(ctx: Context, change: Change) -> bool:
-    """Whether a change is what an autopilot does by itself at the end of a flight: it disarms, and leaves the mission's mode."""
+    """Whether a change is the autopilot's own at the end of a flight: it disarms, and leaves the mission's mode."""
     s = ctx.observed.sample
     down = s is not None and s.landed == 1.0 and not ctx.in_air
     ends = (change.what == "armed" and change.after == "disarmed") or (change.what == "mode" and not ctx.vehicle.armed)
@@ -27,7 +27,7 @@ def follows_a_landing(ctx: Context, change: Change) -> bool:
 
 
 def landed(ctx: Context) -> bool:
-    """Whether the flight is over: disarmed, and on the ground as far as it tells."""
+    """Whether the flight is over: disarmed, and on the ground as far as it reports."""
     return ctx.on_ground and not ctx.vehicle.armed
 
 
@@ -41,7 +41,7 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
         if change.what == "mode" and change.after not in own_modes and lasts:
             said = "; ".join(ctx.vehicle.texts()[-2:])
             words = f"; it reports: {said}" if said else ""
-            raise Turn(State.HOLDING, f"the drone is in mode {change.after}, which this program did not command{words}")
+            raise Turn(State.HOLDING, f"somebody else switched the drone to mode {change.after}{words}")
         if ctx.in_air and (changed := _foreign(ctx, change)):
             raise Turn(State.HOLDING, changed)
         if change.what == "boot" and ctx.in_air:
@@ -49,7 +49,7 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
 
 
 def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
-    """Hold (a `Turn`) on the ground where somebody else arms it, or changes what it is about to fly."""
+    """Hold (a `Turn`) on the ground where somebody else arms the drone, or changes the mission it is about to fly."""
     for change in changes:
         if change.ours:
             continue
@@ -87,7 +87,7 @@ def must_be_alone(ctx: Context) -> None:
 
 
 def first_order(ctx: Context) -> None:
-    """Before the first order: nobody else supervises the drone, and it obeys us. A `Turn` says that this is not so."""
+    """Check before the first order that nobody else supervises the drone, and that it obeys us. Raises a `Turn` otherwise."""
     connection = ctx.vehicle.connection
     connection.supervise(ctx.vehicle.system, commanded=connection.commanded)
     end = ctx.clock.now_s() + ALONE_S

@@ -1,4 +1,4 @@
-"""Release in the air: the mission lowers or places the package over the target and flies on; here it is watched, and evidence taken.
+"""Release in the air: the mission lowers or places the package over the target and flies on; this module watches it and collects evidence.
 
 Nothing is commanded: with a lost link the vehicle does the same. Which item it is at says where in the release it is; what a winch tells of its line, and what ArduPilot
 says of a payload place, is evidence. From the last of these items on the drone is on its way back, and is weighed.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.IGNORECASE)
 _KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
 HANGS_S = 9.0
-"""After the release has begun the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
+"""After the release has started the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
 ASK_S, SAME_M = 3.0, 0.1
 """A winch is asked so often for its line while it lets it out; what differs less is the same."""
 LINE_M = 0.5
@@ -33,7 +33,7 @@ LINE_M = 0.5
 
 @dataclass(slots=True)
 class ReleaseWatch:
-    """How far the release of one leg is; written by `watch_release` alone."""
+    """Progress of the release on one leg; written only by `watch_release`."""
 
     begun_s: float | None = None
     """By the clock, when its first item was seen to be flown."""
@@ -43,7 +43,7 @@ class ReleaseWatch:
     """It told the same twice: the drum has stopped."""
     asked_s: float = -math.inf
     seen_before: bool = False
-    """It was watched as the release began: a program that was begun again over the target does not know how long the package hangs."""
+    """It was watched as the release began: a program that was restarted over the target does not know how long the package hangs."""
     weighed: bool = False
 
     def take(self, line_m: float | None) -> None:
@@ -105,12 +105,12 @@ def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
             return False, f"the package was not placed: {kept}"
         if opened := ctx.texts.saying(_OPENED, since_s):
             return True, f"the package was placed: {opened}"
-        return None, "the payload place is over, and the drone has not said what became of it"
+        return None, "the payload place ended, and the drone did not report the result"
     if watch.line_m is None:
-        return None, "the winch has told nothing"
+        return None, "the winch reported nothing"
     if watch.line_m < WINCH_HEIGHT_M - LINE_M:
         if not watch.stands:
-            return None, "the winch was not heard to the end"
+            return None, "the winch did not report the end"
         return (
             False,
             f"the winch let out {with_unit(watch.line_m, 'm')} of line, and the drone hovered at {WINCH_HEIGHT_M:g} m",

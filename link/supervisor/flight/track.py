@@ -1,4 +1,4 @@
-"""Where the vehicle is, written into the journal from time to time."""
+"""The vehicle's position, written to the journal from time to time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sending the vehicle elsewhere in flight: by another mission, or where that is not verified by reposition; landing where it is."""
+"""Diverting the vehicle in flight: by another mission, or if that cannot be verified, by reposition; landing at the current position."""
 
 from __future__ import annotations
 
@@ -117,13 +117,13 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
 
 
 def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
-    """A turn whose orders are not answered is begun again when the link is back."""
+    """A turn whose orders are not answered is restarted when the link is back."""
     ctx.divert.to(station)
     raise Turn(State.LOST_LINK, f"the link was lost while the drone was diverted to {station}: {error}") from error
 
 
 def land_here(ctx: Context) -> After:
-    """Land where it is; told again until it does."""
+    """Land at the present position; repeats the order until it does."""
     told_s = -math.inf
     while True:
         if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:

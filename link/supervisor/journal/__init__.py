@@ -1,1 +1,1 @@
-"""The journal of a flight: its file, its entries, and what a resume needs of it."""
+"""The journal of a flight: its file, its entries, and the data for a resume."""

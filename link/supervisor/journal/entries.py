@@ -1,4 +1,4 @@
-"""What each kind of record of the journal tells; `docs/reference/journal.md` is the same for readers of files."""
+"""Data of each kind of record of the journal; `docs/reference/journal.md` describes the same for readers of files."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class PlanTaken(Entry, frozen=True, kw_only=True, tag="plan"):
 
 
 class WentOn(Entry, frozen=True, kw_only=True, tag="onward"):
-    """The package was handed over, or could not be: the drone goes on from the target, by this plan, not before `leave_s`."""
+    """The package was delivered, or could not be: the drone flies on from the target by this plan, not before `leave_s`."""
 
     destination: str | None
     loaded: bool | None
@@ -71,7 +71,7 @@ class WentOn(Entry, frozen=True, kw_only=True, tag="onward"):
 
 
 class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
-    """Something was decided; `figures` are what it was decided by."""
+    """A decision, with its `figures`."""
 
     SPREAD: ClassVar[Mapping[str, str]] = {"figures": ""}
     action: str | None
@@ -90,7 +90,7 @@ class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
 
 
 class Resumed(Entry, frozen=True, kw_only=True, tag="resume"):
-    """The program was begun again: `last` record found, or the `mode` the vehicle was found in."""
+    """The program was restarted: `last` record found, or the `mode` the vehicle was found in."""
 
     last: int | None = None
     mode: str | None = None
@@ -108,7 +108,7 @@ class Ended(Entry, frozen=True, kw_only=True, tag="end"):
 
 
 class WorkStands(Entry, frozen=True, kw_only=True, tag="work-stands"):
-    """The work is done as far as a point, and goes on from a pad; or it is finished."""
+    """The work is done up to a point, and continues from a pad; or it is finished."""
 
     point: int | None
     pad: str | None
@@ -151,7 +151,7 @@ class ListDone(Entry, frozen=True, kw_only=True, tag="preflight"):
 
 
 class CheckDone(Entry, frozen=True, kw_only=True, tag="check"):
-    """An entry of the list was looked at first, or its verdict changed."""
+    """First verdict of an entry of the checklist, or a change of its verdict."""
 
     name: str | None
     verdict: str | None
@@ -166,7 +166,7 @@ class Waiting(Entry, frozen=True, kw_only=True, tag="waits"):
 
 
 class Briefed(Entry, frozen=True, kw_only=True, tag="briefing"):
-    """The operator was told what a take-off is decided by."""
+    """The briefing of the operator before a take-off."""
 
     lines: tuple[str, ...]
     diverts: tuple[str, ...]
@@ -196,7 +196,7 @@ class Uploaded(Entry, frozen=True, kw_only=True, tag="upload"):
 
 
 class StartNote(Entry, frozen=True, kw_only=True, tag="start"):
-    """A take-off was refused, or not begun."""
+    """A take-off was refused, or not started."""
 
 
 # The flight
@@ -252,7 +252,7 @@ class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
         north, east, sigma = self.wind_north_mps, self.wind_east_mps, self.wind_sigma_mps
         if north is None or east is None or self.wind_source not in (None, "measured", "held"):
             return None
-        earlier = ", measured earlier" if self.wind_source == "held" else ""
+        earlier = ", earlier measurement" if self.wind_source == "held" else ""
         from_deg = math.degrees(math.atan2(-east, -north)) % 360.0
         return f"{wind_text(math.hypot(north, east), from_deg, sigma)}{earlier}"
 
@@ -276,7 +276,7 @@ class Turned(Entry, frozen=True, kw_only=True, tag="turn"):
 
 
 class Landed(Entry, frozen=True, kw_only=True, tag="landed"):
-    """It stands."""
+    """A landing."""
 
     SPREAD: ClassVar[Mapping[str, str]] = {"standing": ""}
     soc: Share
@@ -288,7 +288,7 @@ class Landed(Entry, frozen=True, kw_only=True, tag="landed"):
 
 
 class EnergyLearnt(Entry, frozen=True, kw_only=True, tag="energy"):
-    """What a flight took, and the belief after it."""
+    """Energy of a flight, and the belief after it."""
 
     used_soc: float | None
     modelled_soc: float | None
@@ -330,7 +330,7 @@ class ReleaseNote(Entry, frozen=True, kw_only=True, tag="release"):
 
 
 class Proved(Entry, frozen=True, kw_only=True, tag="proof"):
-    """What shows that the package was delivered, or not; or what a take-off under it weighs by (`gain_w`)."""
+    """Evidence that the package was delivered, or not; or a weighing at a take-off with it (`gain_w`)."""
 
     verdict: str | None = None
     acknowledged: bool | None = None
@@ -357,7 +357,7 @@ class Changed(Entry, frozen=True, kw_only=True, tag="change"):
 
 
 class TextHeard(Entry, frozen=True, kw_only=True, tag="text"):
-    """The vehicle said something new, or goes on saying it."""
+    """A new text of the vehicle, or a repeated one."""
 
     text: str | None
     severity: str | None
@@ -380,7 +380,7 @@ class LinkNote(Entry, frozen=True, kw_only=True, tag="link"):
 
 
 class RadioMeasured(Entry, frozen=True, kw_only=True, tag="radio"):
-    """What a radio carried, and lost by the numbers of its packets, since it was written last; `delay_s` behind the quickest radio."""
+    """Traffic of a radio, and its loss by sequence numbers, since the last record; `delay_s` behind the fastest radio."""
 
     radio: str | None
     used: bool | None
@@ -395,7 +395,7 @@ class RadioMeasured(Entry, frozen=True, kw_only=True, tag="radio"):
 
 
 class RemoteIdNote(Entry, frozen=True, kw_only=True, tag="remote-id"):
-    """The Remote ID module was first looked at, came, went, or changed what it `lacks`; who flies, as it is sent to it."""
+    """The Remote ID module was first checked, appeared, disappeared, or changed what it `lacks`; with the operator data sent to it."""
 
     heard: bool | None
     ready: bool | None
@@ -405,7 +405,7 @@ class RemoteIdNote(Entry, frozen=True, kw_only=True, tag="remote-id"):
 
 
 class LogsSeen(Entry, frozen=True, kw_only=True, tag="logs"):
-    """The logs aboard before the delivery, and by which protocol they were listed; what is added to them is fetched at its end."""
+    """The logs on the vehicle before the delivery, and the protocol that listed them; new ones are downloaded at its end."""
 
     by: str | None
     sizes_bytes: dict[str, Any]
@@ -432,7 +432,7 @@ class AircraftNear(Entry, frozen=True, kw_only=True, tag="traffic"):
 
 
 class GaveWay(Entry, frozen=True, kw_only=True, tag="give-way"):
-    """The drone gives way to another aircraft, or goes on: ``hold``, ``land``, ``go`` or ``ignored``; without `station` where it stands in the air."""
+    """The drone gives way to another aircraft, or flies on: ``hold``, ``land``, ``go`` or ``ignored``; without `station` it holds in the air."""
 
     action: str | None
     aircraft: str | None = None

@@ -1,4 +1,4 @@
-"""Entries of the journal as typed values: written as plain JSON, and read again from whatever a file holds."""
+"""Entries of the journal as typed values: written as plain JSON, and read from any file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Place = tuple[float, float]
 class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A group of values.
 
-    A field without a default is always written, as null where it is unknown; one with a default is left out where it
+    A field without a default is always written, as null where it is unknown; one with a default is omitted where it
     has that. Reading never fails: what is missing, of another kind or beyond all bounds is unknown.
     """
 
@@ -56,11 +56,11 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Entry(Part, frozen=True, kw_only=True):
-    """What a record of the journal tells besides its sentence; the tag of its class is the event of the record."""
+    """Data of a journal record besides its sentence; the tag of its class is the event of the record."""
 
     @classmethod
     def event(cls) -> str:
-        """What kind of record it makes."""
+        """Type of its record in the journal."""
         return str(cls.__struct_config__.tag)
 
 

@@ -51,7 +51,7 @@ def text(data: Mapping[str, Any], key: str) -> str | None:
 
 
 def truth(data: Mapping[str, Any], key: str) -> bool | None:
-    """Return true or false; None where neither is told."""
+    """Return true or false; None where the field has neither."""
     value = data.get(key)
     return value if isinstance(value, bool) else None
 

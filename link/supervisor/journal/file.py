@@ -1,7 +1,7 @@
-"""The flight journal: one JSON object a line, appended, on the disk before anything is done about it.
+"""The flight journal: one JSON object per line, appended, on disk before anything is done about it.
 
 What is in it is described in ``docs/reference/journal.md``. A line is torn at most at the very end, where the program was
-killed while it wrote; such a line is left out when reading, and cut off before writing goes on.
+killed while it wrote; such a line is omitted when reading, and cut off before writing goes on.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
         return parse_instant(self.time).timestamp()
 
     def entry(self, kind: type[E]) -> E | None:
-        """Return its data as an entry of a kind; None if it is of another kind."""
+        """Return its data as an entry of a kind; None if it has another schema."""
         return kind.read(self.data) if self.event == kind.event() else None
 
 
@@ -63,7 +63,7 @@ _DECODER = msgspec.json.Decoder(Record)
 
 @dataclass(frozen=True, slots=True)
 class ReadJournal:
-    """What a journal holds."""
+    """Contents of a journal."""
 
     records: tuple[Record, ...]
     whole_bytes: int
@@ -71,9 +71,9 @@ class ReadJournal:
 
 
 def read_journal(path: Path) -> ReadJournal:
-    """Read a journal; a torn last line is left out.
+    """Read a journal; a torn last line is omitted.
 
-    An `InputError` says that it is not there, is no journal, or is damaged before its end.
+    Raises an `InputError` if it is not there, is not a journal, or is damaged before its end.
     """
     data = read_bytes(path, max_bytes=MAX_BYTES)
     records: list[Record] = []
@@ -96,7 +96,7 @@ def read_journal(path: Path) -> ReadJournal:
 class Journal:
     """Writes the journal.
 
-    With `resume` it goes on with a file that is there, its torn end cut off; otherwise the file must not exist. Where
+    With `resume` it continues with a file that is there, its torn end cut off; otherwise the file must not exist. Where
     it cannot be written, an `InputError` ends all: better no flight than one without a journal.
     """
 

@@ -1,4 +1,4 @@
-"""Groups of values that entries of the journal have in common: winds, what a resume needs, what is expected of a flight."""
+"""Groups of values that entries of the journal share: winds, data for a resume, expectations of a flight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Winds(Part, frozen=True, kw_only=True):
     sector_share: Share = None
 
     def words(self) -> str | None:
-        """Return it in the words that every wind is told in; None where it is unknown."""
+        """Return the wind in words; None where it is unknown."""
         found = summary_from({name: getattr(self, name) for name in self.__struct_fields__})
         return None if found is None else str(found)
 
@@ -41,7 +41,7 @@ class Observation(Part, frozen=True, kw_only=True):
 
 
 class Standing(Part, frozen=True, kw_only=True):
-    """What a resume needs besides the plan."""
+    """State that a resume needs besides the plan."""
 
     station: str | None
     visited: tuple[str, ...]
@@ -55,7 +55,7 @@ class Standing(Part, frozen=True, kw_only=True):
 
 
 class Expected(Part, frozen=True, kw_only=True):
-    """What a flight is expected to come to, as the last decision found it."""
+    """Expected end of a flight, from the last decision."""
 
     destination: str | None = None
     """Station id."""

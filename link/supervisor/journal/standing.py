@@ -1,4 +1,4 @@
-"""What a resume needs besides the plan: written with each plan, take-off and landing, and read again."""
+"""The state that a resume needs besides the plan: written with each plan, take-off and landing, and read again."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def restore_standing(ctx: Context, told: Standing) -> None:
 
 
 def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
-    """Return the winds that were known when a journal last told them, at cruise height."""
+    """Return the winds at cruise height that a journal last recorded."""
     for record in reversed(records):
         told = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
         if told is not None:

@@ -1,1 +1,1 @@
-"""The vehicle as the supervisor sees it: what it tells, what it says in words, whether it answers."""
+"""The vehicle as the supervisor sees it: its state, its texts, whether it answers."""

@@ -1,4 +1,4 @@
-"""Who else is there: ground stations on our link (``--forward``), its radios, other aircraft; told and written down."""
+"""Others on the link: ground stations (``--forward``), radios, other aircraft; reported and journaled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def tell_clients(ctx: Context) -> None:
-    """Tell what was noticed of them since this was asked last."""
+    """Report what other stations did since the last call."""
     forwarder = ctx.vehicle.connection.forwarder
     for note in () if forwarder is None else forwarder.notes():
         entry = ClientNote(
@@ -22,7 +22,7 @@ def tell_clients(ctx: Context) -> None:
 
 
 def tell_radios(ctx: Context) -> None:
-    """Tell when a radio falls silent or another one is used; that one may be a channel of its own, on which nothing was asked for yet."""
+    """Report when a radio falls silent or the radio in use changes; the new one may be another channel, on which nothing was requested yet."""
     radios = ctx.vehicle.connection.radios
     used = None if radios is None else radios.used
     for note in () if radios is None else radios.notes():
@@ -32,7 +32,7 @@ def tell_radios(ctx: Context) -> None:
 
 
 def tell_traffic(ctx: Context) -> None:
-    """Tell of aircraft that have come near."""
+    """Report aircraft that have come near."""
     for one in ctx.vehicle.traffic.alerts():
         entry = AircraftNear(
             aircraft=one.name, lat=one.lat_deg, lon=one.lon_deg, away_m=one.away_m,

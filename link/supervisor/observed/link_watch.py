@@ -1,4 +1,4 @@
-"""Whether the vehicle is heard and answers: a question is repeated while it has time, and a silent vehicle is a lost link."""
+"""Whether the vehicle is heard and answers: a request is repeated while there is time; a silent vehicle is a lost link."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AWAKE_S = 2.0
 
 @dataclass(slots=True)
 class LinkWatch:
-    """What the operator has been told of missing answers, and whether few messages are asked for."""
+    """Reports to the operator about missing answers, and whether only few messages are requested."""
 
     resting: bool = False
     """The vehicle sends `RESTING_RATES`."""
@@ -41,7 +41,7 @@ class LinkWatch:
     _told: str = ""
 
     def is_new(self, missing: str) -> bool:
-        """Whether the operator has not yet been told that this is missing; from now on he has."""
+        """Whether the operator has not yet been told that this is missing; marks it as told."""
         new, self._told = missing != self._told, missing
         return new
 
@@ -68,10 +68,10 @@ def ask(ctx: Context, question: Callable[[], T]) -> T:
 
 
 def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
-    """Say what was not answered, or is not told; the link is lost (a `Turn`) where nothing else is answered either."""
+    """Report an unanswered request or a missing message; the link is lost (a `Turn`) where nothing else is answered either."""
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
-        ctx.say(LinkNote(), f"{what}; it is asked again")
+        ctx.say(LinkNote(), f"{what}; asking again")
 
 
 def must_answer(ctx: Context, reason: str) -> None:

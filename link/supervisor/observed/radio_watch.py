@@ -1,4 +1,4 @@
-"""How good each radio is, written into the journal from time to time."""
+"""Quality of each radio, journaled from time to time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Remote ID of a delivery: who flies is kept sent, and what the module says of itself is told and written down."""
+"""Remote ID of a delivery: the operator's data are sent continuously, and the status of the module is reported and journaled."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RemoteIdWatch:
     _begun_s: float = field(default=0.0)
 
     def begin(self, ctx: Context) -> None:
-        """Send who flies from now on, where that was given."""
+        """Send the operator's identity from now on, where one was given."""
         vehicle, who = ctx.vehicle, ctx.job.remote_id
         self._begun_s = vehicle.connection.clock.now_s()
         if who.given and self._sender is None:
@@ -37,11 +37,11 @@ class RemoteIdWatch:
             self._sender.end()
 
     def status(self, ctx: Context) -> ModuleStatus:
-        """Tell what the module is heard to be."""
+        """Report the status that the module broadcasts."""
         return module_status(ctx.vehicle.peer, ctx.vehicle.connection.clock.now_s())
 
     def watch(self, ctx: Context) -> None:
-        """Tell when the module comes, goes, or changes what it lacks."""
+        """Report when the module appears, disappears, or changes its error status."""
         found = self.status(ctx)
         young = ctx.vehicle.connection.clock.now_s() < self._begun_s + PATIENCE_S
         if found == self._told or (young and not found.ready):

@@ -1,4 +1,4 @@
-"""What is known of the vehicle itself: who it is, where it is, whether it flies.
+"""State of the vehicle: its identity, its position, whether it flies.
 
 It flies by what it says, by how it moves and by what its motors draw, so that one wrong value decides nothing.
 """
@@ -23,11 +23,11 @@ PLACE_FRESH_S = 10.0
 
 @dataclass(slots=True)
 class VehicleState:
-    """What one vehicle has told of itself."""
+    """State reported by one vehicle."""
 
     sample: TelemetrySample | None = None
     uid: int = 0
-    """Hardware id; 0 where it is not known."""
+    """Hardware id; 0 where it is unknown."""
     remote_id: RemoteIdWatch = field(default_factory=RemoteIdWatch)
     """Who flies it, as it broadcasts that."""
     _reboots: int = 0
@@ -76,7 +76,7 @@ class VehicleState:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are not known."""
+        """Latitude and longitude; None where they are unknown."""
         lat, lon, time_s = self._position
         if self.sample is None or self.sample.time_s > time_s + PLACE_FRESH_S:
             return None
@@ -84,7 +84,7 @@ class VehicleState:
 
 
 def flies(sample: TelemetrySample) -> bool | None:
-    """Tell whether it is in the air by most of its witnesses; None where they are even and its state is not known."""
+    """Return whether it is in the air by most of its indications; None where they are even and its state is unknown."""
     witnesses = [_said(sample), _moves(sample), _draws(sample)]
     known = [one for one in witnesses if one is not None]
     up = sum(known)

@@ -1,4 +1,4 @@
-"""What the vehicle says in words (STATUSTEXT): shown when it is new, counted when it is said again."""
+"""Texts of the vehicle (STATUSTEXT): shown when new, counted when repeated."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class TextLog:
     _said: dict[str, Said] = field(default_factory=dict)
 
     def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
-        """Take what was said since the last time; returns what a person, or the journal, is to be told now."""
+        """Read new messages; returns those to report to a person or the journal now."""
         for severity, text in texts:
             key = _FIGURE.sub("#", text)
             said = self._said.get(key)
@@ -70,7 +70,7 @@ class TextLog:
         return list(self._due(now_s))
 
     def saying(self, words: re.Pattern[str], since_s: float) -> str:
-        """What was said last, from an instant on, with some words in it; nothing where nothing was."""
+        """The last message since an instant that has some words in it; empty where there was none."""
         found = [said for said in self._said.values() if said.heard_s >= since_s and words.search(said.text)]
         return max(found, key=lambda said: said.heard_s).text if found else ""
 
@@ -85,7 +85,7 @@ class TextLog:
 
 
 def tell_texts(ctx: Context) -> None:
-    """Tell what the vehicle says: a refusal that is repeated 200 times is one line, with its count."""
+    """Report the vehicle's messages: a refusal that is repeated 200 times is one line, with its count."""
     for said in ctx.texts.hear(ctx.vehicle.new_texts(), ctx.clock.now_s()):
         word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
         ctx.note(TextHeard(text=said.text, severity=word, count=said.count), str(said))

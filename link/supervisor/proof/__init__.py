@@ -1,1 +1,1 @@
-"""Proof of delivery: what shows that the package has left the drone, and where."""
+"""Proof of delivery: evidence that the package has left the drone, and where."""

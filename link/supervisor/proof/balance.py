@@ -1,4 +1,4 @@
-"""How much less a drone draws in some stretches of its flights than in the others, and how sure that is.
+"""How much less a drone draws in some stretches of its flights than in the others, with its uncertainty.
 
 The logarithm of power over the model's is a sum of what nobody knows beforehand, each with its standard deviation: the efficiency of this drone; how much airspeed, climb
 and sinking take of it; how the model is off at this airspeed and climb, the same wherever it flies alike; what differs from flight to flight; and scatter. So stretches that were flown
@@ -48,7 +48,7 @@ class Balance:
         self._white = np.linalg.solve(self._root, log_ratio - log_ratio.mean())
 
     def drops(self, where: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How much less is drawn where a column says so, and its standard deviation, in units of what the package takes; shape (columns,) each."""
+        """Drop in power where a column has it, and its standard deviation, in units of the package's share of power; shape (columns,) each."""
         lighter = np.linalg.solve(self._root, -self._package[:, None] * where)
         precision = np.sum(lighter * lighter, axis=0)
         return (lighter.T @ self._white) / precision, 1.0 / np.sqrt(precision)

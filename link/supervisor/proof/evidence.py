@@ -1,4 +1,4 @@
-"""Evidence of a delivery, and what follows from all of it together."""
+"""Evidence of a delivery, and the verdict from all of it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What is known; None is not known."""
+    """Evidence so far; None is unknown."""
 
     acknowledged: bool | None = None
     """The gripper, or the person, said that the package is off."""
@@ -72,12 +72,12 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
         at = f"at {utc_clock(e.lost_s)} UTC"
         return (
             Verdict.NOT_DELIVERED,
-            f"the package left the drone on the way: the power fell at once in steady flight, {at}",
+            f"the package was lost on the way: the power fell suddenly in steady flight, {at}",
         )
     if e.lost and e.before is not None:
         figure = _weighed_text(e.before, e.package_kg)
         since = "" if e.before.since_s is None else f", since about {utc_clock(e.before.since_s)} UTC"
-        why = f"the package left the drone on the way: {figure} aboard by the power before the release{since}"
+        why = f"the package was lost on the way: {figure} on board by the power before the release{since}"
         return Verdict.NOT_DELIVERED, why
     said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
     if e.acknowledged is False:
@@ -85,20 +85,20 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
     w = e.weight
     if w is None:
         if e.acknowledged:
-            why = "it was not weighed" if e.how else "the drone has not taken off since, so it was not weighed"
+            why = "not weighed" if e.how else "not weighed, since the drone has not taken off again"
             return Verdict.DELIVERED, f"{said}; {why}"
-        return Verdict.UNSURE, f"{e.how or 'nothing was acknowledged'}, and nothing was weighed"
+        return Verdict.UNSURE, f"{e.how or 'no acknowledgement'}; not weighed"
     figure = _weighed_text(w, e.package_kg)
     if w.sigma > WEIGHABLE or abs(w.share - ABOARD) < SURE_SIGMAS * w.sigma:
         why = "too light to be weighed" if w.sigma > WEIGHABLE else "weighed"
-        return Verdict.UNSURE, f"{said}, and the package was {why}: {figure} seem to be aboard"
+        return Verdict.UNSURE, f"{said}, and the package was {why}: {figure} appear to be on board"
     if w.share > ABOARD:
         part = "" if w.share > 0.75 else " in part"
         return (
             Verdict.NOT_DELIVERED,
-            f"{said}, but the package is{part} still aboard: {figure} by the power after take-off",
+            f"{said}, but the package is{part} still on board: {figure} by the power after take-off",
         )
-    return Verdict.DELIVERED, f"{said}, and the drone is lighter: {figure} aboard by the power after take-off"
+    return Verdict.DELIVERED, f"{said}, and the drone is lighter: {figure} on board by the power after take-off"
 
 
 def _weighed_text(weight: Weight, package_kg: float) -> str:

@@ -1,4 +1,4 @@
-"""A fall of the power in flight, as of a package that is lost on the way."""
+"""A fall of the power in flight, as when a package is lost on the way."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a drone draws by the model of the scale, and what the model may have wrong of it.
+"""The power of a drone by the model of the scale, and the possible errors of the model.
 
 With thrust T = m g lift, airspeed V and climb v the power is, in units of that of hover without a package,
 
@@ -28,7 +28,7 @@ _CLIMBING, _SINKING = 0.75, 0.3
 
 
 class Units(NamedTuple):
-    """Power of one moment by the model under the whole package, and how it depends on what the model may have wrong."""
+    """Modelled power at a moment with the whole package, and its dependence on possible errors of the model."""
 
     log_units: float
     """Logarithm of the power, in units of hover without a package."""
@@ -70,11 +70,11 @@ class PowerUnits:
         return Units(math.log(total), added / total, climb, sink, math.log(total / light))
 
     def share(self, drop: float) -> float:
-        """How much of the package is aboard where the logarithm of power fell by so many times what all of it takes."""
+        """Share of the package on board where the logarithm of power fell by `drop` times the fall for all of it."""
         return float((self.laden ** (1.0 - drop) - 1.0) / (self.laden - 1.0))
 
     def share_slope(self, drop: float) -> float:
-        """How fast that falls with the drop."""
+        """Derivative of the share with respect to the drop."""
         return float(self.laden ** (1.0 - drop) * math.log(self.laden) / (self.laden - 1.0))
 
     def _terms(

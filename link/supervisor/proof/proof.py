@@ -31,13 +31,13 @@ class Proof:
     _releasing: bool = False
     """It hovers to release the package: power falls when that stands on the ground."""
     _unwatched: bool = False
-    """It was released, or is, while this program was not there: how long the package hung is not known."""
+    """It was released, or is, while this program was not there: how long the package hung is unknown."""
     _open: bool = False
     """A take-off is being weighed."""
 
     @property
     def verdict(self) -> tuple[Verdict, str]:
-        """What became of the package as far as is known, and why that is thought."""
+        """Whether the package was delivered, as far as is known, and the evidence."""
         return judge(self.evidence)
 
     @property
@@ -53,7 +53,7 @@ class Proof:
             drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
             self._scale = scale_of(drone, ctx.job.request.payload_kg, ctx.job.drag)
             self._scale.remember(self._gains)
-            if self.evidence.tried:  # before the program was begun again
+            if self.evidence.tried:  # before the program was restarted
                 self._scale.may_be_empty()
         down = s.landed == _DOWN or s.armed == 0.0
         if self._down and not down and s.height_m > _OFF_GROUND_M:
@@ -96,14 +96,14 @@ class Proof:
             self._take(ctx, replace(self.evidence, lost_s=lost_s))
 
     def released(self, ctx: Context, *, acknowledged: bool | None, by_person: bool = False, how: str = "") -> None:
-        """Take what the gripper, the winch or the person said of the release; `how` is what was seen of one in the air."""
+        """Record the release as reported by the gripper, the winch or the person; `how` is the observation of a release in the air."""
         kg = ctx.job.request.payload_kg
         if self._scale is not None:
             self._scale.may_be_empty()
         self._take(ctx, replace(self.evidence, acknowledged=acknowledged, by_person=by_person, how=how, package_kg=kg))
 
     def before_release(self, ctx: Context) -> None:
-        """It is about to release the package: weigh what is aboard."""
+        """Weigh the package on board just before its release."""
         found = None if self._scale is None else self._scale.before_release(self.evidence.lost_s)
         if found is not None:
             self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
@@ -136,7 +136,7 @@ class Proof:
             ctx.tell(f"proof of delivery: {verdict}: {reason}")
 
     def restore(self, records: Iterable[Record], package_kg: float) -> None:
-        """Bring back what a journal says."""
+        """Restore the evidence from a journal."""
         for record in records:
             told = record.entry(Proved)
             if told is None:

@@ -1,4 +1,4 @@
-"""A flight in stretches of like airspeed and climb: what the drone drew in each, over what the model says."""
+"""A flight in stretches of similar airspeed and climb: the measured power in each, relative to the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEP = 0.05
 
 
 class Aboard(IntEnum):
-    """What is known of the package in a stretch."""
+    """Knowledge of the package in a stretch."""
 
     PACKAGE = 0
     """It is under the drone, unless it was lost."""
@@ -111,7 +111,7 @@ class Stretches:
             self.closed.append(Stretch(self.flight, self.aboard, begin_s, end_s, len(part), mean, spread))
 
     def borrow(self, mean: Second, seconds: int) -> None:
-        """Take a flight under the package that somebody else has heard, as one stretch."""
+        """Add a flight under the package that another observer recorded, as one stretch."""
         self.flight += 1
         self.closed.append(Stretch(self.flight, Aboard.PACKAGE, mean.time_s, mean.time_s, seconds, mean))
 
@@ -128,7 +128,7 @@ class Stretches:
         ]
 
     def mark(self, which: list[int], aboard: Aboard) -> None:
-        """Say what was known of the package in some of them after all."""
+        """Label some stretches after the fact with what is now known of the package."""
         for k in which:
             self.closed[k] = replace(self.closed[k], aboard=aboard)
 

@@ -1,4 +1,4 @@
-"""Airspeed by the lean, second by second: what a gust changes shows there at once, while the wind that is believed follows it only slowly."""
+"""Airspeed from the lean, second by second: it shows gusts at once, while the wind estimate follows only slowly."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class TiltAirspeed:
     _heard_s: float = 0.0
 
     def hear(self, s: TelemetrySample) -> float | None:
-        """Take a sample; returns the airspeed of a second that it ends, m/s, NaN where it is not known, and None within a second."""
+        """Take a sample; returns the airspeed of a second that it ends, m/s, NaN where it is unknown, and None within a second."""
         if not s.time_s > self._heard_s:
             return None
         over = math.floor(s.time_s / self._maker.period_s) != math.floor(self._heard_s / self._maker.period_s)

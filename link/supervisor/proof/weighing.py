@@ -1,4 +1,4 @@
-"""Weighing in flight: how much of a package is aboard, by the power that the drone draws.
+"""Weighing in flight: how much of a package is on board, from the power of the drone.
 
 Power is compared with that of the same drone under its package, so that its own efficiency cancels: all of the flights so far, in stretches of like airspeed and
 climb (`stretches`), each over what the model of `power_units` says; `balance` tells what the model leaves open. Airspeed is that of the drone's own lean: the wind that
@@ -42,7 +42,7 @@ _CHANGE_SIGMAS, _CHANGE = 3.5, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Weight:
-    """How much of the package is aboard, as a share of it."""
+    """Share of the package on board."""
 
     share: float
     sigma: float
@@ -147,11 +147,11 @@ class Scale:
         self._flown.begin(Aboard.UNKNOWN, taken_off=False)
 
     def may_hang(self) -> None:
-        """From now on nobody knows whether the package still hangs on the drone: nothing is weighed, until it leaves."""
+        """Stop weighing: nobody knows whether the package still hangs on the drone, until it departs."""
         self._flown.begin(Aboard.UNKNOWN, taken_off=False)
 
     def before_release(self, lost_s: float | None = None) -> Weight | None:
-        """Weigh what is aboard by the last seconds of slow descent or hover; None where there were too few, or too little was flown under the package.
+        """Weigh the package on board by the last seconds of slow descent or hover; None after too few, or too little flight under the package.
 
         Where power fell as if it were lost, at `lost_s` or at any moment that shows clearly now, all of the flight since then is weighed against what was before.
         """
@@ -191,7 +191,7 @@ class Scale:
             self._flown.borrow(mean, _BORROWED_S)
 
     def weigh(self) -> Weight | None:
-        """Weigh what is aboard since the release; None where nothing was flown under the package, or too little now."""
+        """Weigh the package on board since the release; None where nothing was flown under the package, or too little now."""
         self._flown.close()
         known = self._of(Aboard.PACKAGE, Aboard.RELEASED)
         return self._compare(known, [one.aboard is Aboard.RELEASED for one in known])

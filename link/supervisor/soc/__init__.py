@@ -1,1 +1,1 @@
-"""The state of charge: what is reported, what the voltage says, what is believed."""
+"""The state of charge: the reported value, the voltage, the estimate."""

@@ -1,4 +1,4 @@
-"""How much energy flights take, learnt from each flight, and what a battery takes for it, learnt at pads."""
+"""Energy of flights, learnt from each flight, and charge of the battery for it, learnt at pads."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class EnergyLearning:
         ctx.note(learnt, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}")
 
     def restore(self, belief: Mapping[str, float], gauge: float) -> None:
-        """Bring back what a journal says."""
+        """Restore the learned energy from a journal."""
         self.gauge = gauge
         told = {_FORMER_NAMES.get(name, name): value for name, value in belief.items()}
         known = replace(self.belief, **{name: told[name] for name in asdict(self.counted) if name in told})

@@ -1,4 +1,4 @@
-"""What a flight should have taken by the model so far, second by second: what the belief about the energy is learnt from."""
+"""Modelled energy of a flight so far, second by second: the reference for learning the energy belief."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ModelledUse:
 
     @classmethod
     def by(cls, reach: Reach) -> ModelledUse:
-        """Return that of a flight which what can be reached is worked out by."""
+        """Return that of a flight which what can be reached is computed by."""
         return cls(reach.soc_per_s, reach.power.soc_fixed(reach.rules.climb_s, reach.rules.descent_s), reach.load)
 
     @property
@@ -41,7 +41,7 @@ class ModelledUse:
         self.soc, self.heard_s = 0.0, time_s
 
     def restore(self, soc: float, time_s: float) -> None:
-        """Bring back what a journal says was used until an instant."""
+        """Restore the modelled use until an instant from a journal."""
         self.soc, self.heard_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:

@@ -1,4 +1,4 @@
-"""The state of charge that a vehicle tells, believed as far as a battery can do what it says.
+"""The state of charge that a vehicle reports, accepted as far as it is physically possible.
 
 Charge goes at the rate at which it is drawn. A report that is far from that line is held, and the line goes on, until the voltage
 has confirmed it: a battery that has lost charge has lost voltage. What the voltage contradicts is not believed, however often it is
@@ -24,7 +24,7 @@ TELLING = 0.008
 CONFIRMED = 0.5
 """Share of the expected fall of the voltage that confirms a loss."""
 FLAT_S, BLIND_S, GROUND_FALL_S, GROUND_RISE_S = 30.0, 130.0, 15.0, 120.0
-"""How long a report must stay: where the voltage cannot tell; where it is not known, longer than wrong values last; on the ground."""
+"""How long a report must stay: where the voltage cannot tell; where it is unknown, longer than wrong values last; on the ground."""
 FALLING_S = 15.0
 """So long after a loss a filter of the vehicle's may still be falling."""
 YOUNG_S = 120.0
@@ -34,7 +34,7 @@ _CELLS = (3, 4, 6, 8, 10, 12, 14)
 
 @dataclass(slots=True)
 class ReportedSoc:
-    """What is believed of one vehicle's reports."""
+    """Accepted part of one vehicle's reports."""
 
     soc: float = math.nan
     """Believed last, at `at_s`; the line begins there."""
@@ -67,7 +67,7 @@ class ReportedSoc:
     def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
         """Take a report with the voltage that the battery has without load; returns charge lost at once, mostly 0.
 
-        The state of charge `told` and the voltage are NaN where they are not known.
+        The state of charge `told` and the voltage are NaN where they are unknown.
         """
         if math.isfinite(open_v):
             self._volts.append((time_s, open_v))
@@ -120,7 +120,7 @@ class ReportedSoc:
             return time_s >= self.held_s + BLIND_S
         used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, told))
         expected, found = used - lost, used - median(now[-2 * HEARD :]) / median(self._before)
-        if expected < TELLING:  # where it was told apart once, that stands though the line has come nearer
+        if expected < TELLING:  # once distinguished, it stays so though the line has come nearer
             return not self.contradicted and time_s >= self.held_s + FLAT_S
         young = time_s < self._met_s + YOUNG_S and _misfit(told, median(now)) < _misfit(line, median(now)) - TELLING
         self.contradicted = found < CONFIRMED * expected and not young

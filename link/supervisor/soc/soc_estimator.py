@@ -1,4 +1,4 @@
-"""How much charge there is: what the vehicle says as far as it is believed, corrected by what pads measured and by its voltage."""
+"""Estimator of the charge: the accepted report of the vehicle, corrected by pad measurements and by the voltage."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class SocEstimator:
         return self._voltage.lost
 
     def doubtful(self, *, affordable: bool = True) -> bool:
-        """Whether nothing but a voltage of the moment says that charge was lost, see `VoltageWatch.doubtful`."""
+        """Whether only a momentary voltage indicates lost charge, see `VoltageWatch.doubtful`."""
         return self._voltage.doubtful(affordable=affordable)
 
     def hear(self, ctx: Context, sample: TelemetrySample) -> None:
-        """Take a state of charge that the vehicle tells."""
+        """Take a state of charge reported by the vehicle."""
         if sample.time_s < self._heard_s + EVERY_S and sample.time_s >= self._heard_s:
             return
         self._heard_s = sample.time_s
@@ -69,12 +69,12 @@ class SocEstimator:
         if told.contradicted and not was_contradicted:
             ctx.say(
                 GaugeNote(),
-                f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: not believed",
+                f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: ignored",
             )
         self.told_soc = told.line(sample.time_s, rate)
         if leg is not None and flies and fell != 0.0:
             leg.lose_told(fell)
-            self._lose(ctx, fell, f"{percent(fell)} of charge were lost at once: report and voltage fell together")
+            self._lose(ctx, fell, f"{percent(fell)} of charge lost at once: report and voltage fell together")
         if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
         self.soc, self.source = max(self.told_soc - self._voltage.lost, 0.0), "the vehicle"
@@ -89,8 +89,8 @@ class SocEstimator:
         if doubted and self._voltage.lost > 0.0 and not self._voltage.doubtful():
             self.lost_s = ctx.now_s
         if flies and fell != 0.0:
-            said = f"the {percent(sample.soc)} that the drone reports are not believed"
-            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge were lost at once; {said}")
+            said = f"the {percent(sample.soc)} that the drone reports are ignored"
+            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge had been lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
         """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
@@ -100,7 +100,7 @@ class SocEstimator:
         if fell > 0.0:
             self.lost_s = ctx.now_s
         else:
-            reason = f"the {percent(-fell)} of charge that seemed lost are there: it was a wrong measurement"
+            reason = f"the {percent(-fell)} of charge that seemed lost are there: the measurement was wrong"
         ctx.say(GaugeNote(fell_soc=fell), reason)
 
     # Flights and pads
@@ -134,12 +134,12 @@ class SocEstimator:
         self._reported.forget()
 
     def restore(self, *, lost_soc: float) -> None:
-        """Bring back what a journal says."""
+        """Restore the estimate from a journal."""
         self._voltage.restore(lost_soc)
 
 
 def _load(ctx: Context, sample: TelemetrySample) -> float:
-    """Power at the airspeed and climb of now, over that of hover: momentum theory, blades as they are."""
+    """Power at the present airspeed and climb, over that of hover: momentum theory, blades as they are."""
     use = None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
     wind = ctx.wind.here(sample)
     airspeed = math.hypot(sample.vel_north_mps - wind[0], sample.vel_east_mps - wind[1])

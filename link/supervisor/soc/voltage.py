@@ -1,4 +1,4 @@
-"""Charge that is lost without being counted: an autopilot that counts what flows out does not see a pack that fails.
+"""Uncounted losses of charge: an autopilot that counts the current does not see a failing pack.
 
 The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
 more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that
@@ -36,7 +36,7 @@ SURE = 16
 DOUBTED_S = 130.0
 """A voltage that stays low for longer is no burst of wrong values."""
 WITNESS_S, AFTER_S = 30.0, 60.0
-"""The power is asked for so long after a fall; later it differs for other reasons."""
+"""The power is requested so long after a fall; later it differs for other reasons."""
 HALF, TOO_MUCH = 0.5, 1.5
 """Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
 SIGMAS = 1.5
@@ -49,7 +49,7 @@ AGAIN, AGAIN_S = 6, 300.0
 """A loss is taken back where so many voltages in a row, so long after it at most, are as before. A fall so long after a rise in flight,
 to no less than before that rise, is none."""
 FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
-"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is not known; and by which share
+"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is unknown; and by which share
 of what charge used and a change of the sag explain these may be wrong."""
 FALLS_ON_S, SURE_NOW, STEADY = 8.0, 8, 0.015
 """Not told earlier after a loss, nor by voltages that differ by more among themselves."""
@@ -84,7 +84,7 @@ class _Heard(NamedTuple):
     watts: float
     """Power."""
     load: float
-    """That of this airspeed and climb over hover, NaN where it is not known."""
+    """That of this airspeed and climb over hover, NaN where it is unknown."""
     sag_v: float
     """What was taken off."""
 
@@ -125,7 +125,7 @@ class _Fall:
             self.mismeasured = self.power_fell(list(self.after))
 
     def power_fell(self, after: list[_Heard]) -> bool:
-        """Whether the power, for its load, clearly fell with the voltage; what cannot be compared says nothing."""
+        """Whether the power, for its load, clearly fell with the voltage; False where it cannot be compared."""
         now = _power(after)
         fell = 1.0 - median(one.volts for one in after) / self.volts
         if now is None or self.before is None or not fell > 0.0:
@@ -138,11 +138,11 @@ class _Fall:
         return share - error > HALF and share < TOO_MUCH
 
     def sound(self, volts: float, told: float) -> float:
-        """Voltage now of a sound battery that had `volts` when this loss was found."""
+        """Present voltage of a sound battery that had `volts` when this loss was found."""
         return volts * open_voltage(told) / open_voltage(self.told)
 
     def falls_on(self, *, blind: bool) -> bool:
-        """Whether the voltage goes on falling as that of a battery that is nearly empty, which an error of measurement does not.
+        """Whether the voltage keeps falling like that of a nearly empty battery, unlike under a measurement error.
 
         A voltage that falls on and takes the measured power with it is an error that grows.
         """
@@ -186,9 +186,9 @@ class VoltageWatch:
     def hear(
         self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
     ) -> float:
-        """Take what the vehicle tells; returns charge found lost just now, usually 0; below 0 where it is there again.
+        """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
 
-        `load` is the power at the airspeed and climb of now over that of hover, NaN where it is not known. `flies` says
+        `load` is the power at the present airspeed and climb over that of hover, NaN where it is unknown. `flies` says
         that it is known to be in the air, whatever the current says.
         """
         if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
@@ -231,7 +231,7 @@ class VoltageWatch:
         return 0.0
 
     def doubtful(self, *, affordable: bool = True) -> bool:
-        """Whether nothing but a voltage of the moment says that charge was lost.
+        """Whether only a momentary voltage indicates lost charge.
 
         A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near
         empty; and one that stays low for longer than any burst of wrong values is believed where there is no time to
@@ -279,7 +279,7 @@ class VoltageWatch:
         return volts >= rise.volts * open_voltage(told) / open_voltage(rise.told) * (1.0 - 0.5 * FALL)
 
     def restore(self, lost: float) -> None:
-        """Bring back what was lost before the program was begun again."""
+        """Restore the losses found before the program restarted."""
         self.lost = lost
 
     def forget(self) -> None:

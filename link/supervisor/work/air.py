@@ -1,4 +1,4 @@
-"""In the air: does the rest of this flight keep the reserve? If not, the work is left earlier, at a place from which it goes on exactly."""
+"""In the air: if the rest of the flight does not keep the reserve, leave the work earlier, at a place from which it continues exactly."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def look(ctx: Context) -> After | None:
     span, then = found
     reason = (
         f"landing at {leg.destination} with {percent(judged.soc_land)} would be below the reserve with probability {probability(judged.p_below, 1)}:"
-        f" the work is left earlier, landing with {percent(then.soc_land)} in {duration(then.left_s)} (probability {probability(then.p_below, 1)})"
+        f" leaving the work earlier, landing with {percent(then.soc_land)} in {duration(then.left_s)} (probability {probability(then.p_below, 1)})"
     )
     figures = {
         "p_below_reserve": judged.p_below, "soc_land": judged.soc_land, "left_s": judged.left_s,
@@ -86,7 +86,7 @@ def _to_refuge(ctx: Context, aloft: Aloft, judged: Judgement) -> After | None:
 
 
 def aloft_end(ctx: Context) -> str:
-    """Where the flight under way lands."""
+    """Landing place of the current flight."""
     return "the end" if ctx.work.flight is None else ctx.work.flight.destination
 
 
@@ -104,7 +104,7 @@ def advance(ctx: Context) -> None:
 
 
 def _item(ctx: Context) -> int | None:
-    """Return the item that is flown to, in our numbering; None while that is not known, or another mission is flown."""
+    """Return the item that is flown to, in our numbering; None while that is unknown, or another mission is flown."""
     flight, s = ctx.work.flight, ctx.observed.sample
     if flight is None or s is None or not math.isfinite(s.mission_item) or ctx.vehicle.mode != "mission":
         return None
@@ -157,7 +157,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
         return None
     flight = planner.flight(ctx.vehicle.family, span, known_now(ctx, by_hour=False))
     ctx.work.intend(span)
-    ctx.note(_turned(span, begun=True), f"the work is to be left on the way to {flight.destination}")
+    ctx.note(_turned(span, begun=True), f"leaving the work on the way to {flight.destination}")
     try:
         outcome = ctx.vehicle.change_in_flight(
             flight.mission.document.mission, item, holds=not ctx.vehicle.family.takes_uploads_whole
@@ -176,12 +176,12 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
         leg, destination=flight.destination, mission=flight.mission, diverts=flight.diverts, lookahead=None
     )
     ctx.delivery.take_leg(changed)
-    ctx.note(_turned(span, begun=False), f"the work is left earlier, landing at {flight.destination}")
+    ctx.note(_turned(span, begun=False), f"leaving the work earlier, landing at {flight.destination}")
     return None
 
 
 def _to_pad(ctx: Context, station: str, why: str) -> After:
-    """What the vehicle holds now is not known: it flies to the pad by a mission of its own, or by reposition."""
+    """What the vehicle holds now is unknown: it flies to the pad by a separate mission, or by reposition."""
     ctx.note(WorkTurned(verified=False), f"the mission could not be changed: {why}")
     ctx.divert.to(station)
     return turn(ctx, station, State.DIVERTING)

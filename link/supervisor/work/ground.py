@@ -28,7 +28,7 @@ LOOK_AGAIN_S = 300.0
 
 
 class PlannedUse(ModelledUse):
-    """Charge that a flight of the work should have taken by the model: by how far it has come, not by how long it has flown."""
+    """Modelled charge of a flight of the work so far: by its progress, not by its time."""
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
         """Take no time: see `reach`."""
@@ -39,9 +39,9 @@ class PlannedUse(ModelledUse):
 
 
 def planner_of(ctx: Context) -> WorkPlanner:
-    """Return who plans the work."""
+    """Return the planner of the work."""
     if ctx.job.work is None:
-        raise Turn(State.STOPPED, "there is no work to be planned")
+        raise Turn(State.STOPPED, "there is no work to plan")
     return ctx.job.work
 
 
@@ -54,19 +54,22 @@ def known_now(ctx: Context, *, by_hour: bool) -> Known:
 def deciding(ctx: Context) -> After:
     """Plan what is left with what is known now; then charge, wait, or prepare the next flight."""
     if ctx.conversation.stays:
-        return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
+        return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     _look(ctx)
     if ctx.work.turned_back >= MAX_TURNED_BACK:
         return (
             State.STOPPED,
-            f"{MAX_TURNED_BACK} flights in a row turned back without any work done: the drone takes more than its model says. Look at it, then --resume",
+            (
+                f"{MAX_TURNED_BACK} flights in a row turned back without any work done: the drone needs more energy than its model says. "
+                "Check the drone, then continue with --resume"
+            ),
         )
     planner = planner_of(ctx)
     plan_with = planner.plan if ctx.job.replanning else planner.as_cut
     try:
         plan = plan_with(ctx.vehicle.family, ctx.work.begin, known_now(ctx, by_hour=True))
     except InputError as error:
-        return State.STOPPED, f"what is left of the work cannot be flown from {ctx.delivery.station}: {error}"
+        return State.STOPPED, f"the remaining work cannot be flown from {ctx.delivery.station}: {error}"
     ctx.delivery.take_plan(plan.composition)
     flight = planner.flight(ctx.vehicle.family, plan.span, known_now(ctx, by_hour=False))
     ctx.work.take(flight)
@@ -81,7 +84,7 @@ def deciding(ctx: Context) -> After:
     if lacks and not has_pad:
         return (
             State.STOPPED,
-            f"{percent(plan.charge_to)} of charge is needed, there is {percent(ctx.battery.soc)}, and {ctx.delivery.station} has no pad",
+            f"{percent(plan.charge_to)} of charge is needed, the battery has {percent(ctx.battery.soc)}, and {ctx.delivery.station} has no pad",
         )
     ctx.note_plan(plan.said)
     if lacks:
@@ -89,13 +92,13 @@ def deciding(ctx: Context) -> After:
     if waits:
         rest(ctx)
         ctx.wait_until(min(plan.leave_s, ctx.now_s + LOOK_AGAIN_S))
-        return State.REPLANNING, "the wait is over: decide again"
+        return State.REPLANNING, "the wait is over: deciding again"
     return State.PREFLIGHT, plan.said
 
 
 def _look(ctx: Context) -> None:
-    """Wait until it is known where it stands and what charge it has; what is not told is asked for again."""
-    unknown, end = "the drone does not report where it stands, or its state of charge", ctx.clock.now_s() + ASK_FOR_S
+    """Wait until it is known where it stands and what charge it has; missing data are requested again."""
+    unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()
         ctx.delivery.stand_at(station)
@@ -112,7 +115,7 @@ def next_flight(ctx: Context) -> tuple[DroneService, WorkFlight]:
     """Return the flight that was decided, as a service and as a mission."""
     plan, flight = ctx.delivery.plan, ctx.work.flight
     if plan is None or not plan.services or flight is None:
-        raise Turn(State.STOPPED, f"no flight of the work leads on from {ctx.delivery.station or 'here'}")
+        raise Turn(State.STOPPED, f"the work has no flight from {ctx.delivery.station or 'here'}")
     return plan.services[0], flight
 
 

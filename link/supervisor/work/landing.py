@@ -21,7 +21,7 @@ WHOLE = 0.9
 
 
 def settle_use(ctx: Context, station: str | None) -> None:
-    """Say what the flight should have taken by the model; one that did not end as planned teaches nothing."""
+    """Compare the flight with its modelled use; one that did not end as planned teaches nothing."""
     leg, flight = ctx.delivery.leg, ctx.work.flight
     if leg is None or flight is None or not isinstance(leg.modelled, PlannedUse):
         return
@@ -32,7 +32,7 @@ def settle_use(ctx: Context, station: str | None) -> None:
 
 
 def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
-    """Take what the flight has done, and go on from the pad where it stands."""
+    """Record the flight's progress, and continue from the pad where the drone stands."""
     work, planner = ctx.work, planner_of(ctx)
     flight = work.flight
     planned = flight is not None and _as_planned(ctx, flight, station, leg)
@@ -48,13 +48,13 @@ def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
         elif pad is None:
             return (
                 State.STOPPED,
-                f"the drone stands at {station}, which has no pad to go on from: bring it to a pad, then start again with --resume",
+                f"the drone stands at {station}, which has no pad: bring it to a pad, then start again with --resume",
             )
         else:
             work.stand(point, pad)
         ctx.note(WorkStands(point=point, pad=station, finished=False), f"the work is done as far as point {point}")
     if ctx.conversation.stays:
-        return State.STOPPED, f"stopped at {station} as asked: the drone stands disarmed; --resume continues the work"
+        return State.STOPPED, f"stopped at {station} as ordered: the drone stands disarmed; --resume continues the work"
     return State.REPLANNING, f"at {station}"
 
 

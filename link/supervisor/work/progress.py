@@ -1,4 +1,4 @@
-"""How far the work is: what is done, the flight under way, and the pad that the next one begins on."""
+"""Progress of the work: what is done, the flight under way, and the pad where the next one begins."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def reached(flight: WorkFlight, item: int, place: tuple[float, float]) -> Done |
     share = _share_flown(items[before], items[item], place)
     begin = last[1] if last[0] == following[0] else 0.0
     if last[0] + 1 < following[0]:
-        return last  # between two places that are no neighbours nothing is known
+        return last  # between two places that are not neighbours nothing is known
     return following[0], min(begin + share * (following[1] - begin), following[1])
 
 

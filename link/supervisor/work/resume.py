@@ -1,4 +1,4 @@
-"""Going on with work: what a journal knows of it, and what the vehicle holds that flies it."""
+"""Resuming work: from its journal, and from the vehicle that flies it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
 
 
 def turning(ctx: Context) -> After | None:
-    """Finish a change of the mission that was begun before the program ended; None where there was none."""
+    """Finish a change of the mission that was started before the program ended; None where there was none."""
     span, s = ctx.work.intended, ctx.observed.sample
     if span is None or ctx.work.flight is None or s is None or not s.mission_item >= 0.0:
         return None
@@ -92,5 +92,5 @@ def turning(ctx: Context) -> After | None:
     item = int(s.mission_item) - ctx.vehicle.family.home_items
     return leave_at(ctx, span, max(item, 0)) or (
         State.FLYING,
-        f"on its way to {ctx.work.flight.destination}: the change of its mission was begun again",
+        f"on its way to {ctx.work.flight.destination}: changing its mission again",
     )

@@ -1,4 +1,4 @@
-"""A mission that is flown battery by battery, as the supervisor is given it, and what it asks of whoever plans that.
+"""A mission flown battery by battery: the supervisor's view of it, and its requirements on the planner.
 
 `skyway.recharge` plans; here is what is said between the two. Points of the work and pads are numbers, as in `missions.recharge`.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What is known when something is decided."""
+    """Information at a decision."""
 
     time_s: float
     """POSIX seconds."""
@@ -48,7 +48,7 @@ class Aloft(Known):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """What the rest of a flight comes to."""
+    """Expected end of the rest of a flight."""
 
     left_s: float
     left_soc: float
@@ -81,7 +81,7 @@ class WorkFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkPlan:
-    """What is left, planned."""
+    """Plan of the remaining work."""
 
     span: Span
     """The next flight."""
@@ -96,7 +96,7 @@ class WorkPlan:
 
 
 class WorkPlanner(Protocol):
-    """Whoever plans the work; where nothing leads on, an `InputError` says why."""
+    """Planner of the work; an `InputError` says why no flight is possible."""
 
     @property
     def epsilon(self) -> float:
@@ -109,7 +109,7 @@ class WorkPlanner(Protocol):
         ...
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Plan what is left: from the start, or from a point of the work and the pad where the drone stands."""
+        """Plan the remaining work: from the start, or from a point of the work and the pad where the drone stands."""
         ...
 
     def as_cut(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
@@ -121,7 +121,7 @@ class WorkPlanner(Protocol):
         ...
 
     def judge(self, family: Family, aloft: Aloft) -> Judgement:
-        """Say what the rest of the flight under way comes to."""
+        """Predict the rest of the current flight."""
         ...
 
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
@@ -129,7 +129,7 @@ class WorkPlanner(Protocol):
         ...
 
     def refuge(self, aloft: Aloft) -> tuple[str, Judgement] | None:
-        """Return the pad that takes least to fly to from here, and what that comes to; None where none may be flown to."""
+        """Return the pad that takes least charge to reach from here, and its prediction; None where no pad may be flown to."""
         ...
 
     def pad_of(self, station: str | None) -> int | None:
@@ -137,7 +137,7 @@ class WorkPlanner(Protocol):
         ...
 
     def point_at(self, done: Done | None) -> int:
-        """Return the last point at which the work may be left and gone on with that is done."""
+        """Return the last point at which the work may be left and continued with that is done."""
         ...
 
     def is_done(self, span: Span, done: Done | None) -> bool:

@@ -1,4 +1,4 @@
-"""Where ArduPilot keeps calibrations: compasses, accelerometers and gyros (``AP_Compass.cpp``, ``AP_InertialSensor.cpp``, 4.3 to 4.8)."""
+"""ArduPilot's parameters of calibrations: compasses, accelerometers and gyros (``AP_Compass.cpp``, ``AP_InertialSensor.cpp``, 4.3 to 4.8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ArduPilot: missions as Copter 4.6 accepts them, and how its vehicles differ from others.
+"""ArduPilot: missions as Copter 4.6 accepts them, and its differences from others.
 
 What is here was seen in flight (software in the loop), or read in ``AP_Mission.cpp``.
 """
@@ -169,7 +169,7 @@ class ArduPilot(Family):
         for number, item in enumerate(items):
             yield from _refusals(number, item)
         if len(items) > MAX_ITEMS:
-            message = f"{len(items)} items: the usual storage holds about {MAX_ITEMS}"
+            message = f"{len(items)} items: the usual storage has space for about {MAX_ITEMS}"
             yield Finding("warning", None, "ardupilot-many-items", message, "split the mission")
         yield from _after_landing(document.mission)
         inclusions = sum(area.inclusion for area in document.fence.areas)
@@ -192,10 +192,10 @@ class ArduPilot(Family):
             of["descent-rate"].need("equal", needs.descent_rate_mps, "planned descent rate"),
             of["return-height"].need("at-least", needs.return_height_m, "a return must clear the ground"),
             of["failsafe-options"].need(
-                "bits", 1 + 2 + 8, "AUTO and landings go on when RC or ground station are lost"
+                "bits", 1 + 2 + 8, "AUTO and landings continue when RC or ground station are lost"
             ),
             of["ground-station"].need("read", None, "only this system's heartbeats count as the ground station"),
-            of["low-battery-action"].need("read", None, "what the vehicle does by itself at low battery"),
+            of["low-battery-action"].need("read", None, "what the vehicle does at low battery"),
             of["low-battery"].need("read", None, "when it does so; must lie below the planned reserve"),
         ]
         if needs.fenced:

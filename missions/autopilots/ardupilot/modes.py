@@ -1,4 +1,4 @@
-"""ArduPilot's flight modes: one number, which each of its firmwares counts in its own way; live ones are Copter's."""
+"""ArduPilot's flight modes: one number, with a different meaning in each of its firmwares; live ones are Copter's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where PX4 keeps calibrations: of each kind of sensor by the id of the sensor, 0 in a place that is empty (``sensor_calibration``)."""
+"""PX4's parameters of calibrations: for each kind of sensor by the id of the sensor, 0 in an empty slot (``sensor_calibration``)."""
 
 from __future__ import annotations
 

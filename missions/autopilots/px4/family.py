@@ -1,4 +1,4 @@
-"""PX4: missions as multirotors under PX4 1.16 and 1.17 accept them, and what its vehicles say of them.
+"""PX4: missions as multirotors under PX4 1.16 and 1.17 accept them, and the reports of its vehicles.
 
 What is here was seen in flight (software in the loop), or read in ``mavlink_mission.cpp`` and
 ``FeasibilityChecker.cpp``.
@@ -159,7 +159,7 @@ class Px4(Family):
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
         """Return the parameters that PX4 needs for such a mission, as each version has them."""
         of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
-        without_exceptions = of["data-link-action"].need("equal", 0, "a mission goes on when the data link is lost")
+        without_exceptions = of["data-link-action"].need("equal", 0, "a mission continues when the data link is lost")
         found = [
             of["speed-limit"].need("at-least", speed, "clips every planned ground speed (12 m/s by default)"),
             of["mission-speed"].need("equal", speed, "the speed missions are flown at without a speed item"),
@@ -167,10 +167,10 @@ class Px4(Family):
             of["descent-rate"].need("equal", needs.descent_rate_mps, "planned descent rate"),
             of["return-height"].need("at-least", needs.return_height_m, "a return must clear the ground"),
             of["data-link-exceptions"].need(
-                "bits", 1, "a mission goes on when the data link is lost", without_exceptions
+                "bits", 1, "a mission continues when the data link is lost", without_exceptions
             ),
-            of["remote-control-exceptions"].need("bits", 1, "a mission goes on when the remote control is lost"),
-            of["low-battery-action"].need("read", None, "what the vehicle does by itself at low battery"),
+            of["remote-control-exceptions"].need("bits", 1, "a mission continues when the remote control is lost"),
+            of["low-battery-action"].need("read", None, "what the vehicle does at low battery"),
             of["critical-battery"].need("read", None, "when it does so; must lie below the planned reserve"),
             of["data-link-action"].need("read", None, "what it does without a data link outside missions"),
         ]

@@ -1,1 +1,1 @@
-"""Readers of weather files, one for each form."""
+"""Readers of weather files, one for each format."""

@@ -64,7 +64,7 @@ def read_bulletin(text: str, file: str, near_s: float, stations: Mapping[str, tu
 
 
 def unwrapped(value: Any, near_s: float) -> tuple[str, float, dict[str, tuple[float, float]]] | None:
-    """Return the bulletin in decoded JSON, the time it is near to, and the places it tells; None where there is none."""
+    """Return the bulletin in decoded JSON, a time near its own, and its places; None where there is none."""
     entries = value if isinstance(value, list) else [value]
     texts, places = [], {}
     for one in entries:

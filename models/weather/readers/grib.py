@@ -227,17 +227,17 @@ class _Reader:
         ):
             height = USUAL_HEIGHT_M
             if quantity != GUST:
-                note = "its wind at the surface is taken to be the usual one, 10 m above ground"
+                note = "assuming that its surface wind is at 10 m above ground"
         elif quantity in ("rain", "visibility", "pressure"):
             height = SURFACE_M
         if self._get(handle, "derivedForecast") is not None or self._get(handle, "percentileValue") is not None:
             quantity, note = (
                 None,
-                "means, spreads and quantiles of an ensemble are left out: none is a course of the wind",
+                "means, spreads and quantiles of an ensemble are ignored: none is a time series of the wind",
             )
         step = str(self._get(handle, "stepType") or "instant")
         if quantity not in (None, GUST, "rain") and step not in ("instant", "diff"):
-            quantity, note = None, f"{name} over an interval ({step}) is left out"
+            quantity, note = None, f"{name} over an interval ({step}) is ignored"
         told = name if quantity else f"{name} at {level_kind} {level:g}"
         relative = quantity in (NORTH, EAST) and self._along_grid(handle)
         analysis = str(self._get(handle, "dataType")) == "an"
@@ -245,7 +245,7 @@ class _Reader:
         if relative and grid.angle_deg is None:
             quantity, note = (
                 None,
-                f"its winds are along a grid ({grid.places.kind}) whose direction is not known, and left out",
+                f"its winds are along a grid ({grid.places.kind}) of unknown direction, and ignored",
             )
         return _Kind(quantity, height, told, self._model(handle), grid, relative, analysis, note)
 
@@ -276,7 +276,7 @@ class _Reader:
             places, chosen = self.triangles.cut(ec, handle, self.box, self.file)
             return _Grid(key, places, chosen, np.zeros(len(chosen)))
         if kind not in TURNED_GRIDS + STRAIGHT_GRIDS:
-            remedy = "hand over the file on a latitude-longitude, Gaussian, Lambert or polar stereographic grid"
+            remedy = "give the file on a latitude-longitude, Gaussian, Lambert or polar stereographic grid"
             raise InputError(
                 f"{where}: the places of a grid of this kind are not in the file", self.file, value=kind, remedy=remedy
             )
@@ -335,7 +335,7 @@ def _quiet() -> Iterator[None]:
 
 
 def loaded_eccodes() -> Any:
-    """Return ecCodes, loaded after pyproj: each brings a PROJ of its own, and in the other order the process crashes at its end."""
+    """Return ecCodes, loaded after pyproj: each brings its own PROJ, and in the other order the process crashes at its end."""
     import pyproj  # noqa: F401
     import eccodes  # isort: skip
 
@@ -350,7 +350,7 @@ def _unpacked(octets: bytes) -> NDArray[np.float64] | None:
         return None
     try:
         return np.asarray(gribberish.parse_grib_array(octets, 0), dtype=np.float64).ravel()
-    except BaseException as error:  # a Rust panic is no Exception
+    except BaseException as error:  # a Rust panic is not an Exception
         if isinstance(error, KeyboardInterrupt | SystemExit):
             raise
         return None

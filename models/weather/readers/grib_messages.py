@@ -53,7 +53,7 @@ class Message:
 
 
 def messages(data: bytes, file: str) -> Iterator[Message]:
-    """Yield the messages of a file, one for each field; an `InputError` says which one is cut off or damaged."""
+    """Yield the messages of a file, one for each field. Raises an `InputError` naming one that is cut off or damaged."""
     begin, number = data.find(b"GRIB"), 0
     if begin < 0:
         raise InputError("has no GRIB message", file)
@@ -89,7 +89,7 @@ def _cut(where: str, file: str, missing: int = 0) -> InputError:
 
 
 def _length_1(data: bytes, begin: int) -> int:
-    """Length of a message of edition 1; a large one is told in units of 120 octets (ECMWF)."""
+    """Length of a message of edition 1; a large one is given in units of 120 octets (ECMWF)."""
     length = int.from_bytes(data[begin + 4 : begin + 7], "big")
     if not length & 0x800000 or data[begin + length - 4 : begin + length] == b"7777":
         return length

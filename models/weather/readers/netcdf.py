@@ -64,7 +64,7 @@ MEMBER_NAMES = ("number", "member", "members", "realization", "ensemble", "ensem
 
 
 def read_netcdf(data: bytes, file: str, box: Box | None = None) -> list[Weather]:
-    """Read the weather in a NetCDF file, cut to a region; an `InputError` says what does not follow the conventions."""
+    """Read the weather in a NetCDF file, cut to a region. Raises an `InputError` with departures from the conventions."""
     variables = opened(data, file)
     try:
         found = _Reader(variables, file, box).read()
@@ -118,7 +118,7 @@ class _Reader:
     def _part(self, one: Variable, quantity: str) -> Weather | None:
         axes = {self._axis(name): number for number, name in enumerate(one.dimensions)}
         if None in axes or len(axes) < len(one.dimensions):
-            self.notes.append(f"{one.name} is left out: its dimensions {', '.join(one.dimensions)} are not all known")
+            self.notes.append(f"{one.name} is ignored: its dimensions {', '.join(one.dimensions)} are not all known")
             return None
         shape = [int(size) for size in one.source.shape]
         if np.prod([float(size) for size in shape]) > MAX_CELLS:
@@ -243,7 +243,7 @@ class _Reader:
                 or level.text("standard_name") in ("air_pressure", "depth", "altitude")
                 or level.text("units") not in ("m", "meter", "meters", "metres", "metre")
             ):
-                self.notes.append(f"{one.name} is left out: its levels are not heights above ground, m")
+                self.notes.append(f"{one.name} is ignored: its levels are not heights above ground, m")
                 return None
             return [float(value) for value in np.atleast_1d(level.values())]
         if quantity in ("rain", "visibility", "pressure"):
@@ -260,7 +260,7 @@ class _Reader:
             return [float(next(group for group in told.groups() if group))]
         if quantity in (NORTH, EAST, SPEED, FROM):
             self.notes.append(
-                f"{one.name} is taken to be {USUAL_HEIGHT_M:g} m above ground: the file does not say how high it is"
+                f"{one.name} is assumed to be {USUAL_HEIGHT_M:g} m above ground: the file does not state its height"
             )
         return [USUAL_HEIGHT_M]
 
@@ -318,7 +318,7 @@ class _Reader:
             mapping = self.variables.get(one.text("grid_mapping").split(":")[0])
             angle = None if mapping is None else _angle(mapping, part.places)
             if angle is None:
-                problem = "is a wind along the axes of a grid, whose direction the file does not tell"
+                problem = "is a wind along the axes of a grid of unknown direction"
                 raise InputError(
                     problem,
                     self.file,

@@ -80,7 +80,7 @@ class Variable:
 
 
 def opened(data: bytes, file: str) -> dict[str, Variable]:
-    """Open a file and return its variables; an `InputError` says that it is damaged."""
+    """Open a file and return its variables. Raises an `InputError` if it is damaged."""
     try:
         if data[:3] == b"CDF":
             from scipy.io import netcdf_file

@@ -1,4 +1,4 @@
-"""Answers of Open-Meteo (JSON): one place or several, one model or several, one course or members of an ensemble.
+"""Answers of Open-Meteo (JSON): one place or several, one model or several, single series or ensembles.
 
 Units are those of `hourly_units`; a name ends in its height, ``_memberNN`` (the one without is the control) and, where several models were
 asked for, the model. Times without an offset are local by `utc_offset_seconds`: the clock does not change within an answer.
@@ -60,7 +60,7 @@ class Answer(msgspec.Struct):
 
 
 class Refused(msgspec.Struct):
-    """What the service answers to a question that it does not understand."""
+    """Answer of the service to a request that it does not understand."""
 
     error: bool
     reason: str = ""
@@ -79,7 +79,9 @@ def read_open_meteo(text: str, file: str) -> list[Weather]:
     try:
         if "reason" in text[:2000] and '"hourly"' not in text:
             refused = msgspec.json.decode(text, type=Refused)
-            raise InputError(f"is no forecast: the service refused ({refused.reason})", file, remedy="ask again")
+            raise InputError(
+                f"is not a forecast: the service refused ({refused.reason})", file, remedy="request it again"
+            )
         answers = msgspec.json.decode(text, type=list[Answer] | Answer)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"is not an answer of Open-Meteo: {error}", file) from error
@@ -167,7 +169,7 @@ def _numbers(
     try:
         numbers = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError("has a value that is no number", file, field=where) from None
+        raise InputError("has a value that is not a number", file, field=where) from None
     if np.isnan(numbers).all():
         return numbers  # the service gives no unit to a member without a value
     known = UNITS_OF[key.quantity]
@@ -199,7 +201,7 @@ def _weather(parts: Sequence[tuple[Answer, _Block]], file: str) -> Weather:
                 fields.setdefault(key, np.full(shape, np.nan))[kept.index(member), rows, number] = values
     notes = []
     if empty:
-        notes.append(f"members without a value are left out: {', '.join(name or 'control' for name in empty)}")
+        notes.append(f"members without a value are ignored: {', '.join(name or 'control' for name in empty)}")
     fields = with_components(fields, file)
     lat, lon = np.array([one.latitude for one, _ in parts]), np.array([one.longitude for one, _ in parts])
     model = parts[0][1].model or "Open-Meteo best match"

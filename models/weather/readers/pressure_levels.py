@@ -1,7 +1,7 @@
-"""Winds at pressure levels, as winds at heights above ground, where a forecast has none near the ground.
+"""Winds at pressure levels, as winds at heights above ground, for forecasts without winds near the ground.
 
 The height of a level is the geopotential height in the file less the orography in it, averaged over region, members and times; without the first that of the
-standard atmosphere, without the second above sea level. What was taken is told.
+standard atmosphere, without the second above sea level. The choice is reported.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def level_key_m(hpa: float) -> float:
 
 
 def at_heights(fields: Fields) -> tuple[Fields, list[str], list[str]]:
-    """Return fields at heights above ground alone, the names of what is left out, and notes."""
+    """Return fields at heights above ground alone, the names of what is omitted, and notes."""
     levels = sorted({-key.height_m for key in fields if key.height_m < 0.0}, reverse=True)
     ground = _ground_m(fields)
     found = {

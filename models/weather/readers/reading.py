@@ -1,4 +1,4 @@
-"""Weather files of any form, several together."""
+"""Weather files of any format, several together."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def read_weather(
     Raises
     ------
     InputError
-        A file cannot be read, or its form is not known; it says which, and where.
+        A file cannot be read, or its form is unknown; it says which, and where.
     """
     near = time.time() if near_s is None else near_s
     known = dict(stations or {})
@@ -86,7 +86,7 @@ class _Grib:
             self._waiting.append((data, file))
 
     def finished(self) -> list[Record]:
-        """Return the fields of all; an `InputError` names a file whose places nobody told."""
+        """Return the fields of all. Raises an `InputError` naming a file without places."""
         from skyway.models.weather.readers.grib import read_grib
 
         for data, file in self._waiting:
@@ -107,7 +107,7 @@ def _read(
     if data[:3] == b"BZh":
         data = _unzipped(data, file)
     if not data.strip():
-        raise InputError("is empty", file, remedy=f"hand over {FORMS}")
+        raise InputError("is empty", file, remedy=f"give {FORMS}")
     if data[:3] == b"CDF" or data[:8] == b"\x89HDF\r\n\x1a\n":
         from skyway.models.weather.readers.netcdf import read_netcdf
 
@@ -116,12 +116,12 @@ def _read(
         grib.read(data, file)
         return []
     if len(data) > MAX_TEXT or b"\0" in data[:4096]:
-        raise InputError("is of no form that is read here", file, remedy=f"hand over {FORMS}")
+        raise InputError("is of no form that is read here", file, remedy=f"give {FORMS}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"is neither text in UTF-8 (byte {error.start}) nor GRIB or NetCDF", file, remedy=f"hand over {FORMS}"
+            f"is neither text in UTF-8 (byte {error.start}) nor GRIB or NetCDF", file, remedy=f"give {FORMS}"
         ) from error
     return _from_text(path, text, near_s, stations, height_m)
 
@@ -139,7 +139,7 @@ def _from_text(
             return read_open_meteo(text, file)
         bulletin = unwrapped(value, near_s)
         if bulletin is None or not is_bulletin(bulletin[0]):
-            raise InputError("is JSON, but no weather that is read here", file, remedy=f"hand over {FORMS}")
+            raise InputError("is JSON, but no weather that is read here", file, remedy=f"give {FORMS}")
         return read_bulletin(bulletin[0], file, bulletin[1], {**bulletin[2], **stations})
     head = next((line for line in text.splitlines() if line.strip()), "")
     if "speed_mps" in head and "member" in head:
@@ -147,7 +147,7 @@ def _from_text(
     if is_bulletin(text) and "," not in head:
         return read_bulletin(text, file, near_s, stations)
     shown = head.strip()[:60]
-    raise InputError("is of no form that is read here", file, 1, value=shown, remedy=f"hand over {FORMS}")
+    raise InputError("is of no form that is read here", file, 1, value=shown, remedy=f"give {FORMS}")
 
 
 def _table(path: Path, stations: Mapping[str, tuple[float, float]], height_m: float) -> Weather:

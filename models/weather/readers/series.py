@@ -1,4 +1,4 @@
-"""Fields of a file, one by one, put together to series."""
+"""Fields of a file, one by one, combined to series."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def assembled(records: Sequence[Record], form: str) -> list[Weather]:
         analysed = (one.model, one.grid) in at_once
         groups.setdefault((one.model, one.grid, math.nan if analysed else one.issued_s), []).append(one)
     merged: dict[tuple[str, str, str], list[Record]] = {}
-    for (model, grid, issued_s), group in groups.items():  # NaN is no key
+    for (model, grid, issued_s), group in groups.items():  # NaN is not a key
         merged.setdefault((model, grid, str(issued_s)), []).extend(group)
     return [
         _series(
@@ -84,7 +84,7 @@ def _series(records: Sequence[Record], form: str, issued_s: float, *, analysed: 
     shape = (len(members), len(times), len(places))
     keys = {FieldKey(one.quantity or "", one.height_m) for one in used}
     if math.prod(shape) * max(len(keys), 1) > MAX_CELLS:
-        problem = f"holds {shape[0]} members, {shape[1]} times and {shape[2]:,} points: too much at once"
+        problem = f"holds {shape[0]} members, {shape[1]} times and {shape[2]:,} points: too large"
         raise InputError(problem, file, remedy="name the region (--scenario), or cut the file to it")
     fields = {key: np.full(shape, np.nan) for key in sorted(keys)}
     angles: dict[FieldKey, NDArray[np.float64]] = {}
@@ -127,4 +127,4 @@ def _turn(fields: dict[FieldKey, NDArray[np.float64]], angles: dict[FieldKey, ND
     }
     if alone:
         problem = "has only one component of the wind, along a grid that is turned"
-        raise InputError(problem, file, remedy="hand over u and v in one file")
+        raise InputError(problem, file, remedy="give u and v in one file")

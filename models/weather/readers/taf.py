@@ -31,7 +31,7 @@ STATUTE_MILE_M = 1609.344
 MAX_HOURS = 48.0
 NAMED = ("TAF ", "TAF AMD ", "TAF COR ")
 NOTHING = ("NIL", "CNL")
-"""A report that was left out; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
+"""A report that was omitted; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class _Wind:
 
 
 def is_taf(text: str) -> bool:
-    """Whether a text holds a TAF, one that says nothing (NIL) included."""
+    """Whether a text contains a TAF, even an empty one (NIL)."""
     flat = _flat(text)
     return any(match[5] or flat[: match.start()].endswith(NAMED) for match in HEAD.finditer(flat))
 
@@ -71,8 +71,8 @@ def read_taf(text: str, file: str, near_s: float, stations: Mapping[str, tuple[f
         else:
             found.append(_series(one, body, file, near_s, stations))
     if not found:
-        problem = "holds no TAF in force: NIL and CNL say that there is none" if empty else "has no TAF with a period"
-        remedy = "hand over the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
+        problem = "has no TAF in force, only NIL or CNL" if empty else "has no TAF with a period"
+        remedy = "give the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
         raise InputError(problem, file, value="; ".join(empty) or None, remedy=remedy)
     newest: dict[str, Weather] = {}
     for weather in found:  # an amendment replaces what was issued before

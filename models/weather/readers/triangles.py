@@ -1,4 +1,4 @@
-"""Grids whose places are in fields of their own: ICON's triangles, by the latitudes and longitudes that come with them (CLAT, CLON).
+"""Grids with positions in separate fields: ICON's triangles, by the latitudes and longitudes of CLAT and CLON.
 
 Source: DWD, "ICON Database Reference Manual" (2023), section 5: the time-invariant fields, discipline 0, category 191, numbers 1 and 2, degrees.
 """
@@ -24,7 +24,7 @@ MARGIN_DEG = 0.5
 
 
 class UnknownPlacesError(InputError):
-    """The fields that tell the places of a grid have not been read."""
+    """The fields with the positions of a grid have not been read."""
 
 
 class TriangleGrids:
@@ -34,7 +34,7 @@ class TriangleGrids:
         self._told: dict[str, dict[str, NDArray[np.float64]]] = {}
 
     def take(self, ec: Any, handle: int) -> bool:
-        """Take a field that tells places; whether it is one."""
+        """Take a field with places; returns whether it is one."""
         names = ("discipline", "parameterCategory", "parameterNumber")
         discipline, category, number = (int(ec.codes_get(handle, name)) for name in names)
         axis = COORDINATES.get((discipline, category, number))
@@ -46,16 +46,16 @@ class TriangleGrids:
         return True
 
     def cut(self, ec: Any, handle: int, box: Box | None, file: str) -> tuple[Places, NDArray[np.int64]]:
-        """Return the places of a grid in a region, and which of its points they are; an `UnknownPlacesError` says that they are not known."""
+        """Return the places of a grid in a region, and which of its points they are. Raises an `UnknownPlacesError` if they are unknown."""
         told = self._told.get(_identity(ec, handle), {})
         points = int(ec.codes_get(handle, "numberOfDataPoints"))
         if len(told) < len(COORDINATES) or any(len(values) != points for values in told.values()):
             problem = f"is on triangles ({points:,} points), whose places are in other files"
-            remedy = "hand over the files CLAT and CLON of this grid with it (time-invariant, from the same service), or the fields on a latitude-longitude grid"
+            remedy = "add the files CLAT and CLON of this grid with it (time-invariant, from the same service), or the fields on a latitude-longitude grid"
             raise UnknownPlacesError(problem, file, remedy=remedy)
         lat, lon = told["lat"], np.mod(told["lon"] + 180.0, 360.0) - 180.0
         if not (np.abs(lat) <= 90.0 + 1e-6).all():
-            raise InputError("its file of latitudes holds impossible ones", file)
+            raise InputError("its file of latitudes has impossible values", file)
         chosen = np.arange(points) if box is None else np.flatnonzero(box.wider(MARGIN_DEG).holds(lat, lon))
         here = lat[chosen], lon[chosen]
         return Places(*here, f"triangles, {points:,} points", _apart_m(*here)), chosen

@@ -1,6 +1,6 @@
 """Winds measured by drones all over a region, assimilated into a forecast: an ensemble Kalman filter.
 
-How the error of a forecast at one place and hour goes with that at others is told by its members: what they have in common is what one measurement tells of the
+How the error of a forecast at one place and hour correlates with that at others follows from its members: their covariance is what one measurement reveals of the
 rest. So winds of a season's days go together over the whole region, and the courses of a weather service as far and as long as the errors that were learnt of it. Each member is
 moved by its own distance from what was measured, and that is drawn again for each within its error, so that members keep as much spread as is left to know.
 

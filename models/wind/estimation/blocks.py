@@ -69,7 +69,7 @@ class Blocks:
 
     @property
     def turn_rad_s(self) -> NDArray[np.float64]:
-        """How fast the course over the ground turns, clockwise, shape (n,); NaN where the acceleration is not known."""
+        """Turn rate of the course over the ground, clockwise, shape (n,); NaN where the acceleration is unknown."""
         (north, east), change = self.velocity.T, self.acceleration
         return np.asarray((north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0))
 
@@ -90,7 +90,7 @@ def _NONE() -> Blocks:  # noqa: N802  an empty value, not a verb
 
 
 def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
-    """Whether the vehicle is in the air, shape (samples,): what it says, else its height and speed."""
+    """Whether the vehicle is in the air, shape (samples,): as it reports, else by height and speed."""
     high = track["height_m"] > MIN_HEIGHT_M
     known = np.isfinite(track["height_m"])
     fast = np.hypot(track["vel_north_mps"], track["vel_east_mps"]) > 2.0
@@ -279,7 +279,7 @@ def _accelerations(
 
 
 def course_spread_deg(velocity: NDArray[np.float64]) -> float:
-    """How far the courses flown above `MIN_SPEED_MPS` lie apart, 0 to 180 degrees, ignoring the outermost 5 %."""
+    """Spread of the courses flown above `MIN_SPEED_MPS`, 0 to 180 degrees, ignoring the outermost 5 %."""
     fast = np.hypot(*velocity.T) > MIN_SPEED_MPS
     if fast.sum() < 5:
         return 0.0

@@ -45,10 +45,10 @@ class WindObservation:
     variance: float
     """Of one component, m2/s2."""
     height_m: float = math.nan
-    """Above ground, where it was measured; NaN where that is not known."""
+    """Above ground, where it was measured; NaN where that is unknown."""
 
     def at_height(self, height_m: float, profile_exponent: float) -> WindObservation:
-        """Return what this means at another height, by the power law; the same where its own is not known."""
+        """Return what this means at another height, by the power law; the same where its own is unknown."""
         if math.isnan(self.height_m):
             return self
         factor = height_factor(height_m, max(self.height_m, MIN_PROFILE_M), profile_exponent)

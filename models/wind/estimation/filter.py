@@ -51,7 +51,7 @@ class WindFilterSettings(Parameters):
     )  # fmt: skip
     gust_tau_s: float = parameter(
         12.0,
-        "time constant of gusts as a drone meets them: their length, some 200 m, over its airspeed",
+        "time constant of gusts at a moving drone: their length, some 200 m, over its airspeed",
         1e-3,
         1e6,
         unit="s",
@@ -62,14 +62,13 @@ class WindFilterSettings(Parameters):
         0,
         10,
     )
-    gust_floor_mps: float = parameter(0.15, "the same at least", 0, 100, unit="m/s")
+    gust_floor_mps: float = parameter(0.15, "minimum of the same", 0, 100, unit="m/s")
     gate: float = parameter(
         GATE_99, "a measurement whose normalised innovation squared is above this is not used", 1e-3, 1e6,
         measured="99 % quantile of chi-squared with 2 degrees of freedom",
     )  # fmt: skip
     patience_s: float = parameter(
-        3.0, "rejected for so long, and `patience_count` times in a row, measurements are right and the filter is wrong: "
-        "its covariance is widened", 0, 1e6, unit="s",
+        3.0, "when measurements are rejected for this time, and `patience_count` times in a row, the filter widens its covariance", 0, 1e6, unit="s",
     )  # fmt: skip
     patience_count: int = parameter(5, "see `patience_s`", 1, 10**6)
 
@@ -99,7 +98,7 @@ class WindEstimate:
 
     @property
     def from_deg(self) -> float:
-        """Where it blows FROM, [0, 360)."""
+        """Direction FROM which it blows, [0, 360)."""
         return float(speed_from(self.north_mps, self.east_mps)[1])
 
     @property
@@ -147,7 +146,7 @@ class WindFilter:
         self._filter.H = WIND
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
-        """Advance the time, under the forecast for that time where it is given; time that goes backwards stands still."""
+        """Advance the time, under the forecast for that time where it is given; ignores time that runs backwards."""
         self.advance(time_s, forecast)
         return self.estimate
 
@@ -176,7 +175,7 @@ class WindFilter:
     ) -> bool:
         """Take a measurement for the present time; returns whether it was used.
 
-        The wind is (north, east) TOWARDS, m/s; not finite is no measurement. `noise` is the covariance of what is new
+        The wind is (north, east) TOWARDS, m/s; a value that is not finite is ignored. `noise` is the covariance of what is new
         in it, m2/s2, shape (2, 2) or scalar. It depends on the systematic errors as that row of `depends` says; by
         default it does not.
         """

@@ -7,7 +7,7 @@ interpolated from them, so an observation there tells of the residuals of the si
 updated forecast says at its place what was measured, however far the sites are. Observations are averages over slots: at
 10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
 
-Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is told apart from the residuals of the
+Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is estimated separately from the residuals of the
 sites by its covariance, and what is expected of it where a drone is now can be made a site of its own.
 """
 
@@ -64,7 +64,7 @@ class SlotAverages:
         self._ended_s: dict[int, float] = {}
 
     def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
-        """Take an estimate that something was measured for; without a place it is left out."""
+        """Take an estimate based on a measurement; without a place it is ignored."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
             return
         slot = math.floor(now.time_s / MEASURED_S)
@@ -180,7 +180,7 @@ class _Local(NamedTuple):
         field: FieldError,
         told: NDArray[np.float64],
     ) -> _Local | None:
-        """Return those of observations in a wind as strong as what they tell on average; None where there is no error."""
+        """Return the error of observations in a wind as strong as their average; None where there is no error."""
         if not field.variance > 0.0:
             return None
         lat, lon = np.append(where[1], here[0] if here else []), np.append(where[2], here[1] if here else [])

@@ -14,7 +14,7 @@ CALM_COUNT, CALM_MEAN = 20, 3.0
 
 
 class ConsistencyMonitor:
-    """Watches the normalised innovations squared, also of what the gate rejects: without these they would be too small.
+    """Monitor of the normalised innovations squared, before the gate; after it they would be too small.
 
     A rejected one counts as the gate (`WindFilter`). So two seconds of a manoeuvre do not outweigh two minutes of good
     measurements, and measurements that are rejected again and again still show that the filter is wrong. `window`
@@ -53,7 +53,7 @@ class ConsistencyMonitor:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Where the mean lies in 95 of 100 windows of a filter that is right."""
+        """Range of the mean in 95 of 100 windows of a correct filter."""
         return chi2_band(len(self._values) / self.correlation)
 
     @property

@@ -69,7 +69,7 @@ DRAG_WINDOW = 300
 def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -> Forecast:
     """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude, height): (north, east), m/s.
 
-    Where a place is not known (NaN), the first site stands for it. The power law with `profile_exponent` carries the
+    Where a place is unknown (NaN), the first site stands for it. The power law with `profile_exponent` carries the
     wind to the vehicle's height above the take-off site, never below `MIN_PROFILE_M`; by default the forecast is taken
     to be for the height that is flown.
     """
@@ -92,7 +92,7 @@ def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -
 
 
 def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
-    """Return filter settings whose wind deviates from the forecast as the members do, by at least 1 m/s."""
+    """Return filter settings whose wind deviates from the forecast as the members do, by 1 m/s or more."""
     weight = ensemble.probability[:, None, None]
     spread = sum(
         float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())
@@ -104,7 +104,7 @@ def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
 class LiveWind:
     """The wind of one vehicle, estimated as its telemetry comes.
 
-    The drag is that of this drone (`models.drones.drag_file.read_drag`), `NOMINAL_DRAG` where it is not known, None
+    The drag is that of this drone (`models.drones.drag_file.read_drag`), `NOMINAL_DRAG` where it is unknown, None
     where tilt tells nothing; the airspeed model is that of a plane. The forecast takes POSIX seconds, latitude,
     longitude and the height above take-off, m, and returns the (north, east) that is expected, m/s; by default nothing
     is.
@@ -196,7 +196,7 @@ class LiveWind:
     def observations(self) -> tuple[WindObservation, ...]:
         """Averages over slots of all that was measured, each counting once, for `models.wind.estimation.forecast_update.update_forecast`.
 
-        What the filter's health has called inconsistent, and the measurements that it was judged by, are left out.
+        What the filter's health has called inconsistent, and the measurements that it was judged by, are omitted.
         """
         slots = deepcopy(self._slots)
         for now, place in self._pending:

@@ -79,7 +79,7 @@ class MeanWind:
         self._heard_s = 0.0
 
     def before(self, time_s: NDArray[np.float64], wind: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean before each measurement, shape (n, 2); the first, and what no vehicle flies in, stands for itself."""
+        """Return the mean before each measurement, shape (n, 2); the first, and impossible winds, stand for themselves."""
         mean = wind.copy()
         believed = np.hypot(wind[:, 0], wind[:, 1]) <= MAX_WIND_MPS["tilt"]
         for row in np.flatnonzero(believed):

@@ -1,4 +1,4 @@
-"""How rough the air is, by what a drone felt on its way: whether the wind changed from slot to slot as much as is usual."""
+"""Roughness of the air along the way of a drone: changes of the wind from slot to slot, relative to their usual size."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Winds observed now: read as they are published or typed, and a forecast conditioned on them."""
+"""Observed winds: read as published or typed, and a forecast conditioned on them."""

@@ -1,4 +1,4 @@
-"""A forecast conditioned on the winds that were observed before the departure.
+"""A forecast conditioned on winds observed before the departure.
 
 It is `models.wind.estimation.forecast_update.update_forecast`, the one method of the house, with what was measured to suit the reports of
 airports (decision 83): of each station the newest report alone, its error `STATION_ERROR_MPS`, weights worth `LEAST_MEMBERS` members, and of
@@ -58,7 +58,7 @@ def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_
     late = [one for one in observed if one.observation.time_s > depart_s + FUTURE_S]
     kept = [one for one in observed if one not in late]
     if late:
-        notes.append(f"{_many(late)} after the departure and left out")
+        notes.append(f"{_many(late)} after the departure and ignored")
     old = [one for one in kept if one.observation.time_s < depart_s - OLDEST_S]
     newest = {one.place for one in kept if one not in old}
     silent = [one for one in old if one.place not in newest and not one.drone]
@@ -67,12 +67,12 @@ def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_
         age = duration(depart_s - last.observation.time_s)
         names = ", ".join(dict.fromkeys(one.place for one in silent))
         notes.append(
-            f"the wind observed at {names} is left out: {age} before the departure, {duration(OLDEST_S)} at most count"
+            f"the wind observed at {names} is ignored: {age} before the departure, the limit is {duration(OLDEST_S)}"
         )
     kept = [one for one in kept if one not in old]
     far = [(one, away) for one in kept if (away := _away_m(one, sites)) > FAR_M]
     for one, away in far:
-        notes.append(f"the wind observed at {one.place} is left out: {distance_text(away)} from every wind site")
+        notes.append(f"the wind observed at {one.place} is ignored: {distance_text(away)} from every wind site")
     kept = [one for one in kept if all(one is not other for other, _ in far)]
     order = {site.id: number for number, site in enumerate(sites)}
     stations = sorted(_newest([one for one in kept if not one.drone]), key=lambda one: order.get(one.place, len(order)))
@@ -159,7 +159,7 @@ def conditioned(
             others = [*level[:number], *level[number + 1 :]]
             told = update_forecast(before, others, residual, slot_s=before.slot_s, least_members=LEAST_MEMBERS)
             if _sigmas(told, level[number]) > DOUBT_SIGMAS:
-                notes.append(f"the wind observed at {one.place}, {one.told}, does not fit the others: check it")
+                notes.append(f"the wind observed at {one.place}, {one.told}, contradicts the others: check it")
     first = after.slot_at(depart_s)
     last = min(first + int(np.ceil(hours * 3600.0 / after.slot_s)), after.slots)
     cut = replace(
@@ -183,8 +183,8 @@ def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:
 
 
 def nothing_counts(given: Sequence[ObservedWind], notes: Sequence[str], depart: datetime) -> InputError:
-    """Return the error for observations handed over of which none counts."""
+    """Return the error for given observations of which none counts."""
     said = "; ".join(notes) or "there are none"
-    remedy = f"hand over winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or leave the option out"
-    problem = f"none of {len(given)} observed winds counts: {said}" if given else f"no wind was observed: {said}"
+    remedy = f"give winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or omit the option"
+    problem = f"none of {len(given)} observed winds is usable: {said}" if given else f"no wind was observed: {said}"
     return InputError(problem, field="--observed", remedy=remedy)

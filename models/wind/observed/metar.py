@@ -1,4 +1,4 @@
-"""METAR and SPECI reports of airports: station, time and wind, as they are published.
+"""METAR and SPECI reports of airports: station, time and wind.
 
 Of a report everything before ``RMK`` is read up to the wind group, and besides, by `pressures_told`, temperature and QNH: what else follows (visibility, weather, trends with
 winds of their own) differs by country. Winds are means over 2 or 10 minutes at 10 m, in knots, m/s or km/h, degrees FROM true north.
@@ -40,7 +40,7 @@ HPA_PER_INHG = 33.863_886
 
 @dataclass(frozen=True, slots=True)
 class MetarWind:
-    """What one report says of the wind."""
+    """Wind of one report."""
 
     station: str
     """Its identifier, four letters or digits."""
@@ -57,10 +57,10 @@ class MetarWind:
 
 
 def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[MetarWind]:
-    """Read the reports in a text, one a line; a long one may go on in indented lines, and end with ``=``.
+    """Read the reports in a text, one a line; a long one may continue in indented lines, and end with ``=``.
 
     A report says day, hour and minute only: the month is that in which it is nearest to `near_s`, POSIX seconds, or to the date in
-    a line of its own before it. What is no report is a fault.
+    a line of its own before it. A line that is not a report is a fault.
     """
     found = []
     for number, line, near in _lines(text, near_s, faults):

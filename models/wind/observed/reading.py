@@ -1,4 +1,4 @@
-"""Observed winds as they are handed over: typed, in a table, as METARs, or as ``skyway forecast --json`` tells what drones measured."""
+"""Observed winds in any form: typed, in a table, as METARs, or as the output of ``skyway forecast --json``."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class ObservedWind:
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """All that was handed over."""
+    """All given observations."""
 
     winds: tuple[ObservedWind, ...] = ()
     notes: tuple[str, ...] = ()
@@ -76,7 +76,7 @@ class Observations:
 def read_observed(
     given: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float, *, field: str = "--observed"
 ) -> Observations:
-    """Read winds as handed over: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
+    """Read winds: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
 
     A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs,
     or what ``skyway forecast --json`` printed. An `InputError` has all its faults.
@@ -109,7 +109,7 @@ def site_named(name: str, sites: Sequence[WindSite]) -> WindSite | None:
 
 
 def _unknown(name: str, sites: Sequence[WindSite]) -> tuple[str, str]:
-    """Problem and remedy of a station that is no site of the scenario."""
+    """Problem and remedy of a station that is not a site of the scenario."""
     known = ", ".join(f"{site.id} ({site.icao})" if site.icao else site.id for site in sites) or "none"
     return f"unknown station {one_line(name)[:40]}", f"the scenario's wind sites are {known}"
 
@@ -157,7 +157,7 @@ def _from_metars(
         site = site_named(one.station, sites)
         if site is None:
             problem, remedy = _unknown(one.station, sites)
-            faults.add(problem, f"{remedy}; give one its identifier with icao, or leave the line out", line=one.line)
+            faults.add(problem, f"{remedy}; give one its identifier with icao, or remove the line", line=one.line)
         elif one.speed_mps is None:
             notes.append(f"{file}:{one.line}: {one.station} reports no wind at {iso(from_posix(one.time_s))}")
         elif one.speed_mps > MAX_SPEED_MPS:

@@ -105,7 +105,7 @@ class ArduPilot(ArduPilotFailsafes):
         self.auto_armed = False
 
     def ftp_habits(self, version: tuple[int, int]) -> Habits:
-        """Bursts during which requests wait, paced where there is no flow control; sessions with numbers of their own from 4.7 on."""
+        """Bursts during which requests wait, paced without flow control; sessions with separate numbers from 4.7 on."""
         several = version >= (4, 7)
         return Habits(
             sessions=3 if several else 1, numbers_sessions=several, burst_bytes=(2000 if several else 500) * DATA_BYTES,
@@ -207,7 +207,7 @@ class ArduPilot(ArduPilotFailsafes):
 
     @property
     def has_winch(self) -> bool:
-        """WINCH_TYPE: 1 by pulses, 2 a Daiwa, which tells how much line is out."""
+        """WINCH_TYPE: 1 by pulses, 2 a Daiwa, which reports the length of line."""
         return self.parameters["WINCH_TYPE"] >= 1.0
 
     @property
@@ -252,7 +252,7 @@ class ArduPilot(ArduPilotFailsafes):
         return Result.ACCEPTED
 
     def mission_may_run(self) -> bool:
-        """Wait for the go on the ground; item 0 is home and is never flown."""
+        """Wait for the start order on the ground; item 0 is home and is never flown."""
         if self.run.current == 0 and self.run.behaviour is None and self.auto_armed:
             self.run.jump(1)
         return self.auto_armed

@@ -1,4 +1,4 @@
-"""ArduPilot's log: DataFlash, with messages as Copter 4.6 has them (``LogStructure.h`` of AP_Logger, AP_NavEKF3, AP_GPS)."""
+"""ArduPilot's log: DataFlash, with messages as in Copter 4.6 (``LogStructure.h`` of AP_Logger, AP_NavEKF3, AP_GPS)."""
 
 from __future__ import annotations
 

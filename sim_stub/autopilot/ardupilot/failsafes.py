@@ -25,7 +25,7 @@ class ArduPilotFailsafes(Autopilot):
         self.low_volt_since: dict[int, float] = {}
 
     def reported_percent(self) -> int:
-        """What is left of BATT_CAPACITY after what was drawn since boot or BATTERY_RESET: it only falls."""
+        """Rest of BATT_CAPACITY after the use since boot or BATTERY_RESET: it only falls."""
         override = self.vehicle.faults.soc_override(self.vehicle.battery.soc)
         if override is not None:
             return override
@@ -99,7 +99,7 @@ class ArduPilotFailsafes(Autopilot):
         return self._unless_landing(Action.LAND if enabled in (3, 5) else Action.RTL)
 
     def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
-        """By FENCE_ENABLE and FENCE_TYPE: height 1, circle about home 2, areas 4, least height 8."""
+        """By FENCE_ENABLE and FENCE_TYPE: height 1, circle about home 2, areas 4, minimum height 8."""
         p = self.parameters
         if p["FENCE_ENABLE"] != 1.0:
             return False

@@ -159,7 +159,7 @@ class ArduPilotMissionServer(MissionServer):
         self.acknowledge(who, self.kind, answer)
 
     def request_list(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
-        """Say how many items there are; home counts as the first."""
+        """Send the number of items; home counts as the first."""
         if self._refused(who, kind):
             return
         if self.partner is not None:
@@ -168,7 +168,7 @@ class ArduPilotMissionServer(MissionServer):
         self.send_count(who, kind, len(self._items(kind)))
 
     def request(self, who: Partner, kind: int, message: Any) -> None:
-        """Send an item; home can always be asked for."""
+        """Send an item; home can always be requested."""
         seq = message.seq
         if self._refused(who, kind):
             return

@@ -151,7 +151,7 @@ class Px4MissionServer(MissionServer):
             pilot.fence_stored()
 
     def request_list(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
-        """Begin a download; a second one of somebody else is ignored."""
+        """Start a download; a second one by another station is ignored."""
         done = self.state == _State.SENDING and self.expected == self.total
         mine = self.state == _State.SENDING and who == self.partner and kind == self.kind
         if not (self.state == _State.IDLE or done or mine):

@@ -207,7 +207,7 @@ class Px4(Px4Failsafes):
         return Result.ACCEPTED if mode is None else self.request_mode(mode, by)
 
     def speed_command(self, kind: float, speed_mps: float) -> Result:  # noqa: ARG002
-        """Set the ground speed; what is no speed goes back to the parameters' one."""
+        """Set the ground speed; an invalid speed restores that of the parameters."""
         if not self.change_speed(speed_mps):
             self.commanded_mps = None
         return Result.ACCEPTED
@@ -223,7 +223,7 @@ class Px4(Px4Failsafes):
         return self.parameters.clamped("PD_GRIPPER_TO", 0.0, 60.0)
 
     def take_off(self, height_m: float, by: str) -> Result:
-        """Enter the take-off mode; the height is above sea level, and may be left out."""
+        """Enter the take-off mode; the height is above sea level, and may be omitted."""
         if not self.landed:
             return Result.TEMPORARILY_REJECTED
         result = self.request_mode(Mode.TAKEOFF, by)

@@ -1,4 +1,4 @@
-"""PX4's log: ULog, with topics as its messages (``msg/*.msg``, 1.15 to main) have them, as far as they are filled here."""
+"""PX4's log: ULog, with topics as in its messages (``msg/*.msg``, 1.15 to main), as far as the simulator fills them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands ``bench planners`` and ``settings``: for those who study the planners."""
+"""Commands ``bench planners`` and ``settings``, for researchers."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ def _benchmark() -> Any:
 
 
 def settings(
-    name: Annotated[str, typer.Argument(help="Only those whose name begins so.")] = "",
+    name: Annotated[str, typer.Argument(help="Only settings whose name begins with this.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
 ) -> None:
-    """List the tuned numbers of planners and filters, with default, unit, range and what set them.
+    """List the tuned parameters of planners and filters, with default, unit, range and the measurement behind them.
 
-    They are set for one command by --set name=value.
+    Set them for one command with --set name=value.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def settings(
 
     chosen = [one for one in entries(Settings()) if one.name.startswith(name)]
     if not chosen:
-        raise InputError("no setting begins so", field="name", value=name, remedy="skyway settings lists them")
+        raise InputError("no setting begins with this", field="name", value=name, remedy="skyway settings lists them")
     if as_json:
         typer.echo(json_text({"schema": "skyway.settings/1", "settings": [asdict(one) for one in chosen]}, indent=1))
         return

@@ -39,8 +39,8 @@ def calibrate_wind(
 ) -> None:
     """Estimate the drag of a drone from a log of its flight, so that its tilt measures the wind.
 
-    Of a fixed wing: the scale factor of its airspeed sensor and the offset of its heading. The flight must cover two courses (out and back, or a circle), unless --wind gives the true wind. The command reports it
-    when a flight does not determine the drag.
+    For a fixed wing: the scale factor of its airspeed sensor and the offset of its heading. The flight must cover two courses (out and back, or a circle), unless --wind gives the true wind. If a flight does not
+    determine the drag, the command says so.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def calibrate_energy(
 ) -> None:
     """Fit the energy models to flight logs and write a drone file for skyway plan.
 
-    Each flight is predicted by a fit to the others. The error is printed next to that of the published coefficients.
+    Each flight is predicted from a fit to the others. The error is printed next to that of the published coefficients.
 
     Examples
     --------
@@ -152,10 +152,10 @@ def calibrate_energy(
         notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]
         if len(records) > 1:
             notes.append(
-                f"error on a flight left out: worst {percent(fits[chosen].worst, 1)}, median {percent(fits[chosen].median, 1)}"
+                f"error on a flight that was not fitted: worst {percent(fits[chosen].worst, 1)}, median {percent(fits[chosen].median, 1)}"
             )
         if written.id != start.id:
-            notes.append(f"not measured, taken from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
+            notes.append(f"not measured, copied from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
         write_atomically(output, drone_file(written, notes), force=force)
         options.say_written(output)
     published = published_errors(records, density)

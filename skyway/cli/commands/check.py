@@ -1,4 +1,4 @@
-"""Commands ``check`` and ``recharge``: a mission against its battery, and cut where that does not last."""
+"""Commands ``check`` and ``recharge``: a mission against its battery, and cut if the battery does not last."""
 
 from __future__ import annotations
 
@@ -51,12 +51,14 @@ def check(
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
     clearance: Annotated[
-        float | None, typer.Option(help="Clearance over terrain and obstacles, m. Without it: the scenario's, or 30.")
+        float | None, typer.Option(help="Clearance over terrain and obstacles, m. Default: the scenario's, or 30.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the heights over the terrain: FILE.png or FILE.svg.")] = None,
     fix: Annotated[
         Path | None,
-        typer.Option(help="Write the mission with those findings mended whose remedy is certain: .plan or .waypoints."),
+        typer.Option(
+            help="Write the mission with those findings corrected that have only one correction: .plan or .waypoints."
+        ),
     ] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,
@@ -106,7 +108,7 @@ def check(
 
         mended, told = fixed(document, report.findings)
         write(mended, fix, force=force)
-        for line in told or ("nothing could be mended for certain",):
+        for line in told or ("no finding has a certain correction",):
             typer.echo(line, err=True)
         options.say_written(fix)
     if as_json:
@@ -177,26 +179,24 @@ def recharge(
     ] = None,
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
     fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) that the drone is of.")] = None,
-    autopilot: Annotated[
-        FamilyName | None, typer.Option(help="Autopilot. Without it: all that fly the mission.")
-    ] = None,
+    autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot. Default: all that fly the mission.")] = None,
     payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
     epsilon: Annotated[float, typer.Option(help="Probability with which a landing may miss the reserve.")] = 0.001,
     transit_speed: Annotated[
-        float | None, typer.Option(help="Ground speed of ways to pads, m/s. Without it: the greatest of the mission.")
+        float | None, typer.Option(help="Ground speed of ways to pads, m/s. Default: the greatest of the mission.")
     ] = None,
     transit_height: Annotated[
         float | None,
-        typer.Option(help="Least height of ways to pads above home, m. Without it: the greatest of the mission."),
+        typer.Option(help="Least height of ways to pads above home, m. Default: the greatest of the mission."),
     ] = None,
     zones: options.Zones = None,
     authorized: options.Authorized = None,
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
     clearance: Annotated[
-        float | None, typer.Option(help="Clearance over terrain and obstacles, m. Without it: the scenario's, or 30.")
+        float | None, typer.Option(help="Clearance over terrain and obstacles, m. Default: the scenario's, or 30.")
     ] = None,
     level_ground: Annotated[
         bool, typer.Option("--level-ground", help="Pads whose ground height is unknown are as high as home.")
@@ -206,7 +206,7 @@ def recharge(
     laps: Annotated[int, typer.Option(help="How often jumps that never end are followed.")] = 1,
     swap: Annotated[
         float | None,
-        typer.Option(help="Seconds that changing the battery takes. Without it: it is charged on the pad."),
+        typer.Option(help="Seconds that changing the battery takes. Default: it is charged on the pad."),
     ] = None,
     single: Annotated[
         bool,
@@ -216,10 +216,10 @@ def recharge(
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
-    """Cut a mission that is longer than a battery into one mission a battery, with charges on pads on the way.
+    """Cut a mission that is longer than a battery into one mission for each battery, with charging on pads on the way.
 
-    Each mission goes on exactly where the one before left the work, with every state restored. Where to leave it, which pad, and how
-    long to charge are such that the whole ends first and every landing keeps the reserve.
+    Each mission continues exactly where the one before left the work, with every state restored. The places to leave it, the pads and
+    the charges are chosen so that the whole work ends first and every landing keeps the reserve.
 
     Examples
     --------

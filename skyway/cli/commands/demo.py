@@ -23,7 +23,7 @@ def demo(
     day: Annotated[str | None, typer.Option(help="Day of 2013 whose wind is simulated.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of gusts, other drones and errors.")] = 1,
     autopilot: Annotated[FamilyName, typer.Option(help="Whose behaviour.")] = NAMES[0],
-    planner: Annotated[str, typer.Option(help="Planner. Without it: the default planner.")] = "",
+    planner: Annotated[str, typer.Option(help="Planner. Default: the default planner.")] = "",
     plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan only; this compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
@@ -32,7 +32,7 @@ def demo(
         Path | None, typer.Option(help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog.")
     ] = None,
     payload: Annotated[
-        float | None, typer.Option(help="Mass of the package on the calibration flight, kg. Without it: 0.8.")
+        float | None, typer.Option(help="Mass of the package on the calibration flight, kg. Default: 0.8.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a calibration flight.")] = False,
 ) -> None:
@@ -83,7 +83,7 @@ def serve(
         ),
     ] = Path(),
     show_demo: Annotated[
-        bool, typer.Option("--demo", help="Fly a simulated delivery, ten times faster than life, and show it.")
+        bool, typer.Option("--demo", help="Fly a simulated delivery, ten times faster than real time, and show it.")
     ] = False,
     forecast: Annotated[list[Path] | None, typer.Option(help=FORECAST_HELP)] = None,
     forecast_error: Annotated[Path | None, typer.Option(help=ERROR_HELP)] = None,
@@ -105,7 +105,7 @@ def serve(
         ),
     ] = None,
     attribution: Annotated[
-        str, typer.Option(help="Who made the base map, shown on it. Without it: what its file says, or its host.")
+        str, typer.Option(help="Who made the base map, shown on it. Default: what its file says, or its host.")
     ] = "",
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")

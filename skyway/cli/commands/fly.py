@@ -52,22 +52,18 @@ def fly(
     manual: Annotated[bool, typer.Option("--manual", help="Ask for confirmation before each take-off.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Take off without asking. For simulations.")] = False,
     journal: Annotated[
-        Path | None, typer.Option(help="Journal to write. Without it: a new file in the folder of --record.")
+        Path | None, typer.Option(help="Journal to write. Default: a new file in the folder of --record.")
     ] = None,
     resume: Annotated[Path | None, typer.Option(help="Continue the delivery of this journal.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report when the flight ends: FILE.html.")] = None,
     drag: Annotated[
         Path | None, typer.Option(help="Drag of the drone, from skyway calibrate wind: wind is estimated from tilt.")
     ] = None,
-    scenario: Annotated[
-        Path | None, typer.Option(help="Scenario folder. Without it: the one named in the plan.")
-    ] = None,
+    scenario: Annotated[Path | None, typer.Option(help="Scenario folder. Default: the one named in the plan.")] = None,
     zones: options.Zones = None,
     forecast: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="Weather forecast of any form, or a folder; repeatable. Without it: the scenario's forecast."
-        ),
+        typer.Option(help="Weather forecast of any form, or a folder; repeatable. Default: the scenario's forecast."),
     ] = None,
     wind: Annotated[
         str | None, typer.Option(help="One constant wind at cruise height instead of a forecast: 8@270.")
@@ -79,7 +75,7 @@ def fly(
     no_replan: Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")] = False,
     release: Annotated[
         Release | None,
-        typer.Option(help="How the package is released. Without it: as planned; in the air only where planned so."),
+        typer.Option(help="How the package is released. Default: as planned; in the air only where planned so."),
     ] = None,
     elevation: Annotated[
         list[str] | None, typer.Option(help="STATION=METRES: ground height that the plan lacks; repeatable.")
@@ -108,10 +104,10 @@ def fly(
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Fly a plan leg by leg, or a cut mission battery by battery, measure the wind on the way, and replan where that is better.
+    """Fly a plan leg by leg, or a cut mission battery by battery, measure the wind on the way, and replan if that is better.
 
-    Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
-    station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
+    Before each leg skyway runs the preflight checks, uploads the mission and reads it back; every point of the route has a
+    divert station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
     are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
     delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle. In the air it
     takes these words: pause, go, stay, divert STATION, return, land, undelivered, leave.
@@ -156,10 +152,8 @@ def fly(
         _refuse_of_delivery(scenario=scenario, terrain=terrain, obstacles=obstacles, zones=zones, elevation=elevation)
         cut, work_at = _work(plan, wind, forecast, observed, drag_model, how, resume)
         if yes and service is None and cut.found.plan.stops:
-            problem = "--yes and --pads manual exclude each other: nobody could confirm the charging"
-            raise InputError(
-                problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes"
-            )
+            problem = "--yes and --pads manual exclude each other, since nobody could confirm the charging"
+            raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or remove --yes")
         region = cut.region
         how["remote_id"] = seen.remote_id(NOBODY if region is None else region.remote_id)
         how["health"] = HealthBook(link.record, None if region is None else ZoneInfo(region.timezone))
@@ -248,8 +242,8 @@ def _refuse_of_delivery(**given: object) -> None:
     """Refuse options that a cut mission has settled already."""
     for name, value in given.items():
         if value:
-            remedy = "leave it out, or give it to skyway recharge"
-            raise InputError("is settled when the mission is cut", field=f"--{name}", remedy=remedy)
+            remedy = "remove it, or give it to skyway recharge"
+            raise InputError("is set when the mission is cut", field=f"--{name}", remedy=remedy)
 
 
 def _supervised(
@@ -290,7 +284,7 @@ def _observed(region: Scenario, given: list[str] | None, now: datetime, wind: st
     from skyway.now import NOW_S, LiveWinds
 
     if given and wind is not None:
-        remedy = "leave one of them out: a constant wind knows of no other"
+        remedy = "remove one of them: a constant wind needs no observations"
         raise InputError("--wind and --observed exclude each other", remedy=remedy)
     live = abs((now - datetime.now(UTC)).total_seconds()) <= NOW_S
     unasked = not given and live and wind is None
@@ -386,13 +380,13 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
     """With --yes nobody is listened to: refuse what could only be answered by a person, and would be waited for."""
     charges = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
     if pads == "manual" and charges:
-        problem = (
-            f"--yes and --pads manual exclude each other: nobody could confirm the charging at {', '.join(charges)}"
-        )
-        raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes")
+        problem = f"--yes and --pads manual exclude each other, since nobody could confirm the charging at {', '.join(charges)}"
+        raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or remove --yes")
     if release == "hand":
-        problem = "--yes and --release hand exclude each other: nobody could confirm that the package was taken off"
-        raise InputError(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
+        problem = (
+            "--yes and --release hand exclude each other, since nobody could confirm that the package was taken off"
+        )
+        raise InputError(problem, field="--release", value=release, remedy="give --release gripper, or remove --yes")
 
 
 def _check_words(planner: str, wind: str | None, forecast: list[Path] | None) -> None:
@@ -449,7 +443,7 @@ def _journal_path(folder: Path, name: str) -> Path:
 
 @contextmanager
 def _served(pads: TcpPads | None, job: DeliveryJob, operator: Operator, clock: Clock) -> Iterator[PadService]:
-    """Serve the pads that were asked for, and hang up at the end."""
+    """Serve the pads that were requested, and hang up at the end."""
     from skyway.link.pads import ManualPads
 
     if pads is not None:

@@ -1,4 +1,4 @@
-"""Commands ``forecast``, which updates a forecast with winds measured by drones, and ``weather``: what weather files hold."""
+"""Commands ``forecast``, which updates a forecast with winds measured by drones, and ``weather``, which shows weather files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OLDEST_H = 24.0
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """A forecast before and after what was measured, for the height of its sites."""
+    """A forecast before and after an update with measurements, for the height of its sites."""
 
     world: Scenario
     depart_s: float
@@ -51,10 +51,10 @@ def forecast(
         list[Path] | None,
         typer.Option(
             "--forecast",
-            help="Weather forecast to update, of any form; repeatable. Without it: made from the wind record.",
+            help="Weather forecast to update, of any form; repeatable. Default: made from the wind record.",
         ),
     ] = None,
-    depart: Annotated[str | None, typer.Option(help="Departure to plan for. Without it: the last measurement.")] = None,
+    depart: Annotated[str | None, typer.Option(help="Departure to plan for. Default: the last measurement.")] = None,
     hours: Annotated[int, typer.Option(help="Hours after the departure.", min=1, max=48)] = 12,
     slot: Annotated[float, typer.Option(help="Longest time slot of the file, minutes.")] = 60.0,
     drag: log_options.Drag = None,
@@ -69,7 +69,7 @@ def forecast(
     """Update the wind forecast with winds measured by drones, and write it for skyway plan.
 
     The winds of all logs are combined: a forecast error is similar at nearby places and times, as far as the members of
-    the forecast say. Each member is moved by its own error; how much fades with the lead time.
+    the forecast say. Each member is moved by its own error; the shift fades with the lead time.
     Without logs the forecast is written unchanged.
 
     Examples
@@ -151,7 +151,7 @@ def _update(
     near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
     if len(near) < len(fresh):
         away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
-        typer.echo(f"skyway: {len(fresh) - len(near)} measurements are {away} and are left out", err=True)
+        typer.echo(f"skyway: {len(fresh) - len(near)} measurements are {away} and are ignored", err=True)
     fresh = near
     begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
     span_h = hours + math.ceil((depart_s - begin.timestamp()) / 3600.0)
@@ -199,13 +199,13 @@ def show(
     files: Files,
     scenario: log_options.ScenarioName = None,
     depart: Annotated[
-        str | None, typer.Option(help="Time that METARs and TAFs are near to: they tell no month. Without it: now.")
+        str | None, typer.Option(help="Approximate time of METARs and TAFs, which have no month. Default: now.")
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show what weather files hold: fields, heights, grid, members, issue and valid times, gaps.
+    """Show the contents of weather files: fields, heights, grid, members, issue and valid times, gaps.
 
-    ``skyway weather FILE …`` does the same. With a scenario grids are cut to its region; with a departure, too, it says what a plan would fly in, or why it cannot.
+    ``skyway weather FILE …`` does the same. With a scenario, grids are cut to its region; with a departure, the command also shows the forecast that a plan would use, or why it cannot.
 
     Examples
     --------
@@ -243,7 +243,7 @@ def verify(
     observed: Annotated[
         str | None,
         typer.Option(
-            help="What was observed: METARs, or a table as for plan --observed. Without it: the scenario's wind record."
+            help="What was observed: METARs, or a table as for plan --observed. Default: the scenario's wind record."
         ),
     ] = None,
     scenario: log_options.ScenarioName = None,
@@ -257,9 +257,9 @@ def verify(
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
-    """Compare forecasts with what was observed, by lead time, and learn their error from it.
+    """Compare forecasts with observations by lead time, and learn their error.
 
-    Bias, RMSE, CRPS, and the spread of members against the error of their mean. What is learnt is a calibration of the members (EMOS).
+    Bias, RMSE, CRPS, and the spread of members against the error of their mean. The learnt error is a calibration of the members (EMOS).
 
     Examples
     --------
@@ -325,9 +325,7 @@ def _seen(world: Scenario, observed: str | None, near_s: float) -> list[WindObse
         return [one.observation for one in told.winds if one.from_deg is not None]
     record = world.history
     if record is None:
-        raise InputError(
-            "the scenario has no wind record", world.path, remedy="hand over what was observed with --observed"
-        )
+        raise InputError("the scenario has no wind record", world.path, remedy="give observations with --observed")
     return [
         WindObservation(record.start_s + (slot + 0.5) * record.slot_s, site.lat, site.lon, float(record.north[slot, k]), float(record.east[slot, k]), 1.0, record.measured_at_m)
         for slot in range(len(record)) if record.complete[slot] for k, site in enumerate(record.sites)
@@ -357,7 +355,7 @@ def fetch(
         str | None, typer.Option("--region", help="Scenario whose region is wanted (newyork: built in).")
     ] = None,
     hours: Annotated[int, typer.Option(help="Hours from the departure on.", min=1, max=120)] = 12,
-    depart: Annotated[str | None, typer.Option(help="Departure with UTC offset. Without it: now.")] = None,
+    depart: Annotated[str | None, typer.Option(help="Departure with UTC offset. Default: now.")] = None,
     server: Annotated[str | None, typer.Option(help="Another server with the service's interface: https://…")] = None,
     api_key: Annotated[
         str | None,
@@ -368,9 +366,9 @@ def fetch(
     ] = False,
     force: options.Force = False,
 ) -> None:
-    """Fetch a forecast for the region of a scenario, and say under which licence it is.
+    """Fetch a forecast for the region of a scenario, and show its licence.
 
-    This is the only command that speaks with a weather service. Of GRIB files only the fields that are used are fetched, by their index.
+    Only this command contacts a weather service. From GRIB files it fetches only the fields in use, by their index.
 
     Examples
     --------

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Kind(StrEnum):
-    """What a vehicle holds."""
+    """Kinds of lists on a vehicle."""
 
     MISSION = "mission"
     FENCE = "fence"
@@ -56,7 +56,7 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
     parts = _parts(document)
     if not parts:
         remedy = "use skyway clear to clear a vehicle"
-        raise InputError("holds no mission, fence or rally points", str(file), remedy=remedy)
+        raise InputError("has no mission, fence or rally points", str(file), remedy=remedy)
     return document, parts
 
 
@@ -70,9 +70,9 @@ def upload(
     yes: Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Upload a mission with its fence and rally points, and read it back: it is done when both are equal.
+    """Upload a mission with its fence and rally points, read it back, and compare.
 
-    Without --yes nothing is sent; the mission is shown with the differences from what the vehicle holds.
+    Without --yes nothing is sent; the mission is shown with its differences from the vehicle's.
 
     Examples
     --------
@@ -224,7 +224,7 @@ def clear(
     yes: Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Clear what a vehicle holds, and verify that it is gone.
+    """Clear the mission of a vehicle, and verify that it is gone.
 
     Examples
     --------
@@ -252,7 +252,7 @@ def clear(
 
 @with_groups
 def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> None:
-    """Compare what a vehicle holds with a file; exit code 1 if they differ in meaning.
+    """Compare the mission of a vehicle with a file; exit code 1 if they differ in meaning.
 
     Examples
     --------
@@ -279,10 +279,10 @@ def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> No
 def watch(
     link: Line,
     lasting: Annotated[
-        float | None, typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.")
+        float | None, typer.Option("--duration", help="End after this time, s. Default: at Ctrl-C.")
     ] = None,
     every: Annotated[
-        float, typer.Option(help="Line by line, tell what is new so often, s, 0.05 to 1; all is told each second.")
+        float, typer.Option(help="With line output: report changes this often, s, 0.05 to 1; everything each second.")
     ] = 1.0,
     as_json: options.AsJson = False,
 ) -> None:

@@ -34,7 +34,7 @@ def mission(
     firmware: Annotated[
         str,
         typer.Option(
-            help="Firmware version, such as 4.6, 1.16 or main; parameter names depend on it. Without it: the newest release."
+            help="Firmware version, such as 4.6, 1.16 or main; parameter names depend on it. Default: the newest release."
         ),
     ] = "",
     armed_hold: Annotated[
@@ -43,14 +43,16 @@ def mission(
     width: Annotated[float, typer.Option(help="Width of the fenced corridor, m; 0 writes no fence.")] = 400.0,
     release: Annotated[
         Release | None,
-        typer.Option(help="How the package is released. Without it: as planned; in the air only where planned so."),
+        typer.Option(help="How the package is released. Default: as planned; in the air only where planned so."),
     ] = None,
     undelivered: Annotated[
         bool,
-        typer.Option("--undelivered", help="The way on with the package still aboard, of a plan --if-undelivered."),
+        typer.Option(
+            "--undelivered", help="Write the flights with the package still on board, for a plan with --if-undelivered."
+        ),
     ] = False,
     cruise_height: Annotated[
-        float | None, typer.Option(help="Cruise height above ground, m. Without it: the plan's.")
+        float | None, typer.Option(help="Cruise height above ground, m. Default: the plan's.")
     ] = None,
     climb: Annotated[float | None, typer.Option(help="Climb rate, m/s.")] = None,
     descent: Annotated[float | None, typer.Option(help="Descent rate, m/s.")] = None,
@@ -108,11 +110,11 @@ def mission(
 
 
 def _with_the_package(composition: Composition) -> Composition:
-    """Return the way on of a package that could not be handed over."""
+    """Return the way on of a package that could not be delivered."""
     kept = None if composition.way_back is None else composition.way_back.undelivered
     if kept is None:
         remedy = "plan with --if-undelivered back"
-        raise InputError("the plan has no way on for a package that cannot be handed over", remedy=remedy)
+        raise InputError("the plan has no flights for a package that cannot be handed over", remedy=remedy)
     return kept
 
 
@@ -161,8 +163,8 @@ def convert(
 ) -> None:
     """Convert a mission file between QGroundControl and Mission Planner formats.
 
-    A .waypoints file holds the mission alone; fence and rally points go to separate files. What the new
-    format cannot hold is reported.
+    A .waypoints file contains only the mission; fence and rally points go to separate files. The command reports what
+    the new format cannot hold.
 
     Examples
     --------

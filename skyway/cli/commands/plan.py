@@ -61,7 +61,7 @@ def plan(
     as_flown: Annotated[
         int,
         typer.Option(
-            help="Simulate so many deliveries as `fly` decides them, half a second to some seconds each, and tell when they arrive (planner robust).",
+            help="Simulate this many deliveries with the decisions of `fly`, half a second to some seconds each, and show when they arrive (planner robust).",
             metavar="N",
             min=0,
         ),
@@ -109,8 +109,8 @@ def plan(
             )  # fmt: skip
     else:
         if pads.pads is not None:
-            problem = "cannot be combined with --depart-window: the pads of now say little of the departures tried"
-            raise InputError(problem, field="--pads", value=pads.pads, remedy="leave one of them out")
+            problem = "cannot be combined with --depart-window: current pads say little about other departures"
+            raise InputError(problem, field="--pads", value=pads.pads, remedy="remove one of them")
         with _shown(_departures, quiet=as_json) as progress:
             result, tried = solve_window(
                 *request, conditions, depart_window, planner, parameters=parameters, progress=progress
@@ -214,7 +214,9 @@ def evaluate(
     planner: Annotated[
         str, typer.Option(help=f"{', '.join((ROBUST, *FORECAST_PLANNERS))}.", autocompletion=completion.planners)
     ] = ROBUST,
-    days: Annotated[int, typer.Option(help="Days of the season that the forecast is not told.", min=2, max=60)] = 12,
+    days: Annotated[
+        int, typer.Option(help="Days of the season that are held out of the forecast.", min=2, max=60)
+    ] = 12,
     runs: Annotated[int, typer.Option(help="Simulated deliveries, shared out over these days.", min=2)] = 1000,
     online: Annotated[
         bool,
@@ -229,10 +231,10 @@ def evaluate(
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Simulate a plan on days of the wind record that its forecast was not told.
+    """Simulate a plan on days of the wind record that are held out of its forecast.
 
     Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days. Deliveries are shared out
-    over processes, or a Dask cluster; the figures are the same however many there are.
+    over processes, or a Dask cluster; their number does not change the figures.
 
     Examples
     --------

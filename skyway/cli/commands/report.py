@@ -18,9 +18,9 @@ def report(
     log: Annotated[
         list[Path] | None, typer.Option(help="Recording of the flight (.tlog), for finer telemetry; repeatable.")
     ] = None,
-    plan: Annotated[Path | None, typer.Option(help="Plan to compare with. Without it: the journal's.")] = None,
+    plan: Annotated[Path | None, typer.Option(help="Plan to compare with. Default: the journal's.")] = None,
     scenario: Annotated[Path | None, typer.Option(help="Scenario folder of the flight, for its no-fly zones.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output page. Without it: report.html.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output page. Default: report.html.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of map, charge and wind: FILE.svg.")] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,

@@ -136,9 +136,9 @@ def airspace(
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show what airspace files hold, and what was not understood.
+    """Show the contents of airspace files, and what was not understood.
 
-    Exit code 0: every zone can be placed; 1: some cannot, and the file is not used; 2: it is no airspace file.
+    Exit code 0: every zone has a position; 1: some have none, and the file is not used; 2: it is not an airspace file.
 
     Examples
     --------
@@ -191,7 +191,7 @@ def _show_airspace(file: AirspaceFile, at_s: float | None) -> None:
     open_ = [fault for fault in file.notes if (fault.remedy or "").startswith(CLOSES_NOTHING)]
     closed = [fault for fault in file.notes if fault not in open_]
     for head, faults in (
-        ("not understood, so counted as closed", closed), ("closes nothing", open_), ("cannot be placed", file.faults)
+        ("not understood, counted as closed", closed), ("closes nothing", open_), ("cannot be placed", file.faults)
     ):  # fmt: skip
         if faults:
             say(f"{head}: {len(faults)}")
@@ -334,7 +334,7 @@ def check(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioCheck:
-    """What a check of a scenario found."""
+    """Result of a scenario check."""
 
     schema: str = "skyway.scenario-check/1"
     ok: bool

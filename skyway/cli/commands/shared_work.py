@@ -1,4 +1,4 @@
-"""Options of commands whose work is shared out over processes or machines, and the line that tells how far it is."""
+"""Options of commands whose work is distributed over processes or machines, and their progress line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SAID_EVERY_S = 20.0
 """How often progress is told where nobody watches a terminal."""
 
 Workers = Annotated[
-    int | None, typer.Option(help="Processes. Without it: one for each processor.", min=1, max=1024)
+    int | None, typer.Option(help="Processes. Default: one for each processor.", min=1, max=1024)
 ]  # fmt: skip
 Cluster = Annotated[str | None, typer.Option(help="Dask scheduler in place of processes: tcp://HOST:8786.")]
 
@@ -28,7 +28,7 @@ def processes(workers: int | None) -> int:
 
 
 def progress(what: str) -> Callable[[int, int, float], None]:
-    """Return what tells how far the work is: a line that is written over on a terminal, else one now and then."""
+    """Return a progress callback: one line rewritten on a terminal, else one now and then."""
     from skyway.models.base.formatting import duration
 
     shown = sys.stderr.isatty()

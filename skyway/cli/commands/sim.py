@@ -33,7 +33,7 @@ DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
 CONNECT_HELP = (
     f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
 )
-WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
+WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Default: calm."
 FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
     "take-off; repeatable. See docs/reference/sim.md."
@@ -52,7 +52,7 @@ def sim(
     ] = None,
     autopilot: Annotated[options.FamilyName, typer.Option(help="Autopilot to simulate.")] = NAMES[0],
     firmware: Annotated[
-        str, typer.Option(help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.")
+        str, typer.Option(help="Firmware version, such as 1.16, main or 4.7. Default: a common release.")
     ] = "",
     connect: Annotated[list[str] | None, typer.Option(help=CONNECT_HELP)] = None,
     tcp: Annotated[
@@ -68,7 +68,7 @@ def sim(
     system: Annotated[int, typer.Option(help="System id of the first vehicle.")] = 1,
     wind: Annotated[str | None, typer.Option(help=WIND_HELP)] = None,
     depart: Annotated[
-        str | None, typer.Option(help="When simulated time begins, with UTC offset. Without it: now.")
+        str | None, typer.Option(help="When simulated time begins, with UTC offset. Default: now.")
     ] = None,
     soc: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0,
     payload: Annotated[float, typer.Option(help="Mass of the package on board, kg.")] = 0.0,
@@ -109,7 +109,7 @@ def sim(
     lasting: Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Simulate vehicles, pads and wind. On the wire the vehicles behave as real ones do.
+    """Simulate vehicles, pads and wind. On the link the vehicles behave like real ones.
 
     Every vehicle has its own system id. Each printed line is one event. Ctrl-C ends the simulation.
 
@@ -187,7 +187,7 @@ def _region(folder: Path | None) -> tuple[Scenario, tuple[Station, ...]]:
 
 
 def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:
-    """Stations where the vehicles stand; a position becomes a station of its own."""
+    """Stations where the vehicles stand; a position becomes a separate station."""
     places = []
     for text in at or [scenario.network.stations[0].id]:
         scenario, station_id = typed_values.place(scenario, text, "--at")

@@ -25,7 +25,7 @@ def terrain(
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show what terrain and obstacle files hold: extent, spacing, datum, voids, least and greatest height.
+    """Show the contents of terrain and obstacle files: extent, spacing, datum, voids, lowest and highest height.
 
     Examples
     --------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """What a flight tells about how the drone feels the air."""
+    """Result of a drag and airspeed calibration."""
 
     drag: DragModel | None
     airspeed: AirspeedModel | None
@@ -186,7 +186,7 @@ def tell_energy(
         figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", watt_hours(record.total_j)
         sheet.add(Path(record.name).name, *figures, *cells)
         if record.idle_s > 5.0:
-            sheet.note(f"  {duration(record.idle_s)} with the motors off are left out")
+            sheet.note(f"  {duration(record.idle_s)} with the motors off are ignored")
     sheet.show()
     if len(records) > 1:
         for name, fit in fits.items():

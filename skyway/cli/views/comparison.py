@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class PlannerAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What one planner answers: its composition (`models.composition.file.to_json`), or why it has none."""
+    """Answer of one planner: its composition (`models.composition.file.to_json`), or the reason for none."""
 
     planner: str
     status: Literal["ok", "infeasible"]

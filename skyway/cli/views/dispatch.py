@@ -1,4 +1,4 @@
-"""A plan for a fleet as tables: orders, drones, and how good it is."""
+"""A plan for a fleet as tables: orders, drones, and its quality."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
         say(f"… and {len(plan.routes) - SHOWN} more drones")
     say("")
     gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
-    say(f"Weighed cost {duration(plan.cost_s)}, no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most. "
+    say(f"Weighted cost {duration(plan.cost_s)}; lower bound {duration(plan.bound_s)}, at most {percent(gap)} above it. "
         f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
 
 

@@ -41,7 +41,7 @@ _REFRESH_HZ = 2.0
 
 
 class FlightView:
-    """Shows the records of a journal as they are written, and what is going on between them.
+    """Shows the records of a journal as they are written, and the status between them.
 
     `typed` returns what the operator has typed of a line so far.
     """
@@ -85,7 +85,7 @@ class FlightView:
         self.say(what)
 
     def say(self, line: str) -> None:
-        """Say a line, above the panel."""
+        """Print a line, above the panel."""
         if self._live is None:
             typer.echo(line)
             sys.stdout.flush()
@@ -93,7 +93,7 @@ class FlightView:
             self._terminal.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
     def tick(self, context: Context) -> None:
-        """Take what is known of the delivery now."""
+        """Take the latest state of the delivery."""
         self._context = context
 
     def take(self, record: Record) -> None:
@@ -126,7 +126,7 @@ class FlightView:
     # The panel
 
     def panel(self) -> Group:
-        """Return what stands at the foot of the terminal now."""
+        """Return the panel at the foot of the terminal."""
         from rich.console import Group
         from rich.text import Text
 
@@ -193,7 +193,7 @@ class FlightView:
         return found
 
     def rows(self, record: Record) -> list[tuple[str, str, str]]:
-        """Return name, expected and actual of time, charge, wind, speed and way; what is not known says so."""
+        """Return name, expected and actual of time, charge, wind, speed and way; unknown values are marked."""
         entry, now_s = Tracked.read(record.data), of.instant_s(record.time)
         expected, planned_s = entry.expected, None if self._leg is None else self._leg.planned_s
         flown = None if now_s is None or self._took_off_s is None else now_s - self._took_off_s
@@ -224,10 +224,10 @@ class FlightView:
 
 
 class RecordLines(FlightView):
-    """The view of a program: each record of the journal is a line of JSON, and what is said goes to standard error."""
+    """View for a program: each record of the journal is a line of JSON; messages go to standard error."""
 
     def say(self, line: str) -> None:
-        """Say a line where it does not disturb the records."""
+        """Print a line where it does not disturb the records."""
         typer.echo(line, err=True)
 
     def take(self, record: Record) -> None:
@@ -238,7 +238,7 @@ class RecordLines(FlightView):
 
 
 def view_for(*, as_json: bool, zone: tzinfo) -> FlightView:
-    """Return the view that was asked for."""
+    """Return the requested view."""
     import io
 
     from rich.console import Console

@@ -66,7 +66,7 @@ class HourWind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What an update did: measured winds, wind at each site, hours before and after, probability of each member."""
+    """Result of an update: measured winds, wind at each site, hours before and after, probability of each member."""
 
     schema: str = "skyway.forecast-update/1"
     depart: str
@@ -78,7 +78,7 @@ class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def report_of(update: Update) -> ForecastReport:
-    """Work out what is told: the winds measured, at each site now, and before and after by hour."""
+    """Compute the report: the winds measured, at each site now, and before and after by hour."""
     return ForecastReport(
         depart=iso(from_posix(round(update.depart_s, 3))),
         height_m=update.before.height_m,

@@ -25,7 +25,7 @@ _FEW = 10
 
 
 class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
-    """Who a vehicle is; None is unknown."""
+    """Identity of a vehicle; None is unknown."""
 
     system: int
     autopilot: str
@@ -36,7 +36,7 @@ class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, identity: Identity) -> VehicleIdentity:
-        """Take what a vehicle says."""
+        """Take the vehicle's report."""
         return cls(
             system=identity.system, autopilot=identity.autopilot, type=identity.kind, version=identity.version or None,
             capabilities=identity.words, uid=f"{identity.uid:016x}" if identity.uid else None,
@@ -44,7 +44,7 @@ class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PartDifference(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle holds otherwise than a file."""
+    """Difference between a vehicle's list and a file."""
 
     kind: str
     item: int | None
@@ -58,7 +58,7 @@ class PartDifference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PartPlanned(msgspec.Struct, frozen=True, kw_only=True):
-    """What would be sent, and what the vehicle holds otherwise."""
+    """Planned upload, with the differences from the vehicle's list."""
 
     kind: str
     differences: list[PartDifference]
@@ -85,7 +85,7 @@ class PartSent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterState(msgspec.Struct, frozen=True, kw_only=True, rename={"now": "is"}):
-    """A parameter that a mission needs: before, now, and what was done."""
+    """A parameter that a mission needs: old value, new value, and the result."""
 
     name: str
     was: float | None

@@ -91,9 +91,9 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
         say(line)
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
-        say(f"In {never} of the deliveries the wind closes a leg until the forecast ends")
+        say(f"In {never} of the deliveries the wind blocks a leg until the end of the forecast")
     members = len(result.problem.probability)
-    kind = "days of wind" if record_days(result.problem.ensemble) else "courses of the forecast"
+    kind = "days of wind" if record_days(result.problem.ensemble) else "members of the forecast"
     winds = "the wind given" if members == 1 else f"{members} {kind}"
     if result.robust is not None and members > 1:
         winds += ", each forecast from the others"
@@ -185,7 +185,7 @@ def _kept(p_reserve: float | None, runs: int | None) -> str:
 
 
 def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False, for_a_time: bool = False) -> str:
-    """What is done at a stop, each wait by its reason."""
+    """Describe the actions at a stop, each wait by its reason."""
     doing = []
     if stop.recharge_s > 0:
         wait = f"wait {duration(stop.wait_s)} for a pad" if stop.wait_s >= 0.5 else "a pad at once"
@@ -196,7 +196,7 @@ def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False, for_a_tim
         doing.append(f"hold {duration(stop.hold_room_s)} {what}")
     if stop.hold_s - stop.hold_room_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for {'a zone' if for_a_zone else 'the wind'}")
-    return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
+    return f"{stop.station}: {', '.join(doing) or 'land and take off again'}"
 
 
 def _print_totals(report: PlanReport, zone: ZoneInfo) -> None:
@@ -243,6 +243,6 @@ def _print_choices(answer: RobustAnswer, report: PlanReport) -> None:
         )
         if bound.careful_s is not None and bound.careful_gap is not None:
             say(
-                f"For who must keep the reserve as well, without turning back in the air: {duration(bound.careful_s)}; "
+                f"Lower bound that also keeps the reserve, without turning back in the air: {duration(bound.careful_s)}; "
                 f"this plan takes {percent(max(bound.careful_gap, 0.0))} longer"
             )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_more(report: PlanReport) -> None:
-    """Print what was asked for beside the plan."""
+    """Print the requested extras beside the plan."""
     if report.departures:
         _print_departures(report.result, report.departures)
     if report.alternatives is not None:
@@ -101,13 +101,13 @@ def _print_reasons(result: PlanResult, reasons: Sequence[StopReason]) -> None:
 def _print_basis(found: Sequence[Uncertainty], not_counted: Sequence[str]) -> None:
     """What the promise rests on, and what would gain most."""
     say("")
-    say("The promise rests on:")
+    say("The forecast of this delivery rests on:")
     sheet = Sheet(
         [
             Column("", justify="left"),
             Column("uncertain by", justify="left"),
             Column("data", justify="left"),
-            Column("half of it gains", "min on average", words="half of it gains {} min on average"),
+            Column("halving it gains", "min on average", words="halving it gains {} min on average"),
         ]
     )
     for one in found:
@@ -117,7 +117,9 @@ def _print_basis(found: Sequence[Uncertainty], not_counted: Sequence[str]) -> No
     most = found[0]
     if most.gain is not None and most.gain.low > 0.0:
         remedy = f"; {most.remedy}" if most.remedy else ""
-        say(f"Most is gained by half of the {UNCERTAINTIES[most.name]}: {minutes(most.gain)} min on average{remedy}")
+        say(
+            f"Halving the uncertainty of the {UNCERTAINTIES[most.name]} gains most: {minutes(most.gain)} min on average{remedy}"
+        )
     else:
-        say("Half of any one of them makes no clear difference")
+        say("Halving any one of them makes no clear difference")
     say("Not counted: " + "; ".join(not_counted))

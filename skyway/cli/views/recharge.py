@@ -76,15 +76,15 @@ def _order(told: OrderTold) -> str:
     """Say what another order of the parts brings, and how much any could."""
     if not told.moved:
         first = f"{told.units} parts in the order of the mission"
-        instead = ": none was found that ends earlier"
+        instead = ": no earlier end was found"
     else:
-        first = f"{told.moved} of {told.units} parts moved or turned round (items are those of reordered.plan)"
+        first = f"{told.moved} of {told.units} parts moved or reversed (items are those of reordered.plan)"
         instead = (
             ""
             if told.before_s is None
             else f": ends {duration(told.end_s)} after the first take-off by the plan, not {duration(told.before_s)}"
         )
-    return f"{first}{instead}; no order ends before {duration(told.bound_s)}"
+    return f"{first}{instead}; lower bound for any order {duration(told.bound_s)}"
 
 
 def _left(flight: FlightTold) -> str:

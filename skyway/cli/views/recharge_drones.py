@@ -1,4 +1,4 @@
-"""Output of a mission that several drones share: one row for each drone, who is on which pad when, and when the last one ends."""
+"""Output of a mission that several drones share: drones, the use of the pads over time, and the end of the last drone."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def print_drones(summary: DronesSummary) -> None:
         f"all have ended {duration(mean)} after the first take-off (half by {duration(summary.end_p50_s)}, 95 % by {duration(late)}, of"
         f" {summary.runs} simulations)"
     )
-    alone = "" if summary.alone_s is None else f"; one drone alone would end {duration(summary.alone_s)} after it"
-    say(f"by the plan {duration(summary.end_s)}; however it is shared, not before {duration(summary.bound_s)}{alone}")
+    alone = "" if summary.alone_s is None else f"; one drone alone {duration(summary.alone_s)}"
+    say(f"as planned {duration(summary.end_s)}; lower bound for any sharing {duration(summary.bound_s)}{alone}")
     say(
         f"every landing of every drone keeps the reserve of {percent(summary.reserve_soc)} with probability"
         f" {probability(summary.p_reserve, 1)}"

@@ -1,4 +1,4 @@
-"""Tables that lose no text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
+"""Tables that never lose text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Sheet:
     """Cells, or a line between rows."""
 
     def add(self, *cells: str) -> None:
-        """Add a row; a figure that is no finite number is unknown."""
+        """Add a row; a figure that is not a finite number is shown as unknown."""
         figures = (NO_NUMBER.sub(UNKNOWN, one) if NUMBERS.fullmatch(one) else one for one in cells[self.names :])
         self.rows.append((*cells[: self.names], *figures))
 
@@ -105,7 +105,7 @@ class Sheet:
 
 
 def width() -> int | None:
-    """Columns of the terminal, or as ``COLUMNS`` says; None in a pipe, where nothing is broken or cut."""
+    """Columns of the terminal, or of ``COLUMNS``; None in a pipe, where nothing is broken or cut."""
     asked = os.environ.get("COLUMNS", "")
     if asked.isdigit() and int(asked) > 0:
         return max(int(asked), MIN_WIDTH)
@@ -113,7 +113,7 @@ def width() -> int | None:
 
 
 def wrapped(text: str, wide: int | None) -> list[str]:
-    """Break a line where words end; what goes on is indented by two more."""
+    """Break a line between words; continuation lines are indented by two more."""
     if wide is None or cell_len(text) <= wide:
         return [text]
     indent = " " * (len(text) - len(text.lstrip()) + 2)

@@ -1,4 +1,4 @@
-"""What ``skyway watch`` shows: a row for each vehicle, in a table or as JSON."""
+"""Output of ``skyway watch``: a row for each vehicle, in a table or as JSON."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _UNKNOWN = "unknown"
 
 
 class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a vehicle; None is unknown."""
+    """State of a vehicle; None is unknown."""
 
     system: int
     autopilot: str
@@ -181,11 +181,11 @@ class Watched:
             self.vehicles[system] = VehicleMonitor(self.connection, system)
 
     def rows(self) -> list[VehicleRow]:
-        """Return what is known of each vehicle, in the order of their ids."""
+        """Return the known state of each vehicle, in the order of their ids."""
         return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
 
     def changed(self) -> list[VehicleRow]:
-        """Return what is known of each vehicle that has told where it is since this was asked last."""
+        """Return the known state of each vehicle that has reported its position since the last call."""
         found = []
         for system in sorted(self.vehicles):
             sample = self.vehicles[system].live.sample
@@ -195,7 +195,7 @@ class Watched:
         return found
 
     def remarks(self) -> list[str]:
-        """What is wrong with the connection itself, for a person."""
+        """Problems of the connection itself, in words."""
         said = [f"vehicle {n}: unknown autopilot {kind}" for n, kind in self.strange.items()]
         rejected = self.connection.rejected
         counts = (rejected.unsigned, rejected.forged, rejected.replayed, rejected.elsewhere)
@@ -208,7 +208,7 @@ class Watched:
         return said
 
     def news(self) -> list[str]:
-        """What was noticed of other stations, radios and aircraft since this was asked last."""
+        """Findings on other stations, radios and aircraft since the last call."""
         self._collect()
         found = list(self._news)
         self._news.clear()

@@ -1,4 +1,4 @@
-"""Output of what weather files hold, and of how forecasts compare with observations."""
+"""Output of weather files, and of comparisons of forecasts with observations."""
 
 from __future__ import annotations
 
@@ -126,13 +126,13 @@ def _field(one: Weather, key: FieldKey) -> FieldReport:
 def print_weather(weathers: Sequence[Weather], report: WeatherReport) -> None:
     """Print what was read for people."""
     for one, told in zip(weathers, report.issues, strict=True):
-        issued = "issue time not told" if told.issued is None else f"issued {_stamp(one.issued_s)}"
+        issued = "issue time unknown" if told.issued is None else f"issued {_stamp(one.issued_s)}"
         kind = "observed" if told.observed else issued
         count = len(told.members)
-        courses = "1 course" if count == 1 else f"{count} members ({told.members[0]} to {told.members[-1]})"
+        courses = "single forecast" if count == 1 else f"{count} members ({told.members[0]} to {told.members[-1]})"
         say(f"{one.name}: {told.form}, {told.model}, {kind}, {courses}")
         spacing = f", {distance_text(told.spacing_m)} apart" if math.isfinite(told.spacing_m) else ""
-        where = "place not told" if one.places.box is None else str(one.places.box)
+        where = "place unknown" if one.places.box is None else str(one.places.box)
         say(f"  where: {told.places}{spacing}; {where}")
         say(f"  when: {_when(one)}")
         for begin, end in told.gaps_in_time:

@@ -1,1 +1,1 @@
-"""The dispatcher of a fleet: what it knows, what has happened, what it plans and books, what orders are told, and which flights begin."""
+"""The dispatcher of a fleet: its knowledge, events, plans, bookings, promises to orders, and departures."""

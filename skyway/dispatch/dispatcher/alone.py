@@ -1,4 +1,4 @@
-"""Drones that are planned for alone: those that stand with a package on its way, and those away from home without anything to do."""
+"""Drones that are planned separately: those that stand with a package on its way, and idle ones away from home."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WHOLE_DAY_S = 86_400.0
 
 
 class Alone:
-    """Brings drones on, each by a plan of its own.
+    """Moves drones on, each by a separate plan.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ class Alone:
         self._tried_s: dict[tuple[str, str], float] = {}
 
     def note_packages(self, now_s: float, why: Reasons) -> None:
-        """Note whether a package is aboard a drone that stands, and it is time to plan for it."""
+        """Note whether a package is on board a standing drone, and it is time to plan for it."""
         situation = self._situation
         carriers = [
             one.drone for state, one in situation.orders.values() if state == "aboard" and one.drone in situation.drones
         ]
         if any(self._is_time(one, now_s) for one in carriers):
-            why.general.append("a package is aboard a drone that stands")
+            why.general.append("a package is on board a standing drone")
 
     def _is_time(self, name: str, now_s: float) -> bool:
         """Whether it is time to plan for a drone: where its flight on was not begun, the same is not tried again at once."""
@@ -108,7 +108,7 @@ class Alone:
     def _leave_aboard(self, name: str, drone: DroneRecord, order: OrderRecord, answer: Answer) -> None:
         """Leave a package aboard until it is tried again; where that is hopeless, it is a person's."""
         id_ = order.order.id
-        order.reason = f"aboard {name} at {drone.place}: {answer.reason}"
+        order.reason = f"on board {name} at {drone.place}: {answer.reason}"
         if not answer.hopeless:
             self._situation.change_order(id_, "aboard", order)
             return

@@ -1,4 +1,4 @@
-"""The bookings of a dispatcher in its ledger, brought to what is wanted: each itinerary whole or not at all."""
+"""The bookings of a dispatcher in its ledger, updated to its plan: each itinerary whole or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAME_S = 1.0
 
 
 class Bookings:
-    """What a dispatcher holds in a ledger.
+    """Bookings of a dispatcher in a ledger.
 
     Parameters
     ----------

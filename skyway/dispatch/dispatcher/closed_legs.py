@@ -1,4 +1,4 @@
-"""Legs that the check before a take-off refused, planned without for a while."""
+"""Legs refused by the preflight check, excluded from plans for a while."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEG_CLOSED_S = 600.0
 
 
 class ClosedLegs:
-    """Legs that are not planned before the next hour of the forecast, by type of drone: the same would not be begun again; forgotten with the process, then refused once more.
+    """Legs that are not planned before the next hour of the forecast, by type of drone: the same would not be begun again; forgotten with the process, then refused again.
 
     Parameters
     ----------

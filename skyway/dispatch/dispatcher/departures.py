@@ -1,4 +1,4 @@
-"""Departures: flights that are due are composed and given to workers; what cannot be flown as it was planned is replanned."""
+"""Departures: due flights are composed and given to workers; flights that are no longer possible are replanned."""
 
 from __future__ import annotations
 

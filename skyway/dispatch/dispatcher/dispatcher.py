@@ -1,4 +1,4 @@
-"""The dispatcher: takes orders, plans, books, gives flights to workers, and replans around what flies; all it must not forget lies on the desk."""
+"""The dispatcher: takes orders, plans, books, gives flights to workers, and replans around flights under way; its state is on the desk."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Dispatcher:
-    """One dispatcher; `step` does what is due at an instant.
+    """One dispatcher; `step` does the due work of an instant.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What has happened since a dispatcher looked last: flights that ended or are late, orders that came, pads out of order."""
+"""Events since the dispatcher's last step: flights that ended or are late, new orders, pads out of order."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Events:
     def _lose(self, name: str, drone: DroneRecord, what: str, reason: str, why: Reasons) -> None:
         drone.reason = reason
         why.of_drone[name] = f"{name} was lost ({what})"
-        self._say(f"{name} is lost, a person must look at it: {reason}")
+        self._say(f"{name} is lost, a person must check it: {reason}")
 
     def _take_end_of_order(self, name: str, flight: FlightRecord, end: End, *, safe: bool) -> None:
         situation = self._situation

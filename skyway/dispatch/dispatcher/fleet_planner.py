@@ -1,4 +1,4 @@
-"""Planning some orders with some drones around what flies: what can be planned with, where, in which wind, and the routes as the desk takes them."""
+"""Planning of some orders with some drones around flights under way: available drones, pads and wind, and the routes in the form of the desk."""
 
 from __future__ import annotations
 

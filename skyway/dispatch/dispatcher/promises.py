@@ -1,4 +1,4 @@
-"""What orders are told: that they are promised, that a promise has changed and why, that they are refused, or are for a person."""
+"""Answers to orders: promised, changed with a reason, refused, or handed to a person."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Promises:
-    """Tells orders what becomes of them.
+    """Answers to orders.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Promises:
 
     def hand_over(self, name: str, order: OrderRecord) -> None:
         """Leave an order to a person, for the reason that it has."""
-        self._say(f"{name} is for a person: {order.reason}")
+        self._say(f"{name} needs a person: {order.reason}")
         self._situation.change_order(name, "handed to a person", order)
 
     def refuse_too_late(self, now_s: float, weigh: DispatchParameters) -> None:
@@ -91,6 +91,6 @@ def _changed(before: Promise | None, after: Promise | None) -> str:
     if before is None:
         return ""
     if after is None:
-        return "it is not promised any more"
+        return "it is no longer promised"
     later_s = after.delivered_s - before.delivered_s
     return f"{duration(later_s)} later" if later_s > TOLERATED_S else ""

@@ -1,4 +1,4 @@
-"""Why a dispatcher replans, as those are told whose promises it changes."""
+"""Reasons for replanning, in the words of a changed promise."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ class Reasons:
         """Return why a promise of some drones was changed."""
         own = [self.of_drone[one] for one in drones if one in self.of_drone]
         found = own or self.general or list(self.of_drone.values())
-        more = f"; and {len(found) - 2} reasons more" if len(found) > 2 else ""
+        more = f"; and {len(found) - 2} more reasons" if len(found) > 2 else ""
         return "; ".join(found[:2]) + more

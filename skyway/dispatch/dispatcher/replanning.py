@@ -1,4 +1,4 @@
-"""Replanning what is open around what flies, and booking it; around what others book meanwhile once more."""
+"""Replanning of open orders around flights under way, and booking; repeated once if others book in the meantime."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Replanning:
 
     def _leave_waiting(self, pool: dict[str, OrderRecord]) -> None:
         for name, one in pool.items():
-            one.reason = "no drone is left"
+            one.reason = "no drone is available"
             one.promise = None
             self._situation.change_order(name, "new", one)
 

@@ -1,4 +1,4 @@
-"""What a dispatcher knows: orders, drones, flights and pads out of order, as the desk has them and as a step changes them."""
+"""The knowledge of a dispatcher: orders, drones, flights and pads out of order, as on the desk and as changed by a step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Situation:
-    """What is known, each thing with its state, by its id; changes are written together.
+    """Knowledge of the dispatcher, each entry with its state, by its id; changes are written together.
 
     Attributes
     ----------

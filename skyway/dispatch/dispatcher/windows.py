@@ -1,4 +1,4 @@
-"""Windows of pads: those of flights under way, of routes, and of pads out of order; as holds, and apart from each other."""
+"""Windows of pads: of flights under way, of routes, and of pads out of order; as holds, and separated from each other."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Flying a cut mission: what is decided on pads and in the air, and the job of the supervisor."""
+"""Flying a cut mission: decisions on pads and in the air, and the job of the supervisor."""

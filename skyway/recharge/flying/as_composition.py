@@ -1,4 +1,4 @@
-"""A cut mission as a composition: what journals, reports and the page know of a plan."""
+"""A cut mission as a composition, for journals, reports and the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A cut mission as it is flown: its flights for the supervisor, replanned with what is measured."""
+"""A cut mission in flight: its flights for the supervisor, replanned with measurements."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class SetPlanner:
         number = next((k for k, span in enumerate(spans) if span.begin == begin), None)
         if number is None:
             raise InputError(
-                "the drone stands where no flight of the set begins", remedy="let it replan: without --no-replan"
+                "the drone stands where no flight of the set begins", remedy="let it replan: remove --no-replan"
             )
         plan = self.found.plan
         stops = plan.stops[number:]
@@ -184,11 +184,11 @@ class SetPlanner:
         return replace(made, planned_s=float(weight @ seconds), modelled_soc=mean, soc_land=land, soc_sd=sd)
 
     def judge(self, family: Family, aloft: Aloft) -> Judgement:
-        """Say what the rest of the flight under way comes to."""
+        """Predict the rest of the current flight."""
         return self._judge(family, aloft, aloft.span)
 
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
-        """Return the flight that leaves the work where it keeps the reserve after all; the least bad one where none does."""
+        """Return the flight that leaves the work early enough to keep the reserve; the best available where none does."""
         options = self._options(aloft)
         problem = rest.with_known(self.found.problem, options)
         first = self._next_point(aloft)
@@ -217,7 +217,7 @@ class SetPlanner:
         return best
 
     def refuge(self, aloft: Aloft) -> tuple[str, Judgement] | None:
-        """Return the pad that takes least to fly to from here: straight, as from the last point of the work."""
+        """Return the pad that takes least charge to reach from here: straight, as from the last point of the work."""
         conditions, ways = self._conditions(aloft), self.found.problem.ways
         transit = self.found.problem.options.transit
         power = FlightPower.of(conditions.drone, conditions.payload_kg)

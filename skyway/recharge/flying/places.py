@@ -1,4 +1,4 @@
-"""The stations of a cut mission: its pads, where it begins and where it ends; and the region that they are in."""
+"""The stations of a cut mission: its pads, its start and its end; and their region."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAME_M = 10.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WorkPlaces:
-    """Stations by what the work calls them."""
+    """Stations by their names in the work."""
 
     pads: tuple[Station, ...]
     start: Station
@@ -40,7 +40,7 @@ class WorkPlaces:
 
     @property
     def more(self) -> tuple[Station, ...]:
-        """Stations that are no pads."""
+        """Stations without pads."""
         known = {pad.id for pad in self.pads}
         return tuple({one.id: one for one in (self.start, self.end) if one.id not in known}.values())
 
@@ -57,7 +57,7 @@ def places_of(found: Recharged) -> WorkPlaces:
 
 
 def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
-    """Return where each of several drones that share a mission stands, each at a station of its own, however near they are."""
+    """Return the start of each of several drones that share a mission, each at a different station, however near they are."""
     starts = []
     for number, found in enumerate(drones, start=1):
         home = found.problem.work.mission.home

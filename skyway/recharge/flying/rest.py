@@ -1,4 +1,4 @@
-"""What is left of a cut mission, replanned: from a pad with the work as far as it is done, or from where it flies."""
+"""The rest of a cut mission, replanned: from a pad after the work done so far, or from a flight under way."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AHEAD = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class RestPlan:
-    """What is left, by the plan: where the work is left again, and when and with which charge the first flight is begun."""
+    """Plan of the remaining work: where it is left again, and time and charge at the start of the first flight."""
 
     cuts: tuple[Cut, ...]
     depart_s: float

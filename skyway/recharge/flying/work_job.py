@@ -80,7 +80,7 @@ def job_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkAsked:
-    """What is typed when a set is flown."""
+    """Typed options of flying a set."""
 
     wind: str | None = None
     forecast: list[Path] | None = None
@@ -92,20 +92,22 @@ class WorkAsked:
 def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: WorkAsked) -> DeliveryJob:
     """Return the job of flying a set with the vehicle that is connected, from now on.
 
-    An `InputError` says that the set was not cut for its autopilot, or for its kind.
+    Raises an `InputError` if the set was not cut for its autopilot, or for its kind.
     """
     family = vehicle.family
     found = opened_set.found
     if family.name not in found.flights:
         known = ", ".join(found.flights)
-        problem = f"the set has missions for {known}; the drone that is connected flies {family.name}"
+        problem = f"the set has missions for {known}; the connected drone is {family.name}"
         raise InputError(
-            problem, str(opened_set.folder), remedy=f"connect that one, or cut it with --autopilot {family.name}"
+            problem,
+            str(opened_set.folder),
+            remedy=f"connect another drone, or cut the mission with --autopilot {family.name}",
         )
     kind = vehicle.peer.kind
     if not multirotor(kind) and multirotor(found.problem.work.mission.vehicle_type):
         raise InputError(
-            f"the set is for a multirotor; what is connected says that it is of MAV_TYPE {kind}",
+            f"the set is for a multirotor; the connected vehicle reports MAV_TYPE {kind}",
             str(opened_set.folder),
             remedy="connect the drone that it was cut for",
         )

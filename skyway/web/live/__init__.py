@@ -1,1 +1,1 @@
-"""What is going on: flights in processes of their own, vehicles that are heard, and commands that run."""
+"""Work in progress: flights in separate processes, vehicles on the link, and running commands."""

@@ -1,4 +1,4 @@
-"""The demonstration on the page: its plan is made by a worker, its simulation and its flight are processes of their own."""
+"""The demonstration on the page: a worker makes its plan; its simulation and its flight are separate processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LISTENS_S = 30.0
 
 
 async def begin_once(site: Site) -> None:
-    """Begin it where none is under way; it departs by itself."""
+    """Start it unless one is under way; it departs automatically."""
     under_way = (live for live in site.flights.known().values() if not live.ended)
     if not any(word.endswith(demonstration.PLANNED) for live in under_way for word in live.words):
         try:

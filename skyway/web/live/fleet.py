@@ -1,4 +1,4 @@
-"""Vehicles that are heard: one watch for each connection, in a process of its own, and one digest of all of them.
+"""Vehicles on the link: one watch process for each connection, and one digest of all of them.
 
 Nothing is commanded here. Supervised flights are processes of their own, too: see `skyway.web.live.flights`.
 """
@@ -48,13 +48,13 @@ class Fleet:
         self._deliveries: tuple[float, list[dict[str, Any]]] = (0.0, [])
 
     def watch(self, connection: str) -> None:
-        """Listen on a connection, until it is told to stop or nothing can be heard there any more."""
+        """Listen on a connection, until told to stop or nothing more can be heard."""
         if not connection or connection.startswith("-") or len(connection) > 200:
             raise InputError(
                 "is not a connection", field="--connect", value=connection, remedy="such as udpin:127.0.0.1:14550"
             )
         if connection in self.runs:
-            raise InputError("is watched already", field="--connect", value=connection)
+            raise InputError("is already watched", field="--connect", value=connection)
         if len(self.runs) >= MOST_WATCHES:
             raise InputError(
                 "too many connections are watched", field="--connect", value=connection, remedy="stop one of them"
@@ -130,7 +130,7 @@ class Fleet:
         return made
 
     async def digest(self) -> dict[str, Any]:
-        """Return one document for everything: vehicles, watches, deliveries under way."""
+        """Return one document for everything: vehicles, connections, deliveries under way."""
         now_s = time.monotonic()
         self._vehicles = {key: row for key, row in self._vehicles.items() if now_s - row["heard_s"] < GONE_S}
         vehicles = [
@@ -154,7 +154,7 @@ class Fleet:
         }
 
     async def _under_way(self, now_s: float) -> list[dict[str, Any]]:
-        """Deliveries whose journal is being written; looked at once a second, however many browsers ask."""
+        """Deliveries whose journal is being written; checked once a second, however many browsers ask."""
         asked_s, known = self._deliveries
         if now_s - asked_s < 1.0:
             return known

@@ -1,4 +1,4 @@
-"""Flights under way, which fly in processes of their own: found by their files in the work folder, told, ordered, started.
+"""Flights under way in separate processes: found by their files in the work folder, shown, commanded, started.
 
 What is known here is only what the files say. A page that was killed and started again knows the same.
 """
@@ -107,7 +107,7 @@ class Flights:
         return tail
 
     def told(self, name: str, seen: int, session: str) -> dict[str, Any]:
-        """Return all that is known of a flight now, and what its journal has told since a record that was seen."""
+        """Return all that is known of a flight now, and its journal's entries since a given record."""
         live = self.known().get(name)
         if live is None:
             raise InputError("no such flight in the work folder", field="flight", value=name[:100])
@@ -133,7 +133,7 @@ class Flights:
         """Order something of a flight; its supervisor decides whether it is taken, and answers in the journal."""
         live = self.known().get(name)
         if live is None or live.ended:
-            raise InputError("is no flight under way", field="flight", value=name[:100])
+            raise InputError("is not a flight under way", field="flight", value=name[:100])
         orders, _, _ = starting.files_of(self.folder.path(f"{name}.jsonl"))
         request(orders, asked)
 
@@ -149,7 +149,7 @@ class Flights:
         """Continue a flight whose program has ended before its delivery did."""
         live = self.known().get(name)
         if live is None or (not live.ended and _runs(live.pid)):
-            raise InputError("is under way, or was never begun", field="flight", value=name[:100])
+            raise InputError("is under way, or was never started", field="flight", value=name[:100])
         journal = self.folder.existing(f"{name}.jsonl")
         self._start(starting.resumed(live.words, journal), journal)
 

@@ -1,4 +1,4 @@
-"""A journal that is being written, followed: what is new in it, as the page shows it."""
+"""A growing journal, followed: its new records, in the form of the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands of skyway that the page runs in processes of their own: an upload, a watch. The page only reads what they print.
+"""Commands of skyway that the page runs in separate processes: an upload, a watch. The page only reads their output.
 
 What such a process does goes on when the page ends or is restarted; so will the supervisor of a flight, whose journal the page reads.
 """

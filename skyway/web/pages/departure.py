@@ -1,4 +1,4 @@
-"""The form of a departure: which plan is flown by which drone, and how; the command that does the same."""
+"""The form of a departure: the plan, the drone and the options, and the equivalent command."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DepartureForm:
     begun : callable
         Called with the name of a flight that was started.
     shown : callable
-        Called with the way of the plan that is chosen: pairs of latitude and longitude.
+        Called with the route of the plan that is chosen: pairs of latitude and longitude.
     """
 
     def __init__(self, site: Site, begun: Callable[[str], None], shown: Callable[[list[list[float]]], None]) -> None:
@@ -43,26 +43,24 @@ class DepartureForm:
             self._set("connect"),
             hint="udpin:127.0.0.1:14540, tcp:127.0.0.1:5760, /dev/ttyUSB0,57600",
         )
-        Field("Pads", self._set("pads"), value="manual", hint="manual: people charge it; or tcp:HOST:PORT")
+        Field("Pads", self._set("pads"), value="manual", hint="manual: people charge the drone; or tcp:HOST:PORT")
         self.drag = Field(
             "Drag of the drone",
             self._set("drag"),
             kind="select",
-            hint="From skyway calibrate wind: its tilt tells the wind",
+            hint="From skyway calibrate wind, to estimate the wind from tilt",
         )
         Field(
             "Package released by", self._set("release"), kind="select",
-            options=[("", "as planned"), ("gripper", "the gripper"), ("hand", "a person, who says so")], value="",
+            options=[("", "as planned"), ("gripper", "the gripper"), ("hand", "a person, who confirms it")], value="",
         )  # fmt: skip
-        Field(
-            "Ground heights", self._set("elevation"), hint="Where the plan lacks one: target=34, metres above sea level"
-        )
+        Field("Ground heights", self._set("elevation"), hint="If the plan lacks one: target=34, metres above sea level")
         Field("Ask before each take-off", self._set("each"), kind="check", value=False)
         Field("Leave the drone's parameters as they are", self._set("keep"), kind="check", value=False)
         with ui.element("div").classes("line"):
             Button("Connect and check", self.start, "main")
-            Button("Read the folder again", self.read)
-        text("p", "Nothing moves yet: the checks are shown, then the take-off is asked for.", "faint")
+            Button("Refresh the folder", self.read)
+        text("p", "Nothing moves yet: the page shows the checks, then asks before the take-off.", "faint")
         self.status = Status()
         self.command = CommandShown("fly", "skyway fly PLAN --connect CONNECTION")
 

@@ -1,4 +1,4 @@
-"""The fleet page: how the orders, drones and pads of a dispatcher stand, from its ledger."""
+"""The fleet page: orders, drones and pads of a dispatcher, from its ledger."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class FleetPage:
                 self.choice = Field("Ledger", self._set("ledger"), kind="select", hint="A file of the work folder, .db")
                 Field("Dispatcher", self._set("holder"), value=self.holder, hint="As skyway dispatch run --holder")
                 with ui.element("div").classes("line"):
-                    Button("Read the folder again", self._list)
+                    Button("Refresh the folder", self._list)
                 self.status = Status()
                 self.command = CommandShown("fleet")
             with ui.element("section").classes("seen").props('aria-label="Map"'):
@@ -60,7 +60,7 @@ class FleetPage:
         if not self.ledger and len(names) == 1:
             self.ledger = names[0]
         self.choice.offer(
-            [("", "choose a ledger" if names else "no ledger is here yet"), *((one, one) for one in names)]
+            [("", "choose a ledger" if names else "no ledger in the folder yet"), *((one, one) for one in names)]
         )
         self.choice.show(self.ledger)
 
@@ -75,7 +75,7 @@ class FleetPage:
         self.status.tell(
             ""
             if self.ledger
-            else "Choose a ledger: skyway dispatch run writes one, and skyway dispatch demo one to look at."
+            else "Choose a ledger: skyway dispatch run writes one; skyway dispatch demo writes an example."
         )
         self.board.follow(self.ledger, self.holder)
         words = ["skyway", "dispatch", "status", "--ledger", self.ledger or "LEDGER.db"]

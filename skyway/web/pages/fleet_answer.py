@@ -1,4 +1,4 @@
-"""How a fleet stands, as HTML: alarms, what drones and pads do when, orders, drones, and what was changed and why; every text is escaped."""
+"""The status of a fleet as HTML: alarms, timelines of drones and pads, orders, drones, and changed promises; every text is escaped."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _head(found: dict[str, Any], zone: tzinfo) -> str:
     late = sum(parse_instant(one["delivered"]) > parse_instant(one["due"]) for one in done)
     cells = [
         ("orders", str(len(found["orders"])), ", ".join(f"{count} {state}" for state, count in sorted(counts.items()))),
-        ("delivered", str(len(done)), f"{late} after the time that they were due" if done else ""),
+        ("delivered", str(len(done)), f"{late} after their due time" if done else ""),
         ("flights under way", str(len(found["flights"])), f"of {len(found['drones'])} drones"),
         ("pads booked", str(len(found["pads"])), "windows"),
         ("promises changed", str(len(found["changes"])), ""),
@@ -89,7 +89,7 @@ def _chart(title: str, rows: Sequence[dict[str, Any]], found: dict[str, Any], zo
         drawn += [_bar(bar, y, frame, zone) for bar in row["bars"] if bar["end_s"] > begin_s and bar["begin_s"] < end_s]
     x = frame.x(now_s)
     drawn.append(f'<path class="mark" d="M{x:.1f} 0V{bottom:g}"/>')
-    said = f"{title}: {len(all_bars)} bars of {len(rows)} rows; the same stands in the tables"
+    said = f"{title}: {len(all_bars)} bars of {len(rows)} rows; the tables have the same data"
     more = f"<p class='faint'>The first {len(rows)} are drawn.</p>" if len(rows) >= 200 else ""
     svg = f'<svg class="chart" viewBox="0 0 {WIDTH:g} {bottom + 18:g}" role="img" aria-label="{safe(said)}">{"".join(drawn)}</svg>'
     return f"<h2>{title}</h2>{LEGEND if title == 'Drones' else ''}{svg}{more}"

@@ -1,6 +1,6 @@
-"""The fly page: departures, flights under way, and vehicles that are heard.
+"""The fly page: departures, flights under way, and vehicles on the link.
 
-Each delivery is flown by a supervisor in a process of its own (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
+Each delivery is flown by a supervisor in a separate process (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
 """
 
 from __future__ import annotations
@@ -81,7 +81,9 @@ class FlyPage:
 
     def _demonstration(self) -> None:
         text("h2", "Demonstration")
-        text("p", "A delivery across a simulated New York, ten times faster than life. No drone is needed.", "faint")
+        text(
+            "p", "A delivery across a simulated New York, ten times faster than real time. No drone is needed.", "faint"
+        )
         with ui.element("div").classes("line"):
             Button("Fly the demonstration", self.demonstrate, "" if self.site.flights.known() else "main")
         self.planned = Status()

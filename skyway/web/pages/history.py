@@ -44,7 +44,7 @@ class HistoryPage:
         with ui.element("div").classes("panel whole"):
             with ui.element("div").classes("line"):
                 Field("Search", self.seek, hint="Station, drone, state, file; several words narrow it")
-                Button("Read the folder again", self._begin)
+                Button("Refresh the folder", self._begin)
             self.at_work = UnderWay(client, self._begin, "Read on", lambda: "Not all journals were read.")
             self.totals = ui.html("")
             self.table = ui.html("")

@@ -1,4 +1,4 @@
-"""A mission and what was found of it, as HTML; every text is escaped."""
+"""A mission and its findings as HTML; every text is escaped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def differences(found: list[dict[str, Any]], wanted: Preferences) -> str:
-    """What a vehicle holds otherwise than the file; a button of each shows where it is."""
+    """Differences between the vehicle's mission and the file; a button for each shows where it is."""
     rows = []
     for one in found:
         where = safe(one["kind"]) if one["item"] is None else _place(one["item"])
@@ -52,7 +52,7 @@ def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
     for one in found:
         where = "mission" if one["item"] is None else _place(one["item"])
         style = {"error": "warn", "warning": "warn"}.get(one["severity"], "faint")
-        mend = " (certain: it can be mended)" if one["certain"] else ""
+        mend = " (can be corrected automatically)" if one["certain"] else ""
         rows.append(
             f"<tr><td class='{style}'>{safe(one['severity'])}</td><td>{where}</td><td>{safe(wanted.in_words(one['message']))}</td><td>{safe(wanted.in_words(one['remedy']))}{mend}</td></tr>"
         )
@@ -63,7 +63,7 @@ def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
 
 
 def flights(flights: list[dict[str, str]], wanted: Preferences) -> str:
-    """What each flight of the mission takes."""
+    """Time and energy of each flight of the mission."""
     names = ("items", "distance", "time", "energy", "ends", "kept")
     rows = ["".join(f"<td>{safe(wanted.in_words(one.get(name, '')))}</td>" for name in names) for one in flights]
     head = "<tr><th>items</th><th>distance</th><th>time</th><th>energy</th><th>ends with</th><th>reserve kept</th></tr>"

@@ -1,4 +1,4 @@
-"""A mission and a vehicle: what it holds otherwise, and the upload, read back; both by commands in processes of their own."""
+"""A mission and a vehicle: their differences, and the verified upload; both by commands in separate processes."""
 
 from __future__ import annotations
 
@@ -76,21 +76,21 @@ class Transfer:
     async def upload(self) -> None:
         """Upload the file, and read it back."""
         if not self.sure:
-            words = "An upload replaces the mission of the vehicle: say above that you are sure."
+            words = "An upload replaces the mission of the vehicle: confirm it above."
             self.progress.tell(words, wrong=True)
             return
         self._differ([])
         await self._told("upload", "--yes")
 
     async def _told(self, command: str, *more: str) -> bool:
-        """Run a command of the link in its own process, and show what it prints; False where it could not be begun."""
+        """Run a command of the link in its own process, and show what it prints; False where it could not be started."""
         try:
             path = self.site.folder.existing(self._file())
         except SkywayError as error:
             self.progress.tell(str(error), wrong=True)
             return False
         if not self.connect or self.connect.startswith("-"):
-            self.progress.tell("Say above how the vehicle is connected.", wrong=True)
+            self.progress.tell("Enter the connection of the vehicle above.", wrong=True)
             return False
         if self.run is not None and self.run.code is None:
             self.progress.tell("Wait for what is running.", wrong=True)

@@ -1,4 +1,4 @@
-"""The missions page: any mission file with its map, profile, items and findings; mended, converted, uploaded."""
+"""The missions page: any mission file with its map, profile, items and findings; corrected, converted, uploaded."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ class MissionsPage:
             self.map.put(centre=place)
 
     async def mend(self) -> None:
-        """Write a new file with the certain findings mended."""
+        """Write a new file with the certain findings fixed."""
         await self._made(Path(self.file).suffix if self.file.endswith((".plan", ".waypoints")) else ".plan", self.asked)
 
     async def convert(self, suffix: str) -> None:

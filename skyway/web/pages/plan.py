@@ -1,4 +1,4 @@
-"""The plan page: a delivery is asked for on the map or in the form, and the answer stands beside it."""
+"""The plan page: a request on the map or in the form, with the answer beside it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 FRESH_S = 60.0
-"""So long an answer is shown again, without being worked out again, when a person turns back to its question."""
+"""So long an answer is shown again, without being computed again, when a person turns back to its question."""
 LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
 """What can be left out of the map: as it is called, and its name there."""
 
@@ -134,7 +134,7 @@ class PlanPage:
         self.ask(msgspec.structs.replace(self.question, **values))
 
     def ask(self, question: Question) -> None:
-        """Ask something else; what was asked before can be had again."""
+        """Ask a new question; earlier ones remain available."""
         if question != self.question:
             self.undos.leave(self.question)
             self._turn_to(question)
@@ -162,8 +162,8 @@ class PlanPage:
     def _cancelled(self) -> str:
         """What stands on the page when a person has cancelled what was under way."""
         if self.is_current:
-            return "Reasons and other routes are left out."
-        return "Below stands the plan of what was asked before." if self.plans else ""
+            return "Reasons and other routes are not shown."
+        return "Below is the plan of the previous request." if self.plans else ""
 
     @property
     def is_current(self) -> bool:
@@ -220,7 +220,7 @@ class PlanPage:
         except SkywayError:
             found = {"hours": []}
         if conditions != self.question.conditions():
-            return  # other hours are asked for by now
+            return  # other hours are requested by now
         self.winds = found
         if not found["hours"]:
             return

@@ -21,7 +21,7 @@ LEGEND = (
 
 
 def figures(plan: dict[str, Any], wanted: Preferences) -> str:
-    """What is to be expected."""
+    """Expected figures."""
     cells = [
         (one["name"], safe(one["value"]), f"by {safe(one['by'])}; {safe(one['range'])}") for one in plan["figures"]
     ]
@@ -50,7 +50,7 @@ def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo, wanted:
     back = " (way back: dashed)" if any(leg["back"] for leg in plan["charge"]["legs"]) else ""
     names = [label(one, number) for number, one in enumerate(plans)]
     return (
-        f"<h2>Schedule, as it is most typically flown</h2>{LEGEND}{drawn.bars(plans, names, zone)}"
+        f"<h2>Typical schedule</h2>{LEGEND}{drawn.bars(plans, names, zone)}"
         f"{_titled('Arrival in the simulated deliveries', drawn.arrivals(plan, zone))}"
         f"<h2>Charge over the legs: 9 of 10 deliveries, half of them, and the typical schedule{back}</h2>{drawn.charge(plan)}"
         f"{_titled('Heights above sea level, and the least clearance', drawn.heights(plan['heights'], wanted))}"
@@ -89,7 +89,7 @@ def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[
         "<th class='n'>95 %, min</th><th class='n'>reserve kept</th><th class='n'>Wh</th></tr>"
     )
     missing = "".join(f"<p class='faint'>{safe(one['planner'])}: {safe(one['why'])}</p>" for one in without)
-    return f"<h2>Beside each other</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
+    return f"<h2>Side by side</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
 
 
 def explained(found: dict[str, Any], wanted: Preferences) -> str:

@@ -81,7 +81,7 @@ class PlanFiles:
     async def _made(self) -> list[tuple[str, bytes]]:
         plan = self._shown()
         if plan is None:
-            raise SkywayError("there is no plan yet of what is asked")
+            raise SkywayError("the plan is not ready yet")
         stem = safe_name(self.stem) if self.stem.strip() else safe_name(f"{plan['from']}-{plan['to']}")
         more = {"autopilot": self.autopilot, "contacts": self.contacts, "elevation": self.elevation}
         found: list[tuple[str, bytes]] = await self.site.workers.ask(
@@ -113,12 +113,12 @@ class PlanFiles:
         self.told.tell(f"saved {', '.join(names)}")
 
     async def open(self) -> None:
-        """Ask again what a plan of the folder was asked for."""
+        """Repeat the request of a plan in the folder."""
         try:
             path = self.site.folder.existing(self.wanted)
             found = await self.site.workers.ask("exports.opened", str(path))
         except SkywayError as error:
             self.told.tell(str(error), wrong=True)
             return
-        self.told.tell(f"opened {self.wanted}: planned again with what it was asked for")
+        self.told.tell(f"opened {self.wanted}: planned again with its request")
         self._ask(msgspec.convert(found["question"], Question))

@@ -31,7 +31,7 @@ MAX_OTHERS = MOST_PLANS - 1
 
 
 class PlanForm:
-    """What is asked, as fields; each change is handed on at once.
+    """The request as fields; each change is passed on at once.
 
     Parameters
     ----------

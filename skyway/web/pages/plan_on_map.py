@@ -1,4 +1,4 @@
-"""What is asked of a plan on the map: at a place, a station, a segment, or by dragging a stop."""
+"""Requests on the map: at a place, a station, a segment, or by dragging a stop."""
 
 from __future__ import annotations
 

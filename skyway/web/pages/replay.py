@@ -1,4 +1,4 @@
-"""The replay page: any log, forwards and backwards, one or two beside each other."""
+"""The replay page: one or two logs side by side, forwards and backwards."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class ReplayPage:
         self._open()
 
     def refused(self, why: str) -> None:
-        """Tell why a file was refused."""
+        """Show why a file was refused."""
         self.status.tell(why, wrong=True)
 
     def _open(self) -> None:

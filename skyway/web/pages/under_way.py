@@ -1,4 +1,4 @@
-"""What a page works out at present: one thing at a time, with words that tell it and a button that ends it."""
+"""The calculation in progress on a page: one at a time, with a status text and a cancel button."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 class UnderWay:
-    """A line of the page: what is worked out, and *Cancel*.
+    """A line of the page: the calculation in progress, and *Cancel*.
 
     Parameters
     ----------
     client : Client
         Whose page it is; what is under way ends with it.
     again : callable
-        Begins once more what was cancelled.
+        Begins again what was cancelled.
     words : str
         Of the button that does so.
     cancelled : callable
@@ -46,12 +46,12 @@ class UnderWay:
         return task
 
     def tell(self, words: str) -> None:
-        """Tell what is being worked out, which can be cancelled from now on."""
+        """Show the current computation, which can be cancelled from now on."""
         self.status.tell(words)
         self._offer("Cancel", self.cancel, data_keys="escape", title="Esc")
 
     def cancel(self) -> None:
-        """End it, as a person wants; it can be begun once more."""
+        """End it on the person's request; it can be started again."""
         if self._task is not None:
             self.end()
             self.status.tell(f"Cancelled. {self._cancelled()}".strip())

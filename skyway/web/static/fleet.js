@@ -46,7 +46,7 @@ export default {
         this.show(told.parts, told.vehicles);
         return "";
       } catch {
-        return "The page's server does not answer: what is shown is old.";
+        return "The page's server does not answer: the data shown are old.";
       }
     },
     show(parts, vehicles) {

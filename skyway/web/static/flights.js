@@ -165,18 +165,18 @@ export default {
         try {
           const answer = await fetch("/api/order", { method: "POST", body, headers: { "Content-Type": "application/json" }, signal: AbortSignal.timeout(LONG_MS) });
           if (answer.ok) {
-            if (!one.answered) one.told = "asked: the flight has not answered yet";
+            if (!one.answered) one.told = "sent: the flight has not answered yet";
             return this.poll();
           }
           one.told = (await answer.json()).error;
           one.wrong = true;
           return null;
         } catch {
-          one.told = "the page's server does not answer: asked again";
+          one.told = "the page's server does not answer: asking again";
           await new Promise((done) => setTimeout(done, 800));
         }
       }
-      one.told = "not asked: the page's server does not answer";
+      one.told = "not sent: the page's server does not answer";
       one.wrong = true;
       return null;
     },
@@ -230,7 +230,7 @@ export default {
   render() {
     const told = this.open_ && this.flight?.name === this.open_ ? this.flight : null;
     return h("div", { class: "flights" }, [
-      h("p", { class: this.lost ? "status wrong" : "only-heard", role: "status" }, this.lost ? "The page's server does not answer: what is shown is old. Flights go on." : ""),
+      h("p", { class: this.lost ? "status wrong" : "only-heard", role: "status" }, this.lost ? "The page's server does not answer: the data shown are old. Flights go on." : ""),
       this.tabs(),
       told ? [flightView(this), this.me()] : this.open_ ? h("p", { class: "status" }, "The flight starts …") : this.all(),
     ]);

@@ -1,4 +1,4 @@
-"""The base map of a page: what it covers, its tiles, and from where browsers get them."""
+"""The base map of a page: its extent, its tiles, and their source."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ READERS: dict[str, type[MBTiles | PMTiles]] = {".mbtiles": MBTiles, ".pmtiles": 
 OWN = "/api/tile?z={z}&x={x}&y={y}"
 PARTS = ("{z}", "{x}", "{y}")
 SERVER_ZOOM = 19
-"""Greatest zoom that a tile server is asked for; most have no more."""
+"""Greatest zoom requested from a tile server; most have no more."""
 VECTOR_ENDINGS = (".pbf", ".mvt")
 _HOST = re.compile(r"(?:[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)(?:\.[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)*")
 
 
 @dataclass(frozen=True, slots=True)
 class BaseMap:
-    """Where a base map comes from; with neither a file nor a server there is none.
+    """Source of a base map; with neither a file nor a server there is none.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class BaseMap:
     def checked(self) -> BaseMap:
         """Return the same, or raise an `InputError`."""
         if self.file is not None and self.server is not None:
-            raise InputError("one base map is drawn", field="--tiles", remedy="leave --map or --tiles out")
+            raise InputError("one base map is drawn", field="--tiles", remedy="remove --map or --tiles")
         self.about()
         return self
 
@@ -61,7 +61,7 @@ class BaseMap:
 
     @property
     def kind(self) -> str:
-        """``pictures`` or ``vectors``; empty where there is no base map."""
+        """``pictures`` or ``vectors``; empty where there is not a base map."""
         return str(self.about().get("kind", ""))
 
     def about(self) -> dict[str, Any]:
@@ -93,14 +93,14 @@ def _address(server: str) -> Any:
         address = urlsplit(server)
         host, _ = (address.hostname or "").lower(), address.port
     except ValueError as error:
-        raise InputError(f"is no address: {error}", field="--tiles", value=server, remedy=remedy) from error
+        raise InputError(f"is not an address: {error}", field="--tiles", value=server, remedy=remedy) from error
     rest = address.path + address.query
     wrong = (
         address.scheme not in {"http", "https"} or address.username is not None or not _HOST.fullmatch(host)
         or any(rest.count(part) != 1 for part in PARTS) or re.search(r"\s", server) is not None
     )  # fmt: skip
     if wrong:
-        raise InputError("is no address of tiles", field="--tiles", value=server, remedy=remedy)
+        raise InputError("is not an address of tiles", field="--tiles", value=server, remedy=remedy)
     return address
 
 
@@ -110,7 +110,7 @@ def _opened(file: Path) -> MBTiles | PMTiles:
         raise InputError("no such file", str(file), field="--map")
     reader = READERS.get(file.suffix.lower())
     if reader is None:
-        raise InputError("is no base map", str(file), field="--map", remedy=f"a file {' or '.join(READERS)}")
+        raise InputError("is not a base map", str(file), field="--map", remedy=f"a file {' or '.join(READERS)}")
     found = reader(file)
     if found.first is None:
         remedy = "tiles of PNG, JPEG or WebP, or of vectors (MVT)"

@@ -1,4 +1,4 @@
-"""What a tile is: a picture, or vectors as Mapbox Vector Tiles."""
+"""Contents of a tile: a picture, or vectors as Mapbox Vector Tiles."""
 
 from __future__ import annotations
 

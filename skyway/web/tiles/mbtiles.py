@@ -37,7 +37,7 @@ class MBTiles:
             low, high = self._base.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
             some = self._base.execute("SELECT tile_data FROM tiles LIMIT 1").fetchone()
         except (sqlite3.Error, ValueError) as error:
-            raise InputError(f"is no MBTiles file: {error}", str(path), field="--map") from error
+            raise InputError(f"is not an MBTiles file: {error}", str(path), field="--map") from error
         if not isinstance(low, int) or not isinstance(high, int):
             raise InputError("has no tiles", str(path), field="--map")
         self.low, self.high = max(low, 0), min(high, MAX_ZOOM)

@@ -50,7 +50,7 @@ class PMTiles:
             self.first = self._any()
         except Exception as error:  # the package raises what it happens to meet in a damaged file
             remedy = "a file of PMTiles version 3, compressed with gzip"
-            raise InputError(f"is no PMTiles file: {error}", str(path), field="--map", remedy=remedy) from error
+            raise InputError(f"is not a PMTiles file: {error}", str(path), field="--map", remedy=remedy) from error
         if self._header["tile_compression"] not in {Compression.NONE, Compression.GZIP}:
             remedy = "write it with gzip, the usual compression"
             raise InputError(

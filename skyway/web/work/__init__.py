@@ -1,1 +1,1 @@
-"""What is worked out for the pages, in processes of their own: no module here knows NiceGUI."""
+"""Calculations for the pages, in separate processes: no module here knows NiceGUI."""

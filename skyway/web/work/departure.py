@@ -1,4 +1,4 @@
-"""Plans of the work folder that can be flown: what the departure page shows of them."""
+"""Plans of the work folder that can be flown, for the departure page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_BYTES = 8 * 1024 * 1024
 
 
 def plans(root: str, names: list[tuple[str, float, int]]) -> list[dict[str, Any]]:
-    """Return a row for each file that holds a plan: names within the folder, with time and size; others are left out."""
+    """Return a row for each file that holds a plan: names within the folder, with time and size; others are omitted."""
     return [row for one in names[:MOST] if (row := _row(root, *one)) is not None]
 
 

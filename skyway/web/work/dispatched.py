@@ -1,4 +1,4 @@
-"""A fleet as the fleet page shows it: what `skyway dispatch status` reads of a ledger, and what each drone and each pad does when."""
+"""A fleet for the fleet page: the data of `skyway dispatch status`, and the timelines of drones and pads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN = 1.645
 
 
 def told(ledger: str, holder: str) -> dict[str, Any]:
-    """Return how a fleet stands; an `InputError` says that the file is no ledger, or that no service is on it."""
+    """Return the status of a fleet. Raises an `InputError` if the file is not a ledger, or has no service."""
     with open_ledger(ledger) as book:
         status = status_of(Desk(book, holder))
     document = document_of(status)
@@ -58,12 +58,12 @@ def _alarms(status: Status) -> list[str]:
     running = status.state != "ended"
     found = ["no dispatcher runs: start it again with the same ledger"] if running and not status.led else []
     found += [
-        f"{name} is lost, a person must look at it: {one.reason}"
+        f"{name} is lost, a person must check it: {one.reason}"
         for name, (state, one) in status.drones.items()
         if state == "lost"
     ]
     found += [
-        f"{name} is for a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
+        f"{name} needs a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
     ]  # fmt: skip
     found += [f"{name} does not run" for name, alive in status.workers.items() if running and not alive]
     for _, pad in status.pads.values():

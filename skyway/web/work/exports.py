@@ -1,4 +1,4 @@
-"""Files made of a plan, in the formats of the commands."""
+"""Export files of a plan, in the formats of the commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Deliveries under way, as their journals tell them."""
+"""Deliveries under way, from their journals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINES = 12
 
 
 def standing(root: str, names: list[tuple[str, float, int]]) -> list[dict[str, Any]]:
-    """Return where each delivery stands: journals with the time and size that they had."""
+    """Return the state of each delivery: journals with their time and size."""
     return [row for one in names if (row := _of(root, *one)) is not None]
 
 

@@ -1,4 +1,4 @@
-"""Journals of a folder: what was flown, and totals."""
+"""Journals of a folder: past flights, and totals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GAP_S = 60.0
 
 
 def told(root: str, names: list[tuple[str, float]]) -> list[dict[str, Any]]:
-    """Return a row for each journal: names within the folder and when each was changed; what is no journal is left out."""
+    """Return a row for each journal: names within the folder and when each was changed; other files are omitted."""
     return [row for name, changed_s in names if (row := _row(root, name, changed_s)) is not None]
 
 
@@ -59,7 +59,7 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
 
 
 def reports(root: str, names: list[str]) -> list[dict[str, str]]:
-    """Return file and title of each report that ``skyway report`` has written into a folder; other pages are left out."""
+    """Return file and title of each report that ``skyway report`` has written into a folder; other pages are omitted."""
     found = []
     for name in names:
         try:
@@ -81,7 +81,7 @@ def _kept(promised_s: float | None, arrived_s: float | None, outcome: Result) ->
 
 
 def flown(track: dict[str, list[Any]]) -> tuple[float, float, float]:
-    """Return the way flown, m, the part of it over which the power was told, m, and the energy over that part, J: from sample to sample in the air."""
+    """Return the way flown, m, the part of it with known power, m, and the energy over that part, J: from sample to sample in the air."""
     names = ("time_s", "flight", "air", "lat", "lon", "power_w")
     flown_m = measured_m = energy_j = 0.0
     for before, now in pairwise(zip(*(track.get(name, []) for name in names), strict=True)):
@@ -108,6 +108,6 @@ def report(path: str, scenario: str | None) -> bytes:
 
 
 def energy_per_km(rows: list[dict[str, Any]]) -> float | None:
-    """Return Wh per km flown, where the power was told."""
+    """Return Wh per km flown, where the power is known."""
     way_km = sum(row["measured_m"] for row in rows) / 1000.0
     return sum(row["energy_j"] for row in rows) / J_PER_WH / way_km if way_km > 0.0 else None

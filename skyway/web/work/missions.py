@@ -1,4 +1,4 @@
-"""Missions as the page shows them: map, profile, items, findings; read, checked, converted and mended by the functions of the commands."""
+"""Missions for the page: map, profile, items, findings; read, checked, converted and corrected by the functions of the commands."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _area(area: Any) -> dict[str, Any]:
 
 
 def converted(path: str, suffix: str, asked: dict[str, str] | None, scenario: str | None) -> dict[str, Any]:
-    """Return a mission in a format: its files, and what that cannot hold; with `asked` the certain findings are mended first."""
+    """Return a mission in a format: its files, and what that cannot contain; with `asked` the certain findings are fixed first."""
     document = read(Path(path))
     told: tuple[str, ...] = ()
     if asked is not None:

@@ -55,12 +55,12 @@ def _rings(geometry: Any, path: str, depth: int = 0) -> list[tuple[list[list[lis
     if kind == "GeometryCollection":
         parts = geometry.get("geometries")
         if depth >= DEEPEST or not isinstance(parts, list):
-            raise InputError("has collections that are no lists, or too deep", path, field="geometries")
+            raise InputError("has collections that are not lists, or too deep", path, field="geometries")
         return [pair for one in parts for pair in _rings(one, path, depth + 1)]
     if kind not in {"Polygon", "MultiPolygon", "LineString", "MultiLineString"}:
         return []
     if not isinstance(places, list):
-        raise InputError("has coordinates that are no list", path, field="coordinates")
+        raise InputError("has coordinates that are not a list", path, field="coordinates")
     if kind == "MultiPolygon":
         return [(_places(part, path), True) for part in places]
     return [(_places([places] if kind == "LineString" else places, path), kind == "Polygon")]
@@ -70,7 +70,7 @@ def _places(rings: Any, path: str) -> list[list[list[float]]]:
     try:
         found = [[[round(float(x), 6), round(float(y), 6)] for x, y, *_ in ring] for ring in rings]
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError("has coordinates that are no numbers", path, field="coordinates") from error
+        raise InputError("has coordinates that are not numbers", path, field="coordinates") from error
     if not all(math.isfinite(value) for ring in found for place in ring for value in place):
-        raise InputError("has coordinates that are no numbers", path, field="coordinates")
+        raise InputError("has coordinates that are not numbers", path, field="coordinates")
     return found

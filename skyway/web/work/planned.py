@@ -1,4 +1,4 @@
-"""Plans as the page shows them: worked out by the functions of ``skyway plan``, as documents."""
+"""Plans for the page: computed by the functions of ``skyway plan``, as documents."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 def plan(scenario: str | None, asked: dict[str, Any], timezone: str | None = None) -> dict[str, Any]:
-    """Return the plan of a question as a document, and those of other planners; a `SkywayError` says why there is none.
+    """Return the plan for a question as a document, and those of other planners. Raises a `SkywayError` with the reason if there is none.
 
     A planner beside it that has none says why in ``without``. Times are told in a zone, or in the region's own.
     """
@@ -78,7 +78,7 @@ def plan(scenario: str | None, asked: dict[str, Any], timezone: str | None = Non
 
 
 def explained(scenario: str | None, asked: dict[str, Any], timezone: str | None = None) -> dict[str, Any]:
-    """Return what is told beside a plan and takes longer: other routes of the planner, reasons, and what the promise rests on."""
+    """Return the slower extras beside a plan: other routes of the planner, reasons, and the assumptions of the promise."""
     question = msgspec.convert(asked, Question)
     first, tried, wide = _solved(loaded(scenario), question, conditions(question, scenario), question.planner)
     report = plan_report(first, tried, question.alternatives, explain=question.planner == ROBUST)
@@ -247,7 +247,7 @@ def _charge(result: PlanResult) -> dict[str, Any]:
 
 
 def _heights(composition: Composition) -> list[dict[str, Any]]:
-    """Heights of the legs over terrain; nothing where the ground is not known below them."""
+    """Heights of the legs over terrain; nothing where the ground is unknown below them."""
     found = []
     for leg in composition.there_and_back.services:
         if leg.heights is not None:

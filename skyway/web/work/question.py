@@ -1,4 +1,4 @@
-"""What the pages plan and recharge ask, in the words of the commands, and the command that asks the same."""
+"""Requests of the pages plan and recharge, in the terms of the commands, and the equivalent command."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     dwell: str = ""
     """Time at the target: 5min."""
     if_undelivered: str = ""
-    """Where the package goes that cannot be handed over: back, a station; empty keeps nothing for it."""
+    """Where the package goes that cannot be delivered: back, a station; empty keeps nothing for it."""
     avoid: tuple[str, ...] = ()
     """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return bool(self.start.strip() and self.to.strip())
 
     def delivery(self) -> Delivery:
-        """Return what is carried; an `InputError` names what is no number."""
+        """Return the delivery. Raises an `InputError` naming values that are not numbers."""
         return Delivery(
             start=self.start.strip(), to=self.to.strip(), payload=number(self.payload, "--payload"),
             not_before=self.not_before.strip() or None, drone=self.drone or None, reserve=number(self.reserve, "--reserve"), soc=number(self.soc, "--soc"), stop_at=list(self.stop_at),
@@ -202,7 +202,7 @@ def _point(text: str) -> str:
 
 
 def pads() -> Pads:
-    """What is known of the pads: what the page was told, else what the scenario names."""
+    """Known state of the pads: given on the page, else by the scenario."""
     return Pads(pads=given().pads or None)
 
 

@@ -1,4 +1,4 @@
-"""Missions cut at pads, as the recharge page shows them: worked out by the functions of ``skyway recharge``."""
+"""Missions cut at pads, for the recharge page: computed by the functions of ``skyway recharge``."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _whole(text: str, option: str) -> int:
     """Return a whole number as typed."""
     value = number(text, option)
     if value != int(value):
-        raise InputError("is no whole number", field=option, value=text)
+        raise InputError("is not a whole number", field=option, value=text)
     return int(value)
 
 
@@ -81,7 +81,7 @@ def places(scenario: str | None, told: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _stations(question: Cut) -> tuple[Station, ...]:
-    """Return the pads of a file, moved as they were, and new ones; of a place that was chosen the height of the ground is not known."""
+    """Return the pads of a file, moved as they were, and new ones; of a place that was chosen the height of the ground is unknown."""
     if question.pads == OF_SCENARIO:
         raise InputError("the pads of a scenario stay where they are", field="--pads", remedy="take a file of stations")
     known = {one.id: one for one in read_stations(Path(question.pads))} if question.pads else {}
@@ -94,7 +94,7 @@ def _stations(question: Cut) -> tuple[Station, ...]:
 
 
 def shown(scenario: str | None, told: dict[str, Any]) -> dict[str, Any]:
-    """Cut a mission, and return what the page shows of it; an `InputError` says what hinders it."""
+    """Cut a mission, and return the data for the page. Raises an `InputError` with the obstacle."""
     question = msgspec.convert(told, Cut)
     with tempfile.TemporaryDirectory() as folder:
         found, summary, _, _ = _made(question, scenario, _pads_file(question, Path(folder)))

@@ -1,4 +1,4 @@
-"""What the map shows of a scenario: stations, segments, zones, wind by the hour, expected queues by the hour."""
+"""The scenario on the map: stations, segments, zones, wind by the hour, expected queues by the hour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs and journals as the replay page shows them: columns over time, flights and events."""
+"""Logs and journals for the replay page: columns over time, flights and events."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _journal(file: Path) -> dict[str, Any]:
         if name in track
     }
     if not len(columns.get("time_s", ())):
-        raise InputError("tells of no flight yet", str(file))
+        raise InputError("has no flight yet", str(file))
     flights = [
         [leg.depart_s, leg.land_s if leg.land_s is not None else float(columns["time_s"][-1])] for leg in report.legs
     ]

@@ -1,4 +1,4 @@
-"""What the page was started with besides its scenario: the weather and the pads of now, terrain, zones, as `skyway plan` takes them."""
+"""Inputs of the page besides its scenario: current weather and pads, terrain, zones, as for `skyway plan`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Given(msgspec.Struct, frozen=True, kw_only=True):
     authorized: tuple[str, ...] = ()
 
     def words(self, command: str = "plan") -> list[str]:
-        """Return the options of a command that says the same; `fly` takes its forecast error, its pads and its authorizations otherwise."""
+        """Return the equivalent options of a command; `fly` takes its forecast error, its pads and its authorizations otherwise."""
         names = ("forecast", "observed", "terrain", "obstacles", "zones")
         found = [word for name in names for one in getattr(self, name) for word in (f"--{name}", one)]
         if command == "plan":
@@ -51,10 +51,10 @@ _now = [Given()]
 
 
 def given() -> Given:
-    """Return what this process was told."""
+    """Return the weather and zones given to this process."""
     return _now[0]
 
 
 def give(what: Given) -> None:
-    """Tell this process, at its start."""
+    """Give them to this process, at its start."""
     _now[0] = what

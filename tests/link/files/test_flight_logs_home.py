@@ -106,7 +106,7 @@ def test_an_armed_vehicle_is_left_in_peace(tmp_path):
     with pytest.raises(CommandRefusedError):
         logs_before(hangar.craft)
     assert hangar.fetch(before, tmp_path) == []
-    assert hangar.told == ["log not fetched: the vehicle is armed; skyway logs fetch, once it is not"]
+    assert hangar.told == ["log not fetched: the vehicle is armed; run skyway logs fetch when it is disarmed"]
 
 
 @pytest.mark.parametrize("fault", ["log-stall", "log-gone", "link-loss"])
@@ -124,7 +124,7 @@ def test_what_goes_wrong_is_one_line(fault, tmp_path):
 def test_no_new_log_is_told(tmp_path):
     hangar = Hangar("px4")
     assert hangar.fetch(logs_before(hangar.craft), tmp_path) == []
-    assert "written none" in hangar.told[0]
+    assert "has no new log" in hangar.told[0]
 
 
 def test_a_file_in_the_way_keeps_no_other_from_coming(tmp_path):
@@ -150,4 +150,4 @@ def test_ctrl_c_ends_the_transfer_alone(tmp_path, monkeypatch):
 
     monkeypatch.setattr(LogStore, "read", interrupted)
     assert hangar.fetch(before, tmp_path) == []
-    assert hangar.told == ["log not fetched: interrupted; skyway logs fetch goes on from there"]
+    assert hangar.told == ["log not fetched: interrupted; continue with skyway logs fetch"]

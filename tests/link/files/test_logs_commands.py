@@ -66,4 +66,4 @@ def test_times_come_with_log_requests_and_wrong_words_are_told(run, tmp_path):
         assert run(there, "logs", "list")[1] == "no logs\n"
         code, _, err = run(there, "logs", "fetch")
         assert code == 2
-        assert "there are no logs aboard" in err
+        assert "the vehicle has no logs" in err

@@ -235,10 +235,10 @@ def takes_our_id(shared, there):
     [
         (flood, "floods the link"),
         (short_packets, "200 packets a second"),
-        (garbage, "nothing that is MAVLink"),
-        (echo, "sends back what it was sent"),
+        (garbage, "does not send MAVLink"),
+        (echo, "echoes packets"),
         (takes_the_vehicles_id, "speaks as vehicle 1"),
-        (takes_our_id, "has our system and component id"),
+        (takes_our_id, "uses our system and component id"),
     ],
 )
 def test_a_bad_client_is_told_in_one_line_and_the_link_goes_on_as_before(deed, told, shared):
@@ -273,7 +273,7 @@ def test_one_that_has_a_thousand_kinds_of_orders_refused_gets_a_few_lines(shared
         shared.run(0.05)
         told += shared.forwarder.notes()
     assert sum(note.what == "refused" for note in told) <= 8
-    assert sum("not told one by one" in note.said for note in told) == 1
+    assert sum("further ones are not listed" in note.said for note in told) == 1
     pilots.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
     link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
     shared.run(0.1)
@@ -439,7 +439,7 @@ def test_watching_tells_of_every_station_and_of_an_order_again_when_it_comes_aga
     links[3].mav.command_long_send(1, 1, dialect.MAV_CMD_NAV_LAND, 0, *(7 * [0.0]))
     shared.run(1.0)
     told = watched.news()
-    assert sum("is there" in line for line in told) == len(links)
+    assert sum("joined" in line for line in told) == len(links)
     assert sum("NAV_LAND to vehicle 1: passed on" in line for line in told) == 1
     assert watched.news() == []
     shared.run(10.0)

@@ -111,7 +111,7 @@ def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, argument
         ("half.tlog", b"\x00\x05\x0a\xfd\x09", "no valid message"),
         ("half.bin", b"\xa3\x95", "no valid message"),
         ("half.ulg", b"ULog\x01\x12", "header is damaged or truncated"),
-        ("half.csv", b"time_s,ro", "no columns that are known"),
+        ("half.csv", b"time_s,ro", "no known telemetry columns"),
         ("header.csv", b"time_s,roll_rad\n", "no valid message"),
         ("picture.tlog", b"\x89PNG\r\n\x1a\n", "no valid message"),
         ("picture.png", b"\x89PNG\r\n\x1a\n", "not a known flight log format"),
@@ -235,7 +235,7 @@ def test_a_drone_of_another_mass_does_not_keep_name_and_battery_of_the_one_it_wa
     (drone,) = read_fleet(tmp_path / "m100.toml")
     assert (drone.id, drone.name, drone.mass_kg) == ("m100", "DJI Matrice 100", 3.68)
     assert drone.battery_j == pytest.approx(130.0 * 3600.0)
-    assert "not measured, taken from m200-v2" in (tmp_path / "m100.toml").read_text()
+    assert "not measured, copied from m200-v2" in (tmp_path / "m100.toml").read_text()
     assert "out of range" in skyway(*asked, "--force", "--id", "m100", "--battery", "0", code=2)
 
 

@@ -127,7 +127,7 @@ def test_a_parameter_that_somebody_else_changed_meanwhile_is_left_and_that_is_sa
 
     assert stage.fly(on_tick=other).delivered
     assert held(stage)["MPC_XY_CRUISE"] == 7.0
-    assert any("MPC_XY_CRUISE is 7, which somebody else has set" in line for line in lines)
+    assert any("MPC_XY_CRUISE is 7, set by somebody else" in line for line in lines)
 
 
 def test_left_in_the_air_it_keeps_its_failsafes_and_the_way_back_is_told(tmp_path):
@@ -150,11 +150,11 @@ def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
     stage.composition = replace(stage.composition, stations=places)
     outcome = stage.fly()
     assert outcome.state == "stopped-safe"
-    assert "reports the ground at" in outcome.reason
+    assert "above sea level, but" in outcome.reason
     records = read_journal(stage.journal_path).records
     entry = next(r for r in records if r.event == "check" and r.data["name"] == "home")
     assert entry.data["verdict"] == "no"
-    assert f"{SHORT['start']} has 450 m" in entry.data["said"]
+    assert f"{SHORT['start']} is at 450 m" in entry.data["said"]
     waits = [r for r in records if r.event == "waits"]
     assert len(waits) >= 2  # and again while it goes on
     assert "home" in waits[0].reason
@@ -216,7 +216,7 @@ def test_an_operator_who_goes_away_while_asked_ends_it_and_is_not_waited_for(tmp
 
     outcome = stage.fly(on_tick=leave)
     assert outcome.state == "stopped-safe"
-    assert "nobody is there any more" in outcome.reason
+    assert "nobody can answer the question any more" in outcome.reason
     assert stage.lockstep.now_s < 120.0
 
 

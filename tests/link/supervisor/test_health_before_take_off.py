@@ -41,7 +41,7 @@ def test_it_is_looked_at_once_a_day(autopilot, tmp_path):
     outcome, told = Hangar(tmp_path, autopilot).checked()
     assert "no" in outcome.reason or outcome.state == "stopped-safe"
     assert told[0].startswith("sensors, filter")
-    assert "not known: battery cells" in told[0]
+    assert "unknown: battery cells" in told[0]
     _, again = Hangar(tmp_path, autopilot).checked()
     assert again[0].startswith("checked at ")
 

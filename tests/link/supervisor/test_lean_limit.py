@@ -187,7 +187,7 @@ def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
             "10° allows an airspeed of 8.6 m/s",
         ),
         ({"lean_limit": 45.0}, DragModel(linear_per_s=0.2), "ok", "20.0 m/s are planned"),
-        ({"lean_limit": 30.0}, None, "ok", "without --drag"),
+        ({"lean_limit": 30.0}, None, "ok", "give --drag"),
         ({}, None, "ok", "not reported"),
     ):
         request = type("R", (), {"drone": "m200", "airspeed_mps": None})

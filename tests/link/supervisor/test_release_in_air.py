@@ -29,12 +29,12 @@ def story(autopilot, release, fault="", vehicle=None):
         ("px4", "winch", "", {}, D, "told nothing, and the drone is lighter"),
         ("ardupilot", "winch", "", DAIWA, D, "m of line, and the drone is lighter"),
         ("ardupilot", "place", "", {}, D, "was placed"),
-        ("px4", "winch", "winch-jammed", {}, N, "still aboard"),
+        ("px4", "winch", "winch-jammed", {}, N, "still on board"),
         ("ardupilot", "winch", "winch-jammed", DAIWA, N, "3.0 m of line"),
-        ("ardupilot", "winch", "winch-jammed", {}, N, "still aboard"),
-        ("px4", "winch", "gripper-stuck=0.5", {}, N, "in part still aboard"),
+        ("ardupilot", "winch", "winch-jammed", {}, N, "still on board"),
+        ("px4", "winch", "gripper-stuck=0.5", {}, N, "in part still on board"),
         ("ardupilot", "place", "place-blind", {}, N, "maximum descent"),
-        ("ardupilot", "place", "gripper-stuck", {}, N, "still aboard"),
+        ("ardupilot", "place", "gripper-stuck", {}, N, "still on board"),
     ],
 )
 def test_what_became_of_a_package_that_is_released_in_the_air(

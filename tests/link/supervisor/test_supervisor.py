@@ -147,7 +147,7 @@ def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
 
 def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):
     stage = Stage(Story(autopilot="px4", faults=told(["pilot@90s"]), **SHORT), tmp_path)
-    stage.operator = Scripted(lambda q, _: (60.0, "go") if "nothing is commanded" in q else (0.0, "yes"),
+    stage.operator = Scripted(lambda q, _: (60.0, "go") if "sending no commands" in q else (0.0, "yes"),
                               stage.lockstep.clock.now_s)  # fmt: skip
     outcome = stage.fly()
     assert outcome.delivered, outcome
@@ -155,7 +155,7 @@ def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_
     ours = [event for event in stage.world.events if "station 255" in event.text and event.sim_s > taken.sim_s]
     assert min(event.sim_s for event in ours) >= taken.sim_s + 55.0
     holding = next(record for record in events(stage, "state") if record.data["after"] == "holding")
-    assert "did not command" in holding.reason
+    assert "somebody else switched" in holding.reason
 
 
 def test_without_an_operator_a_vehicle_that_a_pilot_has_landed_is_left_standing(tmp_path):

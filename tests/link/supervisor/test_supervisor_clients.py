@@ -89,5 +89,5 @@ def test_a_mode_that_another_station_switches_to_is_answered_as_a_pilots(stage):
     assert outcome.state == "left-to-itself"
     passed = [note for note in notes(stage) if note.what == "passed"]
     assert [(note.system, note.component, note.order) for note in passed] == [(255, 190, "DO_SET_MODE")]
-    assert any("mode position, which this program did not command" in line for line in stage.operator.lines)
+    assert any("switched the drone to mode position" in line for line in stage.operator.lines)
     beside.close()

@@ -184,9 +184,9 @@ def test_unknown_ones_its_system_id_and_its_counters_are_left(tmp_path):
         ("MAV_SYS_ID,1e30\n", "does not fit this parameter"),
         ("MPC_XY_CRUISE,1e300\n", "does not fit this parameter"),
         ("1\t100\tCAM,1\t1\t6\n", "is not a parameter"),
-        ("1\t100\tCAM\t1\t6\n", "holds no parameters"),
+        ("1\t100\tCAM\t1\t6\n", "has no parameters"),
         ("MPC_XY_CRUISE,nan\n", "is not a parameter"),
-        ("", "holds no parameters"),
+        ("", "has no parameters"),
     ],
 )
 def test_a_set_that_makes_no_sense_is_refused_in_one_line(tmp_path, text, fault):

@@ -247,7 +247,7 @@ def test_the_battery_counter_is_reset_where_there_is_one():
     assert scene.craft.live.latest("soc") == pytest.approx(0.5, abs=0.02)
     assert scene.craft.reset_battery(1.0) == pytest.approx(1.0, abs=0.011)
     assert scene.vehicle.counted_mah < 1.0
-    with pytest.raises(CommandRefusedError, match="does not know this command"):
+    with pytest.raises(CommandRefusedError, match="does not support this command"):
         aboard("px4").craft.reset_battery(1.0)
 
 

@@ -269,7 +269,7 @@ def test_the_package_is_released_and_the_battery_counter_reset(driver, family):
         if family == "ardupilot":
             assert site.craft.reset_battery(0.9) == pytest.approx(0.9, abs=0.011)
         else:
-            with pytest.raises(CommandRefusedError, match="does not know this command"):
+            with pytest.raises(CommandRefusedError, match="does not support this command"):
                 site.craft.reset_battery(0.9)
 
 

@@ -129,8 +129,8 @@ def test_a_radio_that_is_an_echo_is_told_in_one_line_and_nothing_is_heard_twice(
     scene = Scene("echo")
     scene.vehicle.request_telemetry()
     scene.connection.run_for(5.0)
-    assert [note for note in scene.radios.notes() if "sends back" in note] == [
-        "radio lte sends back what it is sent: its echoes are dropped"
+    assert [note for note in scene.radios.notes() if "echoes packets" in note] == [
+        "radio lte echoes packets: its echoes are dropped"
     ]
     assert scene.radios.used.name == "telemetry"
     assert scene.connection.conflict is None

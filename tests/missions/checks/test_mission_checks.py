@@ -165,7 +165,7 @@ def test_altitudes_above_terrain_of_older_qgroundcontrol_are_understood_and_kept
     terrain = at(Command.NAV_WAYPOINT, 47.01, z=460.0, frame=Frame.GLOBAL, extra=old)
     assert found(TAKEOFF, terrain, AWAY, LAND) == set()
     document = MissionDocument(Mission((TAKEOFF, terrain, LAND), HOME))
-    assert any("1 items were worked out above terrain" in line for line in dropped(document, ".waypoints"))
+    assert any("1 items were computed above terrain" in line for line in dropped(document, ".waypoints"))
     written = plan_reader.loads(plan_writer.dumps(document)).mission.items[1]
     assert written.extra == {**old, "AltitudeMode": 3}
     framed = replace(terrain, frame=Frame.GLOBAL_TERRAIN_ALT, z=50.0)

@@ -163,7 +163,7 @@ def test_jumps_are_unrolled_and_counted_over_the_cuts():
     compare(mission, found)
     patrol = mission_of([at(0, 400), at(700, 400), do(Command.DO_JUMP, 1, -1), at(0, 0, Command.NAV_LAND, 0.0)])
     often = cut(patrol, [pad("a", 300, 500)], options(laps=7))
-    assert "item 3 jumps back for ever: flown 8 times" in often.notes
+    assert "item 3 jumps back without end: flown 8 times" in often.notes
     compare(patrol, often, laps=7)
 
 
@@ -299,7 +299,7 @@ def test_what_cannot_be_cut_is_told_in_one_line():
     assert "there are no pads" in told(far, [replace(pad("barn", -50, 0), pads=0)])
     assert "ground height of pad barn is unknown" in told(far, [replace(pad("barn", -50, 0), elevation_m=None)])
     flat = replace(far, home=Home(far.home.point, None))
-    assert "height of the mission's home above the sea is unknown" in told(flat, [pad("barn", -50, 0)])
+    assert "height of the mission's home above sea level is unknown" in told(flat, [pad("barn", -50, 0)])
     landing = [at(0, 300), do(Command.DO_LAND_START), at(0, 2000), at(0, 100), at(0, 0, Command.NAV_LAND, 0.0)]
     assert "item 2 (DO_LAND_START) cannot be cut" in told(
         mission_of(landing), [pad("a", 0, 500), pad("b", 0, 2000)], options(0.25)
@@ -437,7 +437,7 @@ def test_few_batteries_are_waited_for_and_the_simulated_flights_wait_too():
         assert told.end_s == pytest.approx(cut(mission, pads, exact).plan.end_s, rel=0.02)
         assert all(flight.soc_start == 1.0 for flight in found.told)
         ends.append(found.plan.end_s)
-        waited = any("waits for full ones come to" in note for note in found.notes)
+        waited = any("total wait for full ones" in note for note in found.notes)
         assert waited == (packs is not None and len(found.plan.stops) > 0)
     assert len(found.plan.stops) >= 2
     assert ends[0] > ends[1] >= ends[2] - 1e-3

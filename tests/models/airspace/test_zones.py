@@ -89,7 +89,7 @@ def test_a_long_flight_is_tested_along_the_geodesic_not_the_straight_line_of_a_m
     [
         ("", "is empty"),
         ('{"type": "FeatureCollection"}', "features: must be a list"),
-        ("null", "is no airspace file"),
+        ("null", "is not an airspace file"),
         (collection(None), r"features\[0\]: is not a zone"),
         (collection(polygon(kind="Point", coordinates=[1, 2])), r"is a point without a radius"),
         ({"type": "Topology"}, "is not GeoJSON"),

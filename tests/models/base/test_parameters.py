@@ -51,7 +51,7 @@ class Tree(Parameters):
         ("small.steps=1,-2", "small.steps: out of range (got '(1.0, -2.0)'); 0 or more s"),
         ("small.steps=", "small.steps: has another type (got ''); numbers with commas between them"),
         ("small.quick=perhaps", "small.quick: is not true or false (got 'perhaps')"),
-        ("small.runs", "--set: is no name=value (got 'small.runs'); planner.robust.members=50"),
+        ("small.runs", "--set: is not name=value (got 'small.runs'); planner.robust.members=50"),
     ],
 )
 def test_a_setting_that_cannot_be_is_refused_by_one_clear_line(setting: str, said: str) -> None:

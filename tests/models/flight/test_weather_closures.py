@@ -82,7 +82,7 @@ def test_a_plan_waits_until_the_weather_opens_and_says_so(world):
     assert shut.services[0].depart >= DEPART + timedelta(hours=2)
     told = " ".join(shut.notes)
     assert "closed from Wed 10:00 to Wed 12:00, because of gusts of up to 15 m/s (12 m/s at most)" in told
-    assert "limits that could not be checked, since the forecast does not tell it: rain" in told
+    assert "limits that could not be checked, since the forecast lacks the data: rain" in told
     assert unchecked_limits(forecast, region.drones[0], region.rules) == ("rain",)
 
 

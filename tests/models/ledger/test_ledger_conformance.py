@@ -164,7 +164,7 @@ def test_chance_windows_overlap_where_both_are_hardly_wanted_and_who_arrives_has
         ([window(station="")], "must be the id of a station"),
         ([window(start_sd_s=10.0)], "a hard window has no standard deviations"),
         ([window(epsilon=0.9, start_sd_s=1.0)], "epsilon: out of range"),
-        ([window(), window(begin_min=5)], "holds the same pad twice"),
+        ([window(), window(begin_min=5)], "books the same pad twice"),
     ],
 )
 def test_windows_that_make_no_sense(tmp_path, windows, said):

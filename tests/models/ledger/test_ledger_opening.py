@@ -67,7 +67,7 @@ def test_what_is_no_ledger_is_refused(tmp_path):
         str(tmp_path / "other.db"): "is a database, but no ledger",
         str(tmp_path / "no" / "ledger.db"): "no such folder",
         str(tmp_path): "cannot be used as a ledger",
-        "mysql://host/base": "is no ledger",
+        "mysql://host/base": "is not a ledger",
     }.items():
         with pytest.raises(InputError, match=said) as caught:
             open_ledger(name)
@@ -128,7 +128,7 @@ def test_the_database_itself_refuses_an_overlap(store, tmp_path, monkeypatch):
     with opened(store, tmp_path) as ledger:
         lease = ledger.acquire("operator", "process")
         ledger.book(lease, "one", [window()])
-        with pytest.raises(Exception, match="nothing was booked: another booking came first"):
+        with pytest.raises(Exception, match="nothing was booked: somebody else booked first"):
             ledger.book(lease, "two", [window(begin_min=29)])
 
 

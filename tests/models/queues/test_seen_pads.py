@@ -52,17 +52,17 @@ def test_the_last_line_of_a_station_counts(tmp_path):
     ("line", "problem"),
     [
         ({"station": "clinic"}, "missing required field `busy`"),
-        ({"station": "clinic", "busy": -1}, "does not tell of pads"),
-        ({"station": "clinic", "busy": 1e9}, "does not tell of pads"),
-        ({"station": "clinic", "busy": 2.5}, "does not tell of pads"),
+        ({"station": "clinic", "busy": -1}, "is not a report of pads"),
+        ({"station": "clinic", "busy": 1e9}, "is not a report of pads"),
+        ({"station": "clinic", "busy": 2.5}, "is not a report of pads"),
         ({"station": "clnic", "busy": 1}, "no such station"),
         ({"station": "clinic", "busy": 3, "pads": 2}, "3 of 2 pads are busy"),
         ({"station": "clinic", "busy": 1, "remaining_s": [1, 2]}, "2 times for 1 busy pads"),
-        ({"station": "clinic", "busy": 1, "remaining_s": [-1]}, "does not tell of pads"),
+        ({"station": "clinic", "busy": 1, "remaining_s": [-1]}, "is not a report of pads"),
         ({"station": "clinic", "busy": 1, "posix_s": 1e300}, "is not a time"),
-        ({"ok": False, "error": "no station"}, "does not tell of pads"),
-        ("[" * 100_000, "does not tell of pads"),
-        ("clinic: 3", "does not tell of pads"),
+        ({"ok": False, "error": "no station"}, "is not a report of pads"),
+        ("[" * 100_000, "is not a report of pads"),
+        ("clinic: 3", "is not a report of pads"),
     ],
 )
 def test_each_fault_names_its_line(tmp_path, line, problem):
@@ -73,7 +73,7 @@ def test_each_fault_names_its_line(tmp_path, line, problem):
 
 
 def test_an_empty_file_says_what_would_be_right(tmp_path):
-    with pytest.raises(InputError, match=r"tells of no pads; a line for each station"):
+    with pytest.raises(InputError, match=r"reports no pads; a line for each station"):
         read(tmp_path, "")
 
 

@@ -202,7 +202,7 @@ def test_a_scenario_of_stations_alone_is_enough(scenario_with):
     assert scenario.drones == (M200_V2,)
     assert scenario.history is None
     assert scenario.name == folder.name
-    assert scenario.warnings == ("no [load]: the pads are taken to be free of other drones",)
+    assert scenario.warnings == ("no [load]: assuming that no other drones use the pads",)
     assert read_scenario(folder / "scenario.toml").sha256 == scenario.sha256
 
 
@@ -240,7 +240,7 @@ def test_given_segments_replace_the_rule_and_lose_those_over_a_zone(scenario_wit
         ("bx", "hm"),
         ("hm", "bx"),
     }
-    assert "1 given segments cross a no-fly zone and are left out" in scenario.warnings
+    assert "1 given segments cross a no-fly zone and are ignored" in scenario.warnings
 
 
 def test_a_station_without_pads_needs_no_load(scenario_with):

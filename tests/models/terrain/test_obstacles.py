@@ -39,12 +39,12 @@ def test_a_height_says_its_unit_and_from_where_it_counts(tmp_path, text, agl_m, 
     ("text", "expected"),
     [
         ("lat,lon,height_m\n40.7,-74.0,\n", "o.csv:2: has no height"),
-        ("lat,lon,height\n40.7,-74.0,120\n", "o.csv:2: height: does not say its unit"),
+        ("lat,lon,height\n40.7,-74.0,120\n", "o.csv:2: height: has no unit"),
         ("lat,lon,height_m\n40.7,-74.0,1300\n", "is it in feet, or above sea level"),
         ("lat,lon,height_m\n-74.0,140.7,50\n40.7,x,50\n", "has no place"),
         ("lat,lon,height_m\n140.7,-74.0,50\n", "lat and lon may be swapped"),
         ("a,b,height_m\n40.7,-74.0,50\n", "no such column"),
-        ("lat,lon,height_m,radius_m\n40.7,-74.0,50,99999\n", "is no radius"),
+        ("lat,lon,height_m,radius_m\n40.7,-74.0,50,99999\n", "is not a radius"),
     ],
 )
 def test_what_is_wrong_with_an_obstacle_is_said_with_its_line(tmp_path, text, expected):

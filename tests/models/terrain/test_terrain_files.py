@@ -176,14 +176,14 @@ def test_heights_above_the_ellipsoid_and_in_feet_become_metres_above_the_sea(tmp
     assert read_terrain([f"{path}@msl"]).ground_m(*place)[0] == pytest.approx(200.0)
     assert read_terrain([f"{path}@ellipsoid"]).ground_m(*place)[0] == pytest.approx(200.0 - geoid_m, abs=0.02)
     assert read_terrain([f"{path}@ellipsoid@ft"]).ground_m(*place)[0] == pytest.approx(60.96 - geoid_m, abs=0.02)
-    assert "does not say what its heights count from" in read_terrain([str(path)]).notes[0]
+    assert "does not state its vertical datum" in read_terrain([str(path)]).notes[0]
     feet = written(
         tmp_path / "feet.tif", np.full((40, 40), 100.0, dtype="float32"), crs="EPSG:4326+6360"
     )  # NAVD88, US feet
     assert read_raster(str(feet)).unit_m == pytest.approx(0.3048006)
     above = written(tmp_path / "above.tif", np.full((40, 40), 100.0, dtype="float32"), crs="EPSG:4326+3855")
     assert read_raster(str(above)).datum == "EGM2008"
-    with pytest.raises(InputError, match="counts from EGM2008 by what the file says"):
+    with pytest.raises(InputError, match="counts from EGM2008 according to the file"):
         read_raster(f"{above}@ellipsoid")
 
 
@@ -249,11 +249,11 @@ def test_voids_are_never_heights(tmp_path):
         (lambda p: p.write_bytes(p.read_bytes()[:900]), "truncated"),
         (lambda p: p.write_bytes(b"PNG" + p.read_bytes()), "is not a TIFF file"),
         (lambda p: p.write_bytes(b""), "truncated"),
-        (lambda p: written(p, hills(9, 9).astype("float32"), crs=None), "where on the Earth"),
-        (lambda p: written(p, hills(9, 9).astype("float32"), compress="zstd"), "ZSTD, which is not read"),
+        (lambda p: written(p, hills(9, 9).astype("float32"), crs=None), "position on the Earth"),
+        (lambda p: written(p, hills(9, 9).astype("float32"), compress="zstd"), "ZSTD, which is not supported"),
         (lambda p: written(p, hills(9, 9).astype("float32"), west=-35.0, north=149.0), "latitude and longitude look swapped"),
         (lambda p: written(p, hills(9, 9).astype("float32"), step=0.05), "say nothing about the ground"),
-        (lambda p: written(p, hills(9, 9).astype("complex64")), "of a kind that is not read"),
+        (lambda p: written(p, hills(9, 9).astype("complex64")), "of an unsupported type"),
         (lambda p: p.unlink(), "no such file"),
     ],
 )  # fmt: skip
@@ -314,5 +314,5 @@ def test_a_geoid_of_ones_own_is_used_where_it_is_known_and_refused_where_it_is_n
     assert np.isnan(read_terrain([f"{away}@geoid={geoid}"]).ground_m(np.array([-35.305]), np.array([151.306]))).all()
     with pytest.raises(InputError, match=r"no such file.*name a grid of the geoid"):
         read_raster(f"{path}@geoid={tmp_path / 'none.tif'}")
-    with pytest.raises(InputError, match=r"counts from EGM96.*leave the geoid out"):
+    with pytest.raises(InputError, match=r"counts from EGM96.*remove the geoid"):
         read_raster(f"{NEW_YORK.parent / 'hills' / 'terrain.tif'}@geoid={geoid}")

@@ -150,7 +150,7 @@ def test_a_gap_that_interpolation_would_invent_the_wind_of_is_refused(tmp_path):
     path = wf.write_grib(tmp_path / "a.grib2", linear, hours=(0, 12), heights=(10,))
     with pytest.raises(
         InputError,
-        match="has no wind between 2013-07-10T12:00:00Z and 2013-07-11T00:00:00Z; hand over the hours between",
+        match="has no wind between 2013-07-10T12:00:00Z and 2013-07-11T00:00:00Z; add the hours between",
     ):
         forecast_ensemble(read_weather([path]), region(height_m=10.0), NONE)
 
@@ -218,7 +218,7 @@ def test_where_the_forecast_ends_the_record_goes_on_without_a_jump(tmp_path):
     weathers = read_weather([path])
     held = forecast_ensemble(weathers, region(hours=24), NONE)
     assert held.known_until_s == wf.ISSUED_S + 3 * 3600.0
-    assert "holds on" in held.then
+    assert "continues" in held.then
     np.testing.assert_allclose(held.east[0, 2:], held.east[0, 2][None].repeat(22, axis=0))
 
     def record(begin_s, hours):
@@ -258,7 +258,7 @@ def test_a_forecast_that_does_not_fit_is_one_clear_line(tmp_path, case):
     ("speed", "said"),
     [
         (None, "has no value at its points here, only gaps .*; ask for"),
-        (500.0, "has a wind of 500 m/s at 10 m.*; look at its unit"),
+        (500.0, "has a wind of 500 m/s at 10 m.*; check its unit"),
     ],
 )
 def test_empty_and_impossible_winds_are_one_clear_line(tmp_path, speed, said):
@@ -276,7 +276,7 @@ def test_an_old_forecast_and_one_that_is_left_out_are_said(tmp_path):
     metar.write_text("KJFK 131151Z 22010KT\n")
     found = forecast_ensemble(read_weather([grib, metar], near_s=wf.ISSUED_S + 3 * 86_400), region(depart_h=73.0), NONE)
     assert any("issued 3 days" in note or "issued 73 h" in note for note in found.notes), found.notes
-    assert any("left out" in note and "is an observation, not a forecast" in note for note in found.notes)
+    assert any("ignored" in note and "is an observation, not a forecast" in note for note in found.notes)
 
 
 def test_a_forecast_error_file_is_read_back_or_refused(tmp_path):

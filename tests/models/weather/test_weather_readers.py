@@ -127,7 +127,7 @@ def test_components_steps_and_models_in_files_of_their_own_are_put_together(shar
 def test_a_grib_1_ensemble_keeps_all_its_members(shared_data):
     (found,) = read_weather([shared_data / "forecast" / "ecmwf_ens51_z850_tiny.grib"])
     assert (found.members[0], found.members[-1], len(found.members)) == ("0", "50", 51)
-    with pytest.raises(InputError, match="holds no wind, but geopotential at 850 hPa"):
+    with pytest.raises(InputError, match="has no wind, only geopotential at 850 hPa"):
         found.needs_wind()
 
 
@@ -163,7 +163,7 @@ def test_open_meteo_members_models_and_places_are_kept_apart(tmp_path):
     found = read_weather([wf.write_json(tmp_path / "e.json", answers)])
     assert sorted(one.model for one in found) == ["gfs025", "icon_seamless_eps"]
     assert all(one.members == ("0", "_member01"[-2:]) for one in found)
-    assert all("left out: 02" in one.notes[0] for one in found)
+    assert all("ignored: 02" in one.notes[0] for one in found)
     east, _ = wind_of(found[0])
     np.testing.assert_allclose(east[:, 0], [[-1.0, -2.0], [-10.0, -11.0]], atol=1e-9)
 
@@ -398,7 +398,7 @@ def test_triangles_are_placed_by_their_latitudes_and_longitudes_in_whatever_orde
         np.testing.assert_allclose(placed(wind_of(found)[1])[0, 0], [2.0], atol=1e-3)
     (tmp_path / "one.grib2").write_bytes(b"".join(path.read_bytes() for path in write_triangles(tmp_path)))
     assert len(read_weather([tmp_path / "one.grib2"], NY)) == 1
-    with pytest.raises(InputError, match="hand over the files CLAT and CLON"):
+    with pytest.raises(InputError, match="add the files CLAT and CLON"):
         read_weather(write_triangles(tmp_path, places=False), NY)
 
 

@@ -12,7 +12,7 @@ from worlds import DEPART, make_request, make_wind, make_world
 
 from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.composition.composition import Composition, State
-from skyway.planner import plan as planning
+from skyway.planner import answers as planning
 from skyway.planner.plan import plan
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 

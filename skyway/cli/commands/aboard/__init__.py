@@ -1,1 +1,1 @@
-"""Commands for what a vehicle keeps: its parameters and its logs."""
+"""Commands for data on a vehicle: its parameters and its logs."""

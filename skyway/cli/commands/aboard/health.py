@@ -14,7 +14,7 @@ from skyway.models.base.json_text import json_text
 
 
 class ItemTold(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that was looked at; `needed`: where it is unknown, no delivery is begun."""
+    """One checked item; `needed`: no delivery begins while it is unknown."""
 
     name: str
     verdict: Literal["ok", "no", "unknown"]
@@ -23,7 +23,7 @@ class ItemTold(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HealthTold(msgspec.Struct, frozen=True, kw_only=True):
-    """How a vehicle is; `ok` where it may fly."""
+    """Health of a vehicle; `ok` if it may fly."""
 
     schema: str = "skyway.health/1"
     ok: bool
@@ -37,8 +37,8 @@ class HealthTold(msgspec.Struct, frozen=True, kw_only=True):
 def health(link: Link, as_json: options.AsJson = False) -> None:
     """Check calibration and health of a disarmed vehicle, before its first flight of a day: sensors, filter, compass, battery, GPS, motors, vibration.
 
-    Nothing is changed on it. What it does not tell is unknown, never good. The result is kept in the folder of --record, where
-    skyway fly finds it; exit code 1 where something is not in order, or not known that must be.
+    The command changes nothing. What the vehicle does not report is unknown, never good. The result is stored in the folder
+    of --record for skyway fly. Exit code 1: an item is not in order, or a required one is unknown.
 
     Examples
     --------
@@ -72,7 +72,9 @@ def health(link: Link, as_json: options.AsJson = False) -> None:
         )
     elif good:
         typer.echo(
-            f"good for today: {book.path}" if identity.uid else "good; not remembered, as it tells no hardware id"
+            f"good for today: {book.path}"
+            if identity.uid
+            else "good; not stored, since the vehicle reports no hardware id"
         )
     else:
         typer.echo("not in order: " + ", ".join(one.name for one in items if not one.ok))

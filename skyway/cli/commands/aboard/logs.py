@@ -32,7 +32,7 @@ _TELL_S = 5.0
 
 
 class LogOfVehicle(msgspec.Struct, frozen=True, kw_only=True):
-    """One log on the vehicle; `time` is when it was begun or ended, as far as the vehicle tells."""
+    """One log on the vehicle; `time` is its begin or end, as far as the vehicle reports it."""
 
     number: int
     name: str
@@ -62,19 +62,19 @@ class LogFetched(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LogsFetched(msgspec.Struct, frozen=True, kw_only=True):
-    """What was fetched."""
+    """The downloaded logs."""
 
     schema: str = "skyway.logs-fetched/1"
     logs: list[LogFetched]
 
 
-logs = typer.Typer(help="List and fetch the flight logs aboard a vehicle.", no_args_is_help=True)
+logs = typer.Typer(help="List and download the flight logs of a vehicle.", no_args_is_help=True)
 
 
 @logs.command("list")
 @with_groups
 def logs_list(link: Link, by: By = "auto", as_json: options.AsJson = False) -> None:
-    """List the logs aboard a vehicle, the newest last.
+    """List the logs on a vehicle, the newest last.
 
     Examples
     --------
@@ -105,16 +105,16 @@ def logs_fetch(
     ] = None,
     to: Annotated[
         Path | None,
-        typer.Option("--to", "--output", "-o", help="Folder for the logs. Without it: the folder of --record."),
+        typer.Option("--to", "--output", "-o", help="Folder for the logs. Default: the folder of --record."),
     ] = None,
     by: By = "auto",
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
-    """Fetch logs from a disarmed vehicle: the latest, or those that are named.
+    """Download logs from a disarmed vehicle: the latest, or the named ones.
 
-    A log that was cut off goes on where it stopped. It takes its name once its size, and its checksum where the vehicle tells
-    one, are those of the vehicle.
+    An interrupted download resumes where it stopped. The file gets its final name once its size, and its checksum if the
+    vehicle reports one, match the vehicle's.
 
     Examples
     --------
@@ -143,18 +143,18 @@ def logs_fetch(
 
 
 def _listed(store: LogStore) -> list[tuple[int, LogAboard]]:
-    """Logs with their numbers from 1; names that make no sense are told, and left alone."""
+    """Logs with their numbers from 1; invalid names are reported and skipped."""
     found = list(enumerate(store.logs(), start=1))
     store.end()
     for name in store.skipped:
-        typer.echo(f"skyway: a name on the card that is no name of a file was left out: {name!r}", err=True)
+        typer.echo(f"skyway: ignored an invalid file name on the card: {name!r}", err=True)
     return found
 
 
 def _chosen(found: Sequence[tuple[int, LogAboard]], wanted: Sequence[str]) -> list[LogAboard]:
     """Those that are named."""
     if not found:
-        raise InputError("there are no logs aboard", remedy="fly first; logging may be off, or the card missing")
+        raise InputError("the vehicle has no logs", remedy="fly first; logging may be off, or the card missing")
     chosen: dict[str, LogAboard] = {}
     for word in wanted:
         matching = {

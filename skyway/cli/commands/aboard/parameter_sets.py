@@ -1,4 +1,4 @@
-"""Sets of parameters saved from a vehicle and given back: shown first, asked for once."""
+"""Saving and restoring sets of parameters: shows the changes first and asks once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SetSaved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetValue(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter that a set changes, and what was done about it."""
+    """A parameter that a set changes, and the result."""
 
     name: str
     now: float
@@ -40,7 +40,7 @@ class SetValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetRestored(msgspec.Struct, frozen=True, kw_only=True):
-    """What a set changes; `problem` where not all could be set."""
+    """Changes of a set; `problem` if not all could be set."""
 
     schema: str = "skyway.parameter-set-restore/1"
     ok: bool
@@ -103,7 +103,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
     if as_json:
         typer.echo(json_text(_told(difference, done, problem)))
     elif now_there:
-        typer.echo(f"{len(now_there)} that it did not have are there now: restore once more for {', '.join(now_there)}")
+        typer.echo(f"{len(now_there)} new parameters appeared: restore once more for {', '.join(now_there)}")
     elif difference.changes and not agreed:
         typer.echo("nothing was changed; add --yes to restore")
     if problem:
@@ -111,7 +111,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
 
 
 def _asked(count: int, *, as_json: bool) -> bool:
-    """Ask whoever sits at a terminal; nobody else agrees."""
+    """Ask the person at a terminal; without one the answer is no."""
     if as_json or not sys.stdin.isatty():
         return False
     return typer.confirm(f"set {count} parameter{'' if count == 1 else 's'}?")
@@ -128,7 +128,7 @@ def _show(saved: SavedSet, difference: SetDifference) -> None:
     if difference.absent:
         typer.echo(f"unknown to the vehicle: {', '.join(difference.absent)}")
     if saved.of_others:
-        typer.echo(f"{saved.of_others} lines are for other components, and left out")
+        typer.echo(f"{saved.of_others} lines are for other components, and ignored")
     typer.echo(f"{len(difference.changes)} to change, {difference.same} as the file says")
 
 

@@ -51,7 +51,7 @@ class ParametersDiff(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
-    """A value that a flight changed, and what was done about it."""
+    """A value that a flight changed, and the result of restoring it."""
 
     name: str
     now: float
@@ -60,7 +60,7 @@ class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParametersRestore(msgspec.Struct, frozen=True, kw_only=True):
-    """What was restored; `problem` where not all could be."""
+    """The restored parameters; `problem` if not all could be restored."""
 
     schema: str = "skyway.parameters-restore/1"
     ok: bool
@@ -75,7 +75,7 @@ params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_
 @with_groups
 def params_get(
     link: Link,
-    names: Annotated[list[str] | None, typer.Argument(help="Names of parameters. Without them: all.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Names of parameters. Default: all.")] = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Print parameters as NAME,VALUE lines, which ground stations read.
@@ -185,8 +185,8 @@ def params_restore(
 ) -> None:
     """Restore a saved set, or the parameters that a flight changed and did not restore; each is read back.
 
-    First it is shown what will change. At a terminal it is asked for once; elsewhere nothing is changed without --yes. Of a journal,
-    a value that was changed since is left as it is.
+    The command first shows the changes. At a terminal it asks once; elsewhere it changes nothing without --yes. With a
+    journal, it does not restore a value that was changed since.
 
     Examples
     --------

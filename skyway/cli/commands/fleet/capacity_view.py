@@ -1,4 +1,4 @@
-"""What a network carries, as tables: shares of orders by rate, promise and fleet, capacities, and what would help most."""
+"""Capacity of a network as tables: shares of orders by rate, promise and fleet, capacities, and the best additions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
     for capacity in found.capacities:
         fleet = f"{capacity.drones} drone{'s' if capacity.drones != 1 else ''}, due {duration(capacity.promise_s)} after they are ready"
         if math.isnan(capacity.rate_per_h):
-            say(f"{fleet}: {percent(found.level)} are not delivered as promised even at the lowest rate.")
+            say(f"{fleet}: {percent(found.level)} as promised is not reached even at the lowest rate.")
         else:
             more = " or more" if capacity.beyond else ""
             say(
@@ -35,7 +35,9 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
     if found.base is not None:
         say("")
         case = found.base.case
-        say(f"At {case.rate_per_h:g} orders an hour with {case.drones} drones, one thing more delivers as promised:")
+        say(
+            f"At {case.rate_per_h:g} orders an hour with {case.drones} drones, one addition delivers this many more as promised:"
+        )
         effects = Sheet(
             [Column("what", justify="left"), Column("orders/h"), Column("±"), Column("sure", justify="left")]
         )
@@ -49,7 +51,7 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
         effects.show()
         count = len(found.effects)
         say(
-            f"{count} changes were tried, so that about {math.ceil(count / 40)} of them look as good by chance alone."
+            f"{count} changes were tried; about {math.ceil(count / 40)} of them look this good by chance."
             if count
             else ""
         )

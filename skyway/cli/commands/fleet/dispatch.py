@@ -1,4 +1,4 @@
-"""Command ``dispatch plan``: which drone of a fleet takes which order when."""
+"""Command ``dispatch plan``: the assignment of orders to the drones of a fleet."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def plan(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None,
     force: options.Force = False,
 ) -> None:
-    """Plan which drone of a fleet takes which order when, by which stops, and book the pads.
+    """Assign orders to the drones of a fleet, with times and stops, and book the pads.
 
-    Each order is served or refused with a reason; empty flights and charges are planned with it. Exit code 1: none is served.
+    Each order is served or refused with a reason; the plan includes empty flights and charging. Exit code 1: no order is served.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def plan(
 
     options.refuse_overwriting(output, force=force)
     if conditions.truth is not None:
-        remedy = "leave it out: fleets are planned with a forecast"
+        remedy = "remove it: fleets are planned with a forecast"
         raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
     parameters = typed_values.planner_parameters(settings)
     least = typed_values.percent(reserve, "--reserve", high=95.0)
@@ -95,10 +95,8 @@ def run(
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Fly simulated drones, as fast as the machine can.")
     ] = False,
-    scenario: Annotated[Path | None, typer.Option(help="Scenario folder. Without it: the built-in one.")] = None,
-    depart: Annotated[
-        str | None, typer.Option(help="When the service begins, with UTC offset. Without it: now.")
-    ] = None,
+    scenario: Annotated[Path | None, typer.Option(help="Scenario folder. Default: the built-in one.")] = None,
+    depart: Annotated[str | None, typer.Option(help="When the service begins, with UTC offset. Default: now.")] = None,
     wind: Annotated[
         str | None, typer.Option(help="One constant wind that is expected, m/s@degrees FROM: 8@270.")
     ] = None,
@@ -109,13 +107,13 @@ def run(
     notice: Annotated[
         float | None,
         typer.Option(
-            help="Simulate that each order comes so long before it is ready, min. Without it: all at once.", min=0.0
+            help="Simulate that each order arrives this long before it is ready, min. Default: all at once.", min=0.0
         ),
     ] = None,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 1,
     hours: Annotated[
         float | None,
-        typer.Option(help="End after so long. Without it: once all orders are closed and all drones stand."),
+        typer.Option(help="End after this time. Default: once all orders are closed and all drones stand."),
     ] = None,
     holder: Holder = "dispatch",
     folder: Annotated[Path, typer.Option(help="Where journals and logs go.")] = Path("flights"),
@@ -131,10 +129,10 @@ def run(
     ] = None,
     settings: options.Settings = None,
 ) -> None:
-    """Run a fleet: take orders, plan, book the pads, fly, and replan around what flies.
+    """Run a fleet: take orders, plan, book the pads, fly, and replan around flights under way.
 
-    Everything that must not be forgotten is in the ledger: started again with the same ledger and holder, the service goes on where it
-    was. Orders come with --orders, skyway orders add, and the HTTP API; skyway dispatch status tells how it stands.
+    The ledger stores the state of the service: started again with the same
+    ledger and holder, the service resumes. Orders come with --orders, skyway orders add, and the HTTP API; skyway dispatch status shows its state.
 
     Examples
     --------
@@ -172,7 +170,7 @@ def run(
 def demo(
     drones: Annotated[int, typer.Option(help="Drones of the fleet.", min=1, max=250)] = 50,
     rate: Annotated[float, typer.Option("--rate", help="Orders an hour.", min=1.0, max=2000.0)] = 60.0,
-    hours: Annotated[float, typer.Option(help="For so long orders come.", min=0.05, max=24.0)] = 1.0,
+    hours: Annotated[float, typer.Option(help="How long orders arrive.", min=0.05, max=24.0)] = 1.0,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 2,
     seed: Annotated[int, typer.Option(help="Random seed of orders, drones and simulation.", min=0, max=2**32 - 1)] = 1,
     port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
@@ -183,7 +181,7 @@ def demo(
 ) -> None:
     """Fly a simulated fleet in New York, in the wind of a day that was not forecast, and show it on the page.
 
-    Orders come as time goes on; strangers charge at the pads, too. Without the page it ends with how the fleet stands.
+    Orders arrive over time; other drones charge at the pads, too. Without the page the command ends with the status of the fleet.
 
     Examples
     --------
@@ -235,7 +233,7 @@ def status(
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Tell how a fleet stands: what needs a person first, then orders, drones, and promises that were changed and why.
+    """Show the status of a fleet: first what needs a person, then orders, drones, and changed promises with reasons.
 
     Examples
     --------
@@ -266,11 +264,11 @@ def close(
     pad: Annotated[int, typer.Argument(help="Number of the pad, from 1.", min=1)],
     ledger: LedgerName,
     until: Annotated[str, typer.Option(help="It is out of order until then, with UTC offset.")],
-    begin: Annotated[str | None, typer.Option("--from", help="From then on. Without it: at once.")] = None,
+    begin: Annotated[str | None, typer.Option("--from", help="From then on. Default: at once.")] = None,
     reason: Annotated[str, typer.Option(help="Why, for people.")] = "",
     holder: Holder = "dispatch",
 ) -> None:
-    """Tell a dispatcher that a pad is out of order: it replans around it.
+    """Report a pad as out of order: the dispatcher replans around it.
 
     Examples
     --------

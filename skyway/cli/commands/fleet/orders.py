@@ -26,7 +26,7 @@ LedgerName = Annotated[
 def add(
     ledger: LedgerName,
     file: Annotated[
-        Path | None, typer.Argument(help="Orders: CSV or JSON. Without it: one order, by the options.")
+        Path | None, typer.Argument(help="Orders: CSV or JSON. Default: one order, by the options.")
     ] = None,
     id: Annotated[str | None, typer.Option(help="Unique id of the order.")] = None,  # noqa: A002  the field's word
     start: Annotated[str | None, typer.Option("--from", help="Station id, part of its name, or lat,lon.")] = None,
@@ -38,9 +38,9 @@ def add(
     priority: Annotated[int, typer.Option(help="0 to 9; a higher one is served first.")] = 0,
     holder: Holder = "dispatch",
 ) -> None:
-    """Hand orders to a dispatcher that runs; it plans them around what flies.
+    """Give orders to a running dispatcher; it plans them around flights under way.
 
-    All orders of a file are taken, or none where one is wrong or its id is there already.
+    All orders of a file are accepted, or none if one is wrong or its id exists already.
 
     Examples
     --------
@@ -64,13 +64,11 @@ def add(
         desk = Desk(book, holder)
         if desk.get("service", "service") is None:
             remedy = "start it first: skyway dispatch run"
-            raise InputError(
-                "there is no dispatcher of this name on the ledger", field="--holder", value=holder, remedy=remedy
-            )
+            raise InputError("the ledger has no dispatcher of this name", field="--holder", value=holder, remedy=remedy)
         known = [one.id for one in found if desk.get("order", one.id) is not None]
         if known:
             raise InputError(
-                "these orders are there already", field="id", value=", ".join(known[:5]), remedy="give them other ids"
+                "these orders exist already", field="id", value=", ".join(known[:5]), remedy="use other ids"
             )
         for one in found:
             put_order(desk, one)
@@ -79,7 +77,7 @@ def add(
 
 @orders.command("list")
 def list_orders(ledger: LedgerName, holder: Holder = "dispatch", as_json: options.AsJson = False) -> None:
-    """List the orders of a dispatcher, what was promised to each, and what has become of it.
+    """List the orders of a dispatcher with their promises and states.
 
     Examples
     --------

@@ -26,15 +26,13 @@ MOST_DAYS = 100_000
 def capacity(
     scenario: options.ScenarioArgument = None,
     depart: Annotated[
-        str | None, typer.Option(help="When orders begin, with UTC offset: hour and season. Without it: now.")
+        str | None, typer.Option(help="When orders begin, with UTC offset: hour and season. Default: now.")
     ] = None,
     rates: Annotated[str, typer.Option(help="Orders an hour that are tried: 10,20,40.")] = "10,20,40,60,80",
     promise: Annotated[str, typer.Option(help="How long after it is ready an order is due, min: 60,90.")] = "90",
     drones: Annotated[str, typer.Option(help="Sizes of the fleet: 20,50.")] = "50",
-    drone: Annotated[
-        str | None, typer.Option(help="Model of the drones. Without it: the first of the scenario.")
-    ] = None,
-    hours: Annotated[float, typer.Option(help="For so long orders come each day.", min=0.5, max=12.0)] = 3.0,
+    drone: Annotated[str | None, typer.Option(help="Model of the drones. Default: the first of the scenario.")] = None,
+    hours: Annotated[float, typer.Option(help="How long orders arrive each day.", min=0.5, max=12.0)] = 3.0,
     days: Annotated[int, typer.Option(help="Simulated days of each case.", min=2, max=MOST_DAYS)] = 20,
     level: Annotated[
         float, typer.Option(help="Share of all orders that is to be delivered as promised, percent.")
@@ -57,8 +55,8 @@ def capacity(
 ) -> None:
     """Find how many orders an hour a network carries, at which promise, with which fleet, and what would help most.
 
-    Each simulated day has orders, drones, strangers and the wind of a day of the record that its forecast was not told. Days are spread over
-    processes, or a Dask cluster; the figures are the same however many there are.
+    Each simulated day has orders, drones, strangers and the wind of a day of the record that is held out of its forecast. Days are spread over
+    processes, or a Dask cluster; their number does not change the figures.
 
     Examples
     --------
@@ -130,7 +128,7 @@ def numbers(text: str, option: str, low: float, high: float) -> list[float]:
         found = []
     if not found or not all(math.isfinite(one) and low <= one <= high for one in found):
         remedy = f"numbers from {low:g} to {high:g}, separated by commas"
-        raise InputError("are no such numbers", field=option, value=text, remedy=remedy)
+        raise InputError("are not such numbers", field=option, value=text, remedy=remedy)
     return found
 
 

@@ -12,7 +12,7 @@ from skyway.web.pages.plan_answer import LEGEND
 
 
 def figures(found: dict[str, Any]) -> str:
-    """When it ends, and what is kept."""
+    """Time of the end, and the kept reserve."""
     told = found["summary"]
     mean, _, late = told["ends_s"]
     stops = len(told["flights"]) - 1
@@ -92,7 +92,7 @@ def flights(found: dict[str, Any]) -> str:
 
 
 def notes(found: dict[str, Any]) -> str:
-    """What the order of the parts brings, what is decided on the way, and notes."""
+    """Gain from the order of the parts, decisions on the way, and notes."""
     told = found["summary"]
     said = [f"skyway fly decides {line}" for line in told["decided_on_the_way"]] + list(told["notes"])
     return f"<h2>Notes</h2><ul class='notes'>{''.join(f'<li>{safe(one)}</li>' for one in said)}</ul>" if said else ""

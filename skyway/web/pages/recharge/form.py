@@ -1,4 +1,4 @@
-"""The form of the recharge page: mission, pads and drone, and where a pad is put."""
+"""The form of the recharge page: mission, pads and drone, and the position of a new pad."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PADS = (".csv", ".geojson")
 
 
 class CutForm:
-    """What is asked, as fields; each change is handed on at once.
+    """The request as fields; each change is passed on at once.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class CutForm:
             field.show(getattr(asked, name))
 
     def offer_files(self) -> None:
-        """Offer what lies in the work folder."""
+        """Offer the files in the work folder."""
         for name, endings, more in (
             ("mission", MISSIONS, [("", "choose a file")]),
             ("pads", PADS, [("", "those that I put on the map"), (OF_SCENARIO, "of the scenario")]),

@@ -1,4 +1,4 @@
-"""The recharge page: a mission that is longer than a battery, cut at pads that are dragged on the map."""
+"""The recharge page: a mission that is longer than a battery, cut at pads that can be dragged on the map."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class RechargePage:
     # what is asked
 
     def changed(self, **values: Any) -> None:
-        """Ask something else; what was asked before can be had again."""
+        """Ask a new question; earlier ones remain available."""
         asked = msgspec.structs.replace(self.asked, **values)
         if asked.pads != self.asked.pads:
             asked = msgspec.structs.replace(asked, put=())
@@ -132,7 +132,7 @@ class RechargePage:
 
     def _put(self, name: str, lat: float, lon: float) -> None:
         if self.asked.pads == OF_SCENARIO:
-            self._wrong("The pads of a scenario stay where they are: take a file of stations.")
+            self._wrong("Pads of a scenario cannot be moved: use a file of stations.")
             return
         taken = {one["id"] for one in self.pads} | {one.id for one in self.asked.put}
         name = name or next(f"pad-{number}" for number in range(1, len(taken) + 2) if f"pad-{number}" not in taken)

@@ -135,20 +135,20 @@ def test_every_slot_of_a_drone_counts():
 def test_there_is_no_look_ahead():
     times, (note,) = told(wind(before_s=-540.0), wind(before_s=3060.0))
     assert times == [-3060.0]
-    assert note == "the wind observed at A at 2013-07-10T18:09:00Z is after the departure and left out"
+    assert note == "the wind observed at A at 2013-07-10T18:09:00Z is after the departure and ignored"
 
 
 def test_old_winds_are_left_out_where_there_is_no_newer_one():
     assert told(wind(before_s=OLDEST_S + 60.0), wind()) == ([-540.0], ())
     times, (note,) = told(wind(before_s=9 * 3600.0), wind("B"))
     assert times == [-540.0]
-    assert note == "the wind observed at A is left out: 9 h before the departure, 6 h at most count"
+    assert note == "the wind observed at A is ignored: 9 h before the departure, the limit is 6 h"
 
 
 def test_winds_far_from_every_site_are_left_out():
     times, (note,) = told(wind("far"))
     assert (times, FAR_M) == ([], 80_000.0)
-    assert note == "the wind observed at far is left out: 211.0 km from every wind site"
+    assert note == "the wind observed at far is ignored: 211.0 km from every wind site"
 
 
 def test_contradicting_winds_of_a_station_are_refused_and_a_correction_is_followed():
