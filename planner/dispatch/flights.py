@@ -158,7 +158,7 @@ def lay_out_problem(
     )  # fmt: skip
     orders = _orders(work, begin_s, place_of, types, modes, parameters, promised)
     weigh = parameters.dispatch
-    weights = Weights(weigh.lateness, weigh.energy_s)
+    weights = Weights(weigh.lateness, weigh.energy_s, weigh.home)
     taken = _taken(holds, work, place_of, flights, problems[0].closures)
     return Laid(
         DispatchProblem(flights, fleet, orders, weights, taken), places, tuple((one.id, mass) for one, mass in modes)

@@ -38,6 +38,9 @@ class DispatchParameters(Parameters):
     energy_s: float = parameter(
         600.0, "what the energy of a full battery costs, in seconds of delivery", 0, 1e5, unit="s"
     )
+    home: float = parameter(
+        0.0, "what a second from a drone's last delivery until it is home costs, in seconds of delivery", 0, 100
+    )
     payload_classes: int = parameter(
         4, "packages count as the next of so many masses of equal steps, up to the heaviest that a drone carries", 1, 50
     )
