@@ -61,8 +61,8 @@ def problem(town: City, asked: list[Request]) -> DispatchProblem:
     time_s[:, :roofs, :roofs], need[:, :roofs, :roofs] = town.time_s, town.need
     diagonal = np.arange(roofs)
     time_s[:, diagonal, diagonal] = np.inf
-    for final, kind in kind_of.items():
-        time_s[:, :roofs, roofs + kind], need[:, :roofs, roofs + kind] = 0.0, final
+    for final, number in kind_of.items():
+        time_s[:, :roofs, roofs + number], need[:, :roofs, roofs + number] = 0.0, final
     time_s[1, begins:, :roofs], need[1, begins:, :roofs] = time_s[1, :SOURCES, :roofs], need[1, :SOURCES, :roofs]
     stops = np.arange(roofs)
     pads = np.concatenate((town.pads, np.zeros(kinds + SOURCES, dtype=np.int64)))
