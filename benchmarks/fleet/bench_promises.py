@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -66,7 +67,7 @@ def main() -> None:
     rest = np.array([(kept - stated)[days == one].sum() for one in np.unique(days)])
     error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / len(kept)
     print(f"{len(rest)} days, {len(kept)} promises: stated {100 * stated.mean():.1f} %, kept {100 * kept.mean():.1f} %, difference {100 * (kept - stated).mean():+.1f} points (standard error {100 * error:.1f}, by days)")  # fmt: skip
-    for low, high in zip(BINS, BINS[1:], strict=False):
+    for low, high in itertools.pairwise(BINS):
         own = (stated >= low) & ((stated < high) | (high == 1.0))
         if own.any():
             print(f"  stated {low:.2f} to {high:.2f}: {own.sum()} promises, {100 * stated[own].mean():.1f} % stated, {100 * kept[own].mean():.1f} % kept")  # fmt: skip

@@ -8,15 +8,16 @@ each other at pads. Before a take-off a drone asks for what the flight takes in 
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
+    from collections.abc import Iterator, Sequence
     from datetime import date, datetime
 
     from skyway.models.orders.fitting import Work
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 EARTH_M = 6_371_008.8
 MASS_KG, EMPTY_S, FULL_S, PAYLOAD_KG = 4.69, 38.0 * 60.0, 24.0 * 60.0, 1.45
-AIRSPEED_MPS, MOST_MPS, WIND_LIMIT_MPS = 22.5, 20.0, 12.0
+AIRSPEED_MPS, MOST_MPS, WIND_LIMIT_MPS = 20.0, 20.0, 12.0
 CLIMB_S = 60.0 / 5.0 + 60.0 / 3.0
 BULK_S, WHOLE_S, KNEE = 1.28 * 3600.0, 2.24 * 3600.0, 0.8
 GUST_SD = 0.1
@@ -33,7 +34,7 @@ MEAN, BETWEEN, WITHIN, FREEDOM = 0.99, 0.062, 0.06, 15.0
 SURE = 3.0902
 """Standard deviations that all but one of a thousand are below."""
 AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
-Wait = Generator[tuple[str, float], None, None] if TYPE_CHECKING else object
+Wait: TypeAlias = "Iterator[tuple[str, float]]"
 
 
 @dataclass
@@ -66,6 +67,7 @@ class Day:
         self.pads = {one.id: Pads(one.pads) for one in network.stations if one.pads}
         self.delivered_s: dict[str, float] = {}
         self.landings: list[float] = []
+        self.now_s = self.begin_s
 
     def _far(self, tail: int, head: int) -> tuple[float, float]:
         """Distance and bearing on a sphere, m and radians."""
@@ -80,7 +82,7 @@ class Day:
         while nodes[-1] != end:
             nodes.append(int(self.before[end, nodes[-1]]))
         found = []
-        for head, tail in zip(nodes, nodes[1:], strict=False):
+        for head, tail in itertools.pairwise(nodes):
             middle = self.lat_lon[[tail, head]].mean(axis=0)
             far2 = (((self.sites - middle) * (1.0, math.cos(math.radians(middle[0])))) ** 2).sum(axis=1) + 1e-9
             found.append((*self._far(tail, head), (1.0 / far2) / (1.0 / far2).sum()))
@@ -110,7 +112,7 @@ class Day:
     def power(self, mass_kg: float) -> float:
         """Share of a battery that a second takes with a package."""
         growth = math.log(EMPTY_S / FULL_S) / math.log((MASS_KG + PAYLOAD_KG) / MASS_KG)
-        return ((MASS_KG + mass_kg) / MASS_KG) ** growth / EMPTY_S
+        return float(((MASS_KG + mass_kg) / MASS_KG) ** growth / EMPTY_S)
 
     def drone(self, route: Route, reserve: float) -> Wait:
         """Live the day of one drone: what is yielded is a pad that is asked for, one that is left, or a time to sleep until."""
@@ -188,7 +190,7 @@ class Day:
 
         load = self.work.scenario.load
         for station in self.pads:
-            for hour in range(-12, 13):
+            for hour in range(-48, 13):
                 arrivals, stay = load.hourly(self.index[station], self.begin_s + 3600.0 * hour, 1)
                 for _ in range(int(self.random.poisson(float(arrivals[0]) * 3600.0))):
                     put(self.begin_s + 3600.0 * (hour + self.random.random()), self.stranger(station, float(self.random.exponential(stay[0]))))  # fmt: skip

@@ -16,7 +16,7 @@ from skyway.models.drones.energy_belief import LEAST_RATIO
 from skyway.models.orders.fitting import fit
 from skyway.planner.capacity.changes import NOTHING, Change, changed
 from skyway.planner.capacity.demand import ENERGY, STRANGERS, Demand, draws, drones_of, orders_of
-from skyway.planner.capacity.execution import HORIZON_S, carry_out, strangers
+from skyway.planner.capacity.execution import HORIZON_S, WARM_UP_S, carry_out, strangers
 from skyway.planner.dispatch.dispatch import told
 from skyway.planner.dispatch.flights import Laid, lay_out_problem
 from skyway.planner.dispatch.improve import solve
@@ -26,6 +26,7 @@ from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import DEFAULT_EPSILON
 from skyway.planner.promises.promises import fly_plan
+from skyway.planner.promises.worlds import power_shares
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -180,8 +181,8 @@ def _stated(
 def _others(scenario: Scenario, study: Study, day: int) -> dict[str, list[tuple[float, float]]]:
     """Strangers of a day at each station, by the load of each hour."""
     stations, begin_s = scenario.network.stations, study.begin.timestamp()
-    hours = int(2.0 * HORIZON_S / S_PER_H)
-    loads = [scenario.load.hourly(node, begin_s - HORIZON_S, hours) for node in range(len(stations))]
+    hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
+    loads = [scenario.load.hourly(node, begin_s - WARM_UP_S, hours) for node in range(len(stations))]
     seed = int(draws(study.seed, day, STRANGERS).integers(2**31))
     drawn = strangers(np.array([one[0] for one in loads]), np.array([one[1] for one in loads]), begin_s, seed)
     return {one.id: drawn[node] for node, one in enumerate(stations) if one.pads}
@@ -197,6 +198,7 @@ class DayTruth:
         self._drone = {one.id: number for number, one in enumerate(work.vehicles)}
         orders = laid.problem.orders
         self._loaded = {one.id: int(orders.mode[0, number]) for number, one in enumerate(work.orders)}
+        self._share = dict(zip((one.id for one in work.orders), power_shares(work, laid)[0].tolist(), strict=True))
         self._empty = int(laid.problem.fleet.empty_mode[0])
         belief = USUAL_ERRORS.energy_of(drone)
         self._ratio = belief.mean_ratio + belief.sd_between * random.standard_normal(len(work.vehicles))
@@ -211,12 +213,16 @@ class DayTruth:
         key = (self._key, number, int(step.begin.timestamp()), self._place[step.destination])
         fresh = self._within * float(np.random.default_rng(key).standard_normal())
         ratio = max(float(self._ratio[number]) + fresh, LEAST_RATIO)
-        return float(flights.time_s[at]), ratio * float(flights.need[at])
+        return float(flights.time_s[at]), ratio * self._mass_share(step) * float(flights.need[at])
 
     def wanted(self, drone: str, step: Step, begin_s: float) -> float:
         """Charge that the check before a take-off wants beyond the reserve: what all but a share epsilon of flights take in the wind of then."""
         del drone
-        return self._checked * float(self._flights.need[self._at(step, begin_s)])
+        return self._checked * self._mass_share(step) * float(self._flights.need[self._at(step, begin_s)])
+
+    def _mass_share(self, step: Step) -> float:
+        """Power with the package over that of its class."""
+        return self._share[step.order] if step.order is not None and step.phase == "with the package" else 1.0
 
     def _at(self, step: Step, begin_s: float) -> tuple[int, int, int, int]:
         flights = self._flights

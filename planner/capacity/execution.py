@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Route, Step
 
 HORIZON_S = 12 * 3600.0
+WARM_UP_S = 48 * 3600.0
+"""Strangers come from so long before on: at 0.7 of five pads a line forgets its beginning with a time constant of five hours."""
 SLACK_SOC = 1e-6
 AGAIN_S = 600.0
 """A flight that the wind has closed, or for which no charge is enough, is looked at again so often."""
@@ -72,17 +74,17 @@ class _Drone:
 
 
 def strangers(arrivals_per_s: NDArray[np.float64], charging_s: NDArray[np.float64], begin_s: float, seed: int) -> list[list[tuple[float, float]]]:  # fmt: skip
-    """Draw strangers at each station: when they come and how long they charge; from `HORIZON_S` before on, so that pads are as busy as usual.
+    """Draw strangers at each station: when they come and how long they charge; from `WARM_UP_S` before on, so that pads are as busy as usual.
 
     The rates and mean times of the hours from then on have the shape (stations, hours); one hour stands for all.
     """
     rng = np.random.default_rng(seed)
-    hours = int(2.0 * HORIZON_S / S_PER_H)
+    hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
     drawn = []
     for rates, means in zip(arrivals_per_s, charging_s, strict=True):
         count = rng.poisson(np.broadcast_to(rates, hours) * S_PER_H)
         hour = np.repeat(np.arange(hours), count)
-        times = np.sort(begin_s - HORIZON_S + S_PER_H * (hour + rng.uniform(size=len(hour))))
+        times = np.sort(begin_s - WARM_UP_S + S_PER_H * (hour + rng.uniform(size=len(hour))))
         lasts = rng.exponential(np.broadcast_to(means, hours)[hour])
         drawn.append(list(zip(times.tolist(), lasts.tolist(), strict=True)))
     return drawn

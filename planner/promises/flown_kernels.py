@@ -44,6 +44,8 @@ class Steps(NamedTuple):
     """Shape (steps,): when the package is ready that is taken up before a step; -inf where none is."""
     delivers: NDArray[np.int64]
     """Shape (steps,): order that is delivered with a step; -1 where none is."""
+    mass: NDArray[np.float64]
+    """Shape (steps,): power with the package over that of the mode, which is the next heavier class."""
     soc: NDArray[np.float64]
     from_s: NDArray[np.float64]
     type: NDArray[np.int64]
@@ -97,7 +99,7 @@ def wanted_soc(flights: Flights, steps: Steps, world: World, drone: int, step: i
     for later in range(step, steps.first[drone + 1]):
         if steps.kind[later] != CHARGE:
             need = world.need[steps.mode[later], slot_at(flights, time_s), steps.place[later], steps.to[later]]
-            wanted: float = flights.reserve + steps.checked[drone] * steps.scale[drone] * need
+            wanted: float = flights.reserve + steps.checked[drone] * steps.scale[drone] * steps.mass[later] * need
             return wanted
     return 0.0
 
@@ -146,7 +148,7 @@ def flown(
                 continue
         if not charges:
             need = world.need[mode, slot_at(flights, time_s), place, steps.to[step]]
-            soc[drone] -= world.ratio[step] * steps.scale[drone] * need
+            soc[drone] -= world.ratio[step] * steps.scale[drone] * steps.mass[step] * need
             time_s += takes_s
             lowest[step] = soc[drone]
             if soc[drone] < 0.0:

@@ -15,7 +15,7 @@ from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.dispatch.result import Outlook
 from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC
 from skyway.planner.promises.flown_kernels import BELOW_SOC, Steps, World, flown
-from skyway.planner.promises.worlds import checked_ratio, members_of, others_of, ratios_of, winds_of
+from skyway.planner.promises.worlds import checked_ratio, members_of, others_of, power_shares, ratios_of, winds_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -111,7 +111,8 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
     order = {one.id: number for number, one in enumerate(work.orders)}
     fleet, modes = laid.problem.fleet, laid.problem.orders.mode
     of = {route.drone: route for route in routes}
-    rows: list[tuple[int, int, int, int, float, int, float]] = []
+    rows: list[tuple[int, int, int, int, float, int, float, float]] = []
+    shares = power_shares(work, laid)
     first = [0]
     for number, vehicle in enumerate(work.vehicles):
         steps = of[vehicle.id].steps if vehicle.id in of else ()
@@ -120,9 +121,12 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
             one.order: at for at, one in enumerate(steps) if one.order is not None and one.phase == "with the package"
         }
         for at, one in enumerate(steps):
-            not_before_s, delivers, mode = -math.inf, -1, int(fleet.empty_mode[number])
+            not_before_s, delivers, mode, share = -math.inf, -1, int(fleet.empty_mode[number]), 1.0
             if one.order is not None and one.phase == "with the package":
-                mode = int(modes[fleet.type[number], order[one.order]])
+                mode, share = (
+                    int(modes[fleet.type[number], order[one.order]]),
+                    shares[fleet.type[number], order[one.order]],
+                )
                 if one.order not in begun:
                     begun.add(one.order)
                     not_before_s = float(laid.problem.orders.ready_s[order[one.order]])
@@ -131,12 +135,14 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
             if one.kind == "charge" and windows:
                 not_before_s = max(not_before_s, one.begin.timestamp() - EARLY_S)
             kind_of = FLY if one.kind == "fly" else CHARGE
-            rows.append((kind_of, place[one.origin], place[one.destination], mode, one.soc_end, delivers, not_before_s))
+            rows.append(
+                (kind_of, place[one.origin], place[one.destination], mode, one.soc_end, delivers, not_before_s, share)
+            )
         first.append(len(rows))
-    table = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
     kind, place_of, to, mode, delivers = table[:, [0, 1, 2, 3, 5]].astype(np.int64).T.copy()
     return Steps(
         first=np.array(first), kind=kind, place=place_of, to=to, mode=mode,
-        up_to=table[:, 4].copy(), not_before_s=table[:, 6].copy(), delivers=delivers, soc=fleet.soc, from_s=fleet.from_s, type=fleet.type, scale=fleet.scale,
+        up_to=table[:, 4].copy(), not_before_s=table[:, 6].copy(), delivers=delivers, mass=table[:, 7].copy(), soc=fleet.soc, from_s=fleet.from_s, type=fleet.type, scale=fleet.scale,
         checked=checked_ratio(work, epsilon),
     )  # fmt: skip

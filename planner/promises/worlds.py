@@ -9,6 +9,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.drones.energy_belief import LEAST_RATIO
+from skyway.models.flight.energy import FlightPower
 from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.models.queues.waiting_times import present_at
 from skyway.planner.dispatch.flights import mode_problem
@@ -105,6 +106,19 @@ def ratios_of(work: Work, drone: NDArray[np.int64], worlds: int, random: np.rand
     usual = mean + between * random.standard_normal((worlds, len(beliefs)))
     fresh = random.standard_normal((worlds, len(drone)))
     return np.asarray(np.maximum(usual[:, drone] + within[drone] * fresh, LEAST_RATIO))
+
+
+def power_shares(work: Work, laid: Laid) -> NDArray[np.float64]:
+    """Power with each order's package over that with the next heavier class, in which flights are worked out, by type and order; 1 where it is not carried."""
+    orders, types = laid.problem.orders, [one for one in work.scenario.drones if any(of.type == one.id for of in work.vehicles)]  # fmt: skip
+    found = np.ones(orders.mode.shape)
+    for row, drone in enumerate(types):
+        for column, order in enumerate(work.orders):
+            mode = int(orders.mode[row, column])
+            if mode >= 0:
+                carried, class_kg = FlightPower.of(drone, order.mass_kg), laid.modes[mode][1]
+                found[row, column] = carried.soc_per_s / FlightPower.of(drone, class_kg).soc_per_s
+    return found
 
 
 def checked_ratio(work: Work, epsilon: float) -> NDArray[np.float64]:

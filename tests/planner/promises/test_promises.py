@@ -75,10 +75,11 @@ class SameWorld:
 
     def flight(self, _, step, begin_s):
         key = self._key(step, begin_s)
-        return float(self.world.time_s[key]), float(self.world.ratio[self.at[id(step)]] * self.world.need[key])
+        at = self.at[id(step)]
+        return float(self.world.time_s[key]), float(self.world.ratio[at] * self.steps.mass[at] * self.world.need[key])
 
     def wanted(self, _, step, begin_s):
-        return float(self.steps.checked[0] * self.world.need[self._key(step, begin_s)])
+        return float(self.steps.checked[0] * self.steps.mass[self.at[id(step)]] * self.world.need[self._key(step, begin_s)])  # fmt: skip
 
     def charging_s(self, _, place, soc, up_to):
         curve = self.flights.curve_of[0, self.place[place]]
