@@ -31,8 +31,8 @@ BULK_S, WHOLE_S, KNEE = 1.28 * 3600.0, 2.24 * 3600.0, 0.8
 GUST_SD = 0.1
 """Of the wind over one hop, as a share of it."""
 MEAN, BETWEEN, WITHIN, FREEDOM = 0.99, 0.062, 0.06, 15.0
-SURE = 3.0902
-"""Standard deviations that all but one of a thousand are below."""
+SURE = 3.733
+"""Standard deviations that all but one of a thousand are below, of Student's t distribution."""
 AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
 Wait: TypeAlias = "Iterator[tuple[str, float]]"
 
@@ -67,7 +67,32 @@ class Day:
         self.pads = {one.id: Pads(one.pads) for one in network.stations if one.pads}
         self.delivered_s: dict[str, float] = {}
         self.landings: list[float] = []
+        self.others = {station: self._strangers(station) for station in self.pads}
         self.now_s = self.begin_s
+
+    def _strangers(self, station: str) -> list[tuple[float, float]]:
+        """When strangers come, and how long each charges; from two days before on."""
+        found: list[tuple[float, float]] = []
+        load = self.work.scenario.load
+        for hour in range(-48, 13):
+            arrivals, stay = load.hourly(self.index[station], self.begin_s + 3600.0 * hour, 1)
+            count = int(self.random.poisson(float(arrivals[0]) * 3600.0))
+            come_s = self.begin_s + 3600.0 * (hour + self.random.random(count))
+            found += zip(come_s.tolist(), self.random.exponential(stay[0], count).tolist(), strict=True)
+        return sorted(found)
+
+    def present(self) -> dict[str, int]:
+        """Strangers on the pads and in line when the day begins, by station."""
+        found = {}
+        for station, others in self.others.items():
+            free, leave = [-math.inf] * self.pads[station].free, []
+            for come_s, lasts_s in others:
+                if come_s > self.begin_s:
+                    break
+                leave.append(max(heapq.heappop(free), come_s) + lasts_s)
+                heapq.heappush(free, leave[-1])
+            found[station] = sum(one > self.begin_s for one in leave)
+        return found
 
     def _far(self, tail: int, head: int) -> tuple[float, float]:
         """Distance and bearing on a sphere, m and radians."""
@@ -188,12 +213,9 @@ class Day:
             count += 1
             heapq.heappush(todo, (at_s, count, who))
 
-        load = self.work.scenario.load
-        for station in self.pads:
-            for hour in range(-48, 13):
-                arrivals, stay = load.hourly(self.index[station], self.begin_s + 3600.0 * hour, 1)
-                for _ in range(int(self.random.poisson(float(arrivals[0]) * 3600.0))):
-                    put(self.begin_s + 3600.0 * (hour + self.random.random()), self.stranger(station, float(self.random.exponential(stay[0]))))  # fmt: skip
+        for station, others in self.others.items():
+            for come_s, lasts_s in others:
+                put(come_s, self.stranger(station, lasts_s))
         for route in routes:
             if route.steps:
                 put(self.begin_s, self.drone(route, reserve))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -201,9 +200,12 @@ class DayTruth:
         self._share = dict(zip((one.id for one in work.orders), power_shares(work, laid)[0].tolist(), strict=True))
         self._empty = int(laid.problem.fleet.empty_mode[0])
         belief = USUAL_ERRORS.energy_of(drone)
-        self._ratio = belief.mean_ratio + belief.sd_between * random.standard_normal(len(work.vehicles))
+        self._ratio = belief.mean_ratio + belief.sd_between * random.standard_t(
+            belief.degrees_of_freedom, len(work.vehicles)
+        )
         self._within = belief.sd_within
-        self._checked = belief.mean_ratio + NormalDist().inv_cdf(1.0 - DEFAULT_EPSILON) * belief.leg_sd
+        self._freedom = belief.degrees_of_freedom
+        self._checked = belief.quantile(1.0 - DEFAULT_EPSILON)
         self._key = int(random.integers(2**31))
 
     def flight(self, drone: str, step: Step, begin_s: float) -> tuple[float, float]:
@@ -211,7 +213,7 @@ class DayTruth:
         flights, at = self._flights, self._at(step, begin_s)
         number = self._drone[drone]
         key = (self._key, number, int(step.begin.timestamp()), self._place[step.destination])
-        fresh = self._within * float(np.random.default_rng(key).standard_normal())
+        fresh = self._within * float(np.random.default_rng(key).standard_t(self._freedom))
         ratio = max(float(self._ratio[number]) + fresh, LEAST_RATIO)
         return float(flights.time_s[at]), ratio * self._mass_share(step) * float(flights.need[at])
 

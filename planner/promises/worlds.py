@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from statistics import NormalDist
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -102,9 +101,11 @@ def members_of(probability: NDArray[np.float64], worlds: int, random: np.random.
 def ratios_of(work: Work, drone: NDArray[np.int64], worlds: int, random: np.random.Generator) -> NDArray[np.float64]:
     """Draw the energy over the model's of each step, shape (worlds, steps): what persists of a drone, and what is fresh; `drone` has the number of each step's."""
     beliefs = [USUAL_ERRORS.energy_of(work.scenario.drone(one.type)) for one in work.vehicles]
-    mean, between, within = np.array([(one.mean_ratio, one.sd_between, one.sd_within) for one in beliefs]).T
-    usual = mean + between * random.standard_normal((worlds, len(beliefs)))
-    fresh = random.standard_normal((worlds, len(drone)))
+    mean, between, within, freedom = np.array(
+        [(one.mean_ratio, one.sd_between, one.sd_within, one.degrees_of_freedom) for one in beliefs]
+    ).T
+    usual = mean + between * random.standard_t(freedom, (worlds, len(beliefs)))
+    fresh = random.standard_t(freedom[drone], (worlds, len(drone)))
     return np.asarray(np.maximum(usual[:, drone] + within[drone] * fresh, LEAST_RATIO))
 
 
@@ -124,8 +125,7 @@ def power_shares(work: Work, laid: Laid) -> NDArray[np.float64]:
 def checked_ratio(work: Work, epsilon: float) -> NDArray[np.float64]:
     """Ratio of energy to the model's that each drone's flights stay below but for a share epsilon, shape (drones,)."""
     beliefs = [USUAL_ERRORS.energy_of(work.scenario.drone(one.type)) for one in work.vehicles]
-    sigmas = NormalDist().inv_cdf(1.0 - epsilon)
-    return np.array([one.mean_ratio + sigmas * one.leg_sd for one in beliefs])
+    return np.array([one.quantile(1.0 - epsilon) for one in beliefs])
 
 
 def others_of(

@@ -144,6 +144,17 @@ def test_pads_that_are_seen_full_or_held_by_others_make_orders_late(work, plan, 
     assert in_time(seen=free) > in_time(seen=free, holds=window)
 
 
+def test_a_fleet_is_planned_from_the_pads_that_are_seen(work, forecast):
+    stations = [one for one in work.scenario.network.stations if one.pads]
+    costs = []
+    for present in (0, 1, 4):
+        seen = PadsSeen({one.id: present * one.pads for one in stations}, {})
+        costs.append(dispatch(work, START, forecast=forecast, iterations=0, time_limit_s=60.0, bounded=False, seen=seen).cost_s)  # fmt: skip
+    assert costs[0] < costs[1] < costs[2]
+    usual = dispatch(work, START, forecast=forecast, iterations=0, time_limit_s=60.0, bounded=False)
+    assert costs[0] < usual.cost_s < costs[2]
+
+
 def test_strangers_wait_as_the_queue_model_says_from_what_was_seen_on(work, forecast):
     """Mean wait of an arrival after an hour, by the drawn strangers and by the transient queue (`models.queues.waiting_times`)."""
     laid = lay_out_problem(work, START, forecast, USUAL, margins=False)
