@@ -67,7 +67,7 @@ def main() -> None:
             total, booked, killed = total + load.attempts, booked + load.booked, killed + load.killed
             print(
                 f"{store:<12} {load.per_s:6.0f} four-stop itineraries/s (wanted {wanted:.0f}), {load.attempts / load.wall_s:.0f} attempts/s, "
-                f"{1e6 * load.cpu_s / load.attempts:.0f} µs of a processor for an attempt in its client; {booked} of {total} booked by {CLIENTS} clients on 40 pads; "
+                f"{1e6 * load.cpu_s:.0f} µs of a processor for an attempt in its client; {booked} of {total} booked by {CLIENTS} clients on 40 pads; "
                 f"history audited: no overlap, none half booked, none lost; {killed} killed",
                 flush=True,
             )

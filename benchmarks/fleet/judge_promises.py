@@ -33,6 +33,8 @@ GUST_SD = 0.1
 MEAN, BETWEEN, WITHIN, FREEDOM = 0.99, 0.062, 0.06, 15.0
 SURE = 3.733
 """Standard deviations that all but one of a thousand are below, of Student's t distribution."""
+WIND_MARGIN = 0.12
+"""Of what a flight takes, for what the wind does on the way: the planner's setting `margin`."""
 AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
 Wait: TypeAlias = "Iterator[tuple[str, float]]"
 
@@ -144,7 +146,7 @@ class Day:
         mass = {one.id: one.mass_kg for one in self.work.orders}
         ready = {one.id: one.ready.timestamp() for one in self.work.orders}
         usual = MEAN + BETWEEN * float(self.random.standard_t(FREEDOM))
-        checked = MEAN + SURE * math.hypot(BETWEEN, WITHIN)
+        checked = MEAN * (1.0 + math.hypot(WIND_MARGIN, SURE * math.hypot(BETWEEN, WITHIN) / MEAN))
         soc, now_s = route.steps[0].soc_begin, self.begin_s
         taken: set[str] = set()
         last = {one.order: number for number, one in enumerate(route.steps) if one.phase == "with the package"}

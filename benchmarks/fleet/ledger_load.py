@@ -6,7 +6,6 @@ import contextlib
 import multiprocessing
 import os
 import random
-import resource
 import signal
 import subprocess
 import tempfile
@@ -44,7 +43,7 @@ class Load:
     booked: int
     wall_s: float
     cpu_s: float
-    """Of the clients, on a processor."""
+    """On a processor, for an attempt: of the clients that were not killed."""
     killed: int
 
     @property
@@ -106,6 +105,7 @@ def client(name: str, own: str, count: int, slots: int, begin: Event, journal: P
         lease = ledger.acquire(f"client {own}", f"process {os.getpid()}", 86_400.0)
         lines.write("ready\n")
         begin.wait()
+        spent = time.process_time()
         for attempt in range(count):
             itinerary, wanted = f"{own}-{attempt}", windows(draws, slots)
             while True:
@@ -123,6 +123,7 @@ def client(name: str, own: str, count: int, slots: int, begin: Event, journal: P
                 else:
                     lines.write(f"booked {itinerary}\n")
                 break
+        lines.write(f"spent {(time.process_time() - spent) / count:.9f}\n")
     ledger.close()
 
 
@@ -165,7 +166,7 @@ def run(
         process.start()
     while not all(journal.exists() and journal.read_text() for journal in journals):
         time.sleep(0.02)
-    started, spent = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    started = time.perf_counter()
     begin.set()
     for number in range(kill):
         while journals[number].stat().st_size < count // 4 * LINE_BYTES and processes[number].is_alive():
@@ -175,10 +176,11 @@ def run(
     for process in processes:
         process.join()
     wall_s = time.perf_counter() - started
-    lines = [line for journal in journals for line in journal.read_text().splitlines()[1:] if line != "again"]
-    now = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu_s = now.ru_utime + now.ru_stime - spent.ru_utime - spent.ru_stime
-    return Load(len(lines), sum(line.startswith("booked") for line in lines), wall_s, cpu_s, kill)
+    lines = [line.split() for journal in journals for line in journal.read_text().splitlines()[1:]]
+    spent = [float(words[1]) for words in lines if words[0] == "spent"]
+    booked = sum(words[0] == "booked" for words in lines)
+    attempts = booked + sum(words[0] == "taken" for words in lines)
+    return Load(attempts, booked, wall_s, sum(spent) / max(len(spent), 1), kill)
 
 
 def told_booked(folder: Path) -> set[str]:

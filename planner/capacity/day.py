@@ -25,7 +25,7 @@ from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import DEFAULT_EPSILON
 from skyway.planner.promises.promises import fly_plan
-from skyway.planner.promises.worlds import power_shares
+from skyway.planner.promises.worlds import checked_ratio, power_shares
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -139,7 +139,7 @@ def simulate(piece: Piece, load: Callable[[Path | None], Scenario]) -> DayDone:
     stated = _stated(work, routes, [one.order for one in answers.values()], forecast, study)
     true_wind = work.scenario.truth(day, study.begin, HORIZON_H)
     met = lay_out_problem(work, study.begin, true_wind, study.parameters, reserve=0.0, margins=False)
-    truth = DayTruth(work, met, model, draws(study.seed, piece.day, ENERGY))
+    truth = DayTruth(work, met, model, study.parameters.dispatch.margin, draws(study.seed, piece.day, ENERGY))
     ready = {one.id: one.ready.timestamp() for one in work.orders}
     pads = {one.id: one.pads for one in work.scenario.network.stations if one.pads}
     done = carry_out(routes, ready, pads, _others(work.scenario, study, piece.day), study.begin.timestamp(), truth, study.reserve)  # fmt: skip
@@ -190,7 +190,7 @@ def _others(scenario: Scenario, study: Study, day: int) -> dict[str, list[tuple[
 class DayTruth:
     """Flights and charges as they are on a day: its wind, and aircraft that take more or less than the model says."""
 
-    def __init__(self, work: Work, laid: Laid, drone: Drone, random: np.random.Generator) -> None:
+    def __init__(self, work: Work, laid: Laid, drone: Drone, margin: float, random: np.random.Generator) -> None:
         network = work.scenario.network
         self._flights = laid.problem.flights
         self._place = {network.stations[node].id: number for number, node in enumerate(laid.places)}
@@ -205,7 +205,7 @@ class DayTruth:
         )
         self._within = belief.sd_within
         self._freedom = belief.degrees_of_freedom
-        self._checked = belief.quantile(1.0 - DEFAULT_EPSILON)
+        self._checked = checked_ratio(belief, margin, DEFAULT_EPSILON)
         self._key = int(random.integers(2**31))
 
     def flight(self, drone: str, step: Step, begin_s: float) -> tuple[float, float]:

@@ -13,6 +13,8 @@ from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.flight_kernels import CHARGE, FLY
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.dispatch.result import Outlook
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC
 from skyway.planner.promises.flown_kernels import BELOW_SOC, Steps, World, flown
 from skyway.planner.promises.worlds import checked_ratio, members_of, others_of, power_shares, ratios_of, winds_of
@@ -90,7 +92,7 @@ def fly_plan(
     winds = winds_of(work, laid, depart, forecast, parameters, weigh.members)
     streams = [np.random.default_rng((seed, stream)) for stream in range(3)]
     member = members_of(winds.probability, weigh.worlds, streams[0])
-    steps = steps_of(work, laid, routes, windows=windows)
+    steps = steps_of(work, laid, routes, windows=windows, margin=weigh.margin)
     owner = np.repeat(np.arange(len(steps.soc)), np.diff(steps.first))
     ratio = ratios_of(work, owner, weigh.worlds, streams[1])
     others = others_of(work, laid, depart, weigh.worlds, streams[2], seen=seen, holds=holds)
@@ -104,7 +106,7 @@ def fly_plan(
     return Flown(delivered_s, int(landed.sum()), int((lowest[landed] < reserve - BELOW_SOC).sum()))
 
 
-def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool = False, epsilon: float = DEFAULT_EPSILON) -> Steps:  # fmt: skip
+def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool = False, margin: float = USUAL.dispatch.margin, epsilon: float = DEFAULT_EPSILON) -> Steps:  # fmt: skip
     """Lay the routes of a plan out as arrays; drones without one have no steps."""
     network = work.scenario.network
     place = {network.stations[node].id: number for number, node in enumerate(laid.places)}
@@ -144,5 +146,5 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
     return Steps(
         first=np.array(first), kind=kind, place=place_of, to=to, mode=mode,
         up_to=table[:, 4].copy(), not_before_s=table[:, 6].copy(), delivers=delivers, mass=table[:, 7].copy(), soc=fleet.soc, from_s=fleet.from_s, type=fleet.type, scale=fleet.scale,
-        checked=checked_ratio(work, epsilon),
+        checked=np.array([checked_ratio(USUAL_ERRORS.energy_of(work.scenario.drone(one.type)), margin, epsilon) for one in work.vehicles]),
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
     from skyway.models.queues.load import PadLoad
@@ -122,10 +124,11 @@ def power_shares(work: Work, laid: Laid) -> NDArray[np.float64]:
     return found
 
 
-def checked_ratio(work: Work, epsilon: float) -> NDArray[np.float64]:
-    """Ratio of energy to the model's that each drone's flights stay below but for a share epsilon, shape (drones,)."""
-    beliefs = [USUAL_ERRORS.energy_of(work.scenario.drone(one.type)) for one in work.vehicles]
-    return np.array([one.quantile(1.0 - epsilon) for one in beliefs])
+def checked_ratio(belief: EnergyBelief, margin: float, epsilon: float) -> float:
+    """Ratio of energy to the model's in the wind of now that flights stay below but for a share epsilon; `margin` is for what the wind does on the way."""
+    return belief.mean_ratio * (
+        1.0 + math.hypot(margin, belief.sigmas(1.0 - epsilon) * belief.leg_sd / belief.mean_ratio)
+    )
 
 
 def others_of(

@@ -199,8 +199,9 @@ def test_members_come_as_often_as_they_are_probable(weights, worlds, seed):
 def test_the_check_is_that_of_all_but_epsilon(work):
     belief = work.scenario.drone("m200").energy_belief
     ratio = ratios_of(work, np.zeros(50, dtype=np.int64), 20_000, np.random.default_rng(3))
-    assert (ratio > checked_ratio(work, 0.01)[0]).mean() == pytest.approx(0.01, abs=0.002)
-    assert checked_ratio(work, 0.5)[0] == pytest.approx(belief.mean_ratio)
+    assert (ratio > checked_ratio(belief, 0.0, 0.01)).mean() == pytest.approx(0.01, abs=0.002)
+    assert checked_ratio(belief, 0.0, 0.5) == pytest.approx(belief.mean_ratio)
+    assert checked_ratio(belief, 0.12, 0.001) > checked_ratio(belief, 0.0, 0.001)
 
 
 def test_without_worlds_a_plan_has_no_probabilities(work, plan, forecast):
