@@ -23,7 +23,7 @@ START = datetime(2013, 7, 10, 14, tzinfo=UTC)
 MAX_LATE_S = 1800.0
 
 
-def city(seed: int, drones: int, orders: int, utilisation: float) -> Work:
+def city(seed: int, drones: int, orders: int, utilisation: float, start: datetime = START) -> Work:
     """New York with so many drones, and orders over an hour, and strangers who keep so much of the pads busy."""
     scenario = read_scenario(NEW_YORK)
     rng = np.random.default_rng(seed)
@@ -39,7 +39,7 @@ def city(seed: int, drones: int, orders: int, utilisation: float) -> Work:
     made = []
     for one in range(orders):
         begin, end = rng.choice(stations, 2, replace=False)
-        ready = START + timedelta(minutes=float(rng.uniform(0.0, 60.0)))
+        ready = start + timedelta(minutes=float(rng.uniform(0.0, 60.0)))
         due = ready + timedelta(minutes=float(rng.choice([120.0, 150.0, 180.0])))
         made.append(Order(id=f"o{one}", origin=begin, destination=end, mass_kg=float(rng.choice([0.2, 0.5, 0.8])), ready=ready, due=due))  # fmt: skip
     return fit(scenario, made, vehicles)

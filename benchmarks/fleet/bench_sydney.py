@@ -25,7 +25,8 @@ from benchmarks.fleet.sydney import (
     queued,
     requests,
 )
-from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, FROM, KIND, LOADED, PAD, SOC, SOC_AFTER
+from benchmarks.fleet.sydney_bound import most_quality
+from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, FROM, HOME, KIND, PAD, SOC, SOC_AFTER
 from skyway.planner.dispatch.improve import Improver
 from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, to_go
 from skyway.planner.dispatch.search import Search
@@ -47,61 +48,62 @@ RULES = {
 def problem(town: City, asked: list[Request]) -> DispatchProblem:
     """The set as a dispatch problem.
 
-    An order ends where its drone has the final charge, too: at a place of its destination and that charge, which is reached from the destination alone, in
-    no time, with a need of that charge. All drones of a provider are alike.
+    An order ends at its destination, and its drone where it has its final charge, on any roof: home is a place for each final charge, which is reached from
+    any roof in no time, with a need of that charge, and the time until then counts like that of the delivery. Drones begin at places of their providers
+    that no drone comes back to, so that each has one order; those of a provider with one final charge are alike.
     """
-    roofs = SOURCES + FLATS
-    finals = sorted(FINALS.values())
-    ends = {
-        (roof, final): roofs + number
-        for number, (roof, final) in enumerate((roof, final) for roof in range(SOURCES, roofs) for final in finals)
-    }
-    home = roofs + len(ends)
-    time_s, need = np.full((2, home + 1, home + 1), np.inf), np.full((2, home + 1, home + 1), np.inf)
+    roofs, finals = SOURCES + FLATS, sorted(FINALS.values())
+    kinds = len(finals)
+    kind_of = {final: number for number, final in enumerate(finals)}
+    begins = roofs + kinds
+    places = begins + SOURCES
+    time_s, need = np.full((2, places, places), np.inf), np.full((2, places, places), np.inf)
     time_s[:, :roofs, :roofs], need[:, :roofs, :roofs] = town.time_s, town.need
     diagonal = np.arange(roofs)
     time_s[:, diagonal, diagonal] = np.inf
-    for (roof, final), end in ends.items():
-        time_s[:, roof, end], need[:, roof, end] = 0.0, final
-        time_s[:, end, home], need[:, end, home] = 0.0, 0.0
+    for final, number in kind_of.items():
+        time_s[:, :roofs, roofs + number], need[:, :roofs, roofs + number] = 0.0, final
+    time_s[1, begins:, :roofs], need[1, begins:, :roofs] = time_s[1, :SOURCES, :roofs], need[1, :SOURCES, :roofs]
     stops = np.arange(roofs)
-    pads = np.concatenate((town.pads, np.zeros(len(ends) + 1, dtype=np.int64)))
+    pads = np.concatenate((town.pads, np.zeros(kinds + SOURCES, dtype=np.int64)))
     levels = np.concatenate((np.linspace(0.0, 0.98, 50), [0.985, 0.99, 1.0]))
     at_s = np.concatenate((-TAU_S * np.log(1.0 - levels[:-1]), [FULL_S]))
     pace_s = float(at_s[1] / levels[1])
     flights = Flights(
         time_s=time_s[:, None], need=need[:, None],
-        to_go_s=to_go(time_s[:, None], need[:, None], stops, pace_s, 1.0), escape=np.zeros((2, home + 1)), start_s=0.0, slot_s=1e9,
-        pads=pads, first_pad=np.cumsum(pads) - pads, stops=stops, curve_of=np.zeros((1, home + 1), dtype=np.int64),
-        curve_s=at_s[None], curve_soc=levels[None], pace_s=np.array([pace_s]), wait_s=np.zeros((home + 1, 1)), wait_step_s=1e9, reserve=0.0,
+        to_go_s=to_go(time_s[:, None], need[:, None], stops, pace_s, 1.0), escape=np.zeros((2, places)), start_s=0.0, slot_s=1e9,
+        pads=pads, first_pad=np.cumsum(pads) - pads, stops=stops, curve_of=np.zeros((kinds, places), dtype=np.int64),
+        curve_s=at_s[None], curve_soc=levels[None], pace_s=np.full(kinds, pace_s), wait_s=np.zeros((places, 1)), wait_step_s=1e9, reserve=0.0,
     )  # fmt: skip
     count = len(asked)
     ready = np.array([one.ready_s for one in asked])
-    origin = np.array([one.origin for one in asked], dtype=np.int64)
+    origin = np.array([begins + one.origin for one in asked], dtype=np.int64)
+    kind = np.array([kind_of[FINALS[one.threshold]] for one in asked], dtype=np.int64)
     due = ready + np.array([alone(town, one)[0] for one in asked])
     fleet = Fleet(
-        type=np.zeros(count, dtype=np.int64), empty_mode=np.zeros(count, dtype=np.int64), place=origin, home=np.full(count, home),
-        soc=np.ones(count), from_s=np.zeros(count), to_s=np.full(count, np.inf), scale=np.ones(count),
+        type=kind, empty_mode=np.zeros(count, dtype=np.int64), place=origin, home=roofs + kind, soc=np.ones(count), from_s=np.zeros(count), to_s=np.full(count, np.inf), scale=np.ones(count),
     )  # fmt: skip
     orders = Orders(
-        origin=origin, destination=np.array([ends[one.destination, FINALS[one.threshold]] for one in asked], dtype=np.int64), ready_s=ready,
-        due_s=due, refusal_s=np.full(count, 1e7), mode=np.ones((1, count), dtype=np.int64),
+        origin=origin, destination=np.array([one.destination for one in asked], dtype=np.int64), ready_s=ready,
+        due_s=due, refusal_s=np.full(count, 1e7), mode=np.where(kind == np.arange(kinds)[:, None], 1, -1),
         latest_s=np.full(count, np.inf),
     )  # fmt: skip
-    return DispatchProblem(flights, fleet, orders, Weights(1.0, ENERGY_S))
+    return DispatchProblem(flights, fleet, orders, Weights(1.0, ENERGY_S, 1.0))
 
 
 def searched(town: City, asked: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:
-    """Plan the set: the shortest charges are put in first, each at its destination; the search may choose other stops."""
+    """Plan the set, each request by its own drone: the shortest charges are put in first, each at its destination; the search may choose other stops."""
     made = problem(town, asked)
     search = Search(made, DispatchParameters(vehicles_tried=2))
     search.warm_up()
     end_at = time.perf_counter() + time_limit_s
-    search.routes.halts.place[:, LOADED] = [one.destination for one in asked]
-    search.routes.halts.soc[:, LOADED] = [FINALS[one.threshold] for one in asked]
+    search.routes.halts.place[:, HOME] = [one.destination for one in asked]
+    search.routes.halts.soc[:, HOME] = [FINALS[one.threshold] for one in asked]
     on_pads_s = [alone(town, one)[0] - town.time_s[one.origin, one.destination] for one in asked]
     for order in np.argsort(on_pads_s, kind="stable"):
-        search.insert_best(int(order))
+        if not search.insert(int(order), int(order), 0):
+            raise AssertionError(f"request {order} cannot be flown")
+        search.settle(int(order), int(order), HOME)
     Improver(search).improve(end_at=end_at, iterations=iterations)
     return search
 
@@ -145,7 +147,7 @@ def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flow
     for number, one in enumerate(asked):
         expected_s, use = alone(town, one)
         late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
-        found.append(Flown(expected_s, use, late_s, max(taken[number] + hovered[number] - use, 0.0)))
+        found.append(Flown(expected_s, use, late_s, max(taken[number] + hovered[number] - use, 0.0), hovered[number]))
     return found, congested / MIN_S / len(town.pads)
 
 
@@ -173,7 +175,14 @@ def main() -> None:
             for name, rule in RULES.items():
                 print("  " + told(name, *queued(town, asked, rule)))
             search = searched(town, asked, options.seconds)
-            print("  " + told("planned", *planned(town, asked, search)), flush=True)
+            flown, congested_min = planned(town, asked, search)
+            print("  " + told("planned", flown, congested_min), flush=True)
+            elsewhere = np.mean([one.extra > 1e-9 for one in flown])
+            most = most_quality(town, asked, float(np.mean([one.quality for one in flown])))
+            print(
+                f"  {100.0 * elsewhere:.1f} % charge on another roof; no plan has a quality above {most:.3f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -31,6 +31,8 @@ START = datetime(2030, 1, 1, tzinfo=UTC)
 AWAY_S = 120.0
 """A client waits so long for a database."""
 HOT_PADS, STOPS, SLOT_MIN = 40, 4, 15
+LINE_BYTES = 12
+"""Of a line of a journal, about."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class Load:
     attempts: int
     booked: int
     wall_s: float
+    cpu_s: float
+    """On a processor, for an attempt: of the clients that were not killed."""
     killed: int
 
     @property
@@ -90,19 +94,20 @@ def windows(random_: random.Random, slots: int) -> list[Window]:
     ]  # fmt: skip
 
 
-def client(name: str, number: int, count: int, slots: int, begin: Event, journal: Path) -> None:
+def client(name: str, own: str, count: int, slots: int, begin: Event, journal: Path) -> None:
     """Try to book so many itineraries; the journal has a line for each that the ledger said was booked, and for each attempt.
 
     A database that goes away is waited for; whether the booking under way was made before, its history says.
     """
-    draws = random.Random(number)
+    draws = random.Random(own)
     ledger = open_ledger(name)
     with journal.open("w", encoding="ascii", buffering=1) as lines:
-        lease = ledger.acquire(f"client {number}", f"process {os.getpid()}", 86_400.0)
+        lease = ledger.acquire(f"client {own}", f"process {os.getpid()}", 86_400.0)
         lines.write("ready\n")
         begin.wait()
+        spent = time.process_time()
         for attempt in range(count):
-            itinerary, wanted = f"{number}-{attempt}", windows(draws, slots)
+            itinerary, wanted = f"{own}-{attempt}", windows(draws, slots)
             while True:
                 try:
                     ledger.book(lease, itinerary, wanted, version=0)
@@ -118,6 +123,7 @@ def client(name: str, number: int, count: int, slots: int, begin: Event, journal
                 else:
                     lines.write(f"booked {itinerary}\n")
                 break
+        lines.write(f"spent {(time.process_time() - spent) / count:.9f}\n")
     ledger.close()
 
 
@@ -141,15 +147,19 @@ def run(
     count: int,
     slots: int,
     kill: int = 0,
+    part: int = 0,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> Load:
-    """Let clients book at once, kill some of them in the middle of it with SIGKILL, and do something else to the database then."""
+    """Let clients book at once, kill some of them in the middle of it with SIGKILL, and do something else to the database then.
+
+    Further parts go on in the same ledger, with other clients.
+    """
     context = multiprocessing.get_context("spawn")
     open_ledger(name).close()
     begin = context.Event()
-    journals = [folder / f"client-{number}.txt" for number in range(clients)]
+    journals = [folder / f"client-{part}.{number}.txt" for number in range(clients)]
     processes = [
-        context.Process(target=client, args=(name, number, count, slots, begin, journal))
+        context.Process(target=client, args=(name, f"{part}.{number}", count, slots, begin, journal))
         for number, journal in enumerate(journals)
     ]
     for process in processes:
@@ -159,15 +169,18 @@ def run(
     started = time.perf_counter()
     begin.set()
     for number in range(kill):
-        while len(journals[number].read_text().splitlines()) < count // 4 and processes[number].is_alive():
+        while journals[number].stat().st_size < count // 4 * LINE_BYTES and processes[number].is_alive():
             time.sleep(0.001)
         os.kill(processes[number].pid or 0, signal.SIGKILL)
     meanwhile()
     for process in processes:
         process.join()
     wall_s = time.perf_counter() - started
-    lines = [line for journal in journals for line in journal.read_text().splitlines()[1:] if line != "again"]
-    return Load(len(lines), sum(line.startswith("booked") for line in lines), wall_s, kill)
+    lines = [line.split() for journal in journals for line in journal.read_text().splitlines()[1:]]
+    spent = [float(words[1]) for words in lines if words[0] == "spent"]
+    booked = sum(words[0] == "booked" for words in lines)
+    attempts = booked + sum(words[0] == "taken" for words in lines)
+    return Load(attempts, booked, wall_s, sum(spent) / max(len(spent), 1), kill)
 
 
 def told_booked(folder: Path) -> set[str]:

@@ -49,4 +49,4 @@ def small_world(
         refusal_s=(86_400.0 * 8.0 ** rng.integers(0, 2, orders)).astype(np.float64), mode=np.ones((1, orders), dtype=np.int64),
         latest_s=due_s + 3 * STEP_S,
     )  # fmt: skip
-    return DispatchProblem(flights, fleet, made, Weights(10.0, 600.0))
+    return DispatchProblem(flights, fleet, made, Weights(10.0, 600.0, 0.0))

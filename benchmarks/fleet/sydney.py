@@ -72,6 +72,8 @@ class Flown:
     late_s: float
     extra: float
     """Charge used beside that of the expected way."""
+    hovered: float
+    """What of it was used hovering, for want of a pad."""
 
     @property
     def quality(self) -> float:
@@ -82,7 +84,7 @@ class Flown:
     @property
     def served(self) -> bool:
         """Not served is, in the study, who has waited and hovered."""
-        return not (self.late_s > 1.0 and self.extra > 1e-9)
+        return not (self.late_s > 1.0 and self.hovered > 1e-9)
 
 
 def city(seed: int) -> City:
@@ -210,7 +212,8 @@ def queued(town: City, asked: list[Request], first: Callable[[float, float], flo
     for number, one in enumerate(asked):
         expected_s, use = alone(town, one)
         late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
-        found.append(Flown(expected_s, use, late_s, min(drones[number].hovered, MOST_HOVERED)))
+        hovered = min(drones[number].hovered, MOST_HOVERED)
+        found.append(Flown(expected_s, use, late_s, hovered, hovered))
     return found, congested / MIN_S / len(town.pads)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import msgspec
 
@@ -12,7 +12,7 @@ from skyway.models.base.files import read_text
 from skyway.models.base.table import FaultCollector
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Mapping
     from pathlib import Path
 
 MAX_BYTES = 16 * 1024 * 1024
@@ -39,6 +39,18 @@ class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
     def present(self) -> int:
         """Drones on the pads and in line."""
         return self.busy + self.waiting
+
+
+class PadsSeen(NamedTuple):
+    """The pads of a network at an instant, as planners count with them."""
+
+    busy: Mapping[str, int]
+    """Others on the pads and in line, by station; a station that is not there was not seen."""
+    free_s: Mapping[str, tuple[float, ...]]
+    """When busy pads become free, by station, POSIX seconds, as far as that is known."""
+
+
+NOTHING_SEEN = PadsSeen({}, {})
 
 
 class _Answer(msgspec.Struct):

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from skyway.models.base.units import S_PER_H
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -17,8 +19,11 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Route, Step
 
 HORIZON_S = 12 * 3600.0
+WARM_UP_S = 48 * 3600.0
+"""Strangers come from so long before on: at 0.7 of five pads a line forgets its beginning with a time constant of five hours."""
+SLACK_SOC = 1e-6
 AGAIN_S = 600.0
-"""A flight that the wind has closed is looked at again so often."""
+"""A flight that the wind has closed, or for which no charge is enough, is looked at again so often."""
 
 
 class Truth(Protocol):
@@ -26,6 +31,10 @@ class Truth(Protocol):
 
     def flight(self, drone: str, step: Step, begin_s: float) -> tuple[float, float]:
         """Time of a flight that begins then, s, and the charge that it takes; infinite where the wind has closed it."""
+        ...
+
+    def wanted(self, drone: str, step: Step, begin_s: float) -> float:
+        """Charge that the check before the take-off wants beyond the reserve; infinite where the wind has closed it."""
         ...
 
     def charging_s(self, drone: str, place: str, soc: float, up_to: float) -> float:
@@ -65,14 +74,19 @@ class _Drone:
 
 
 def strangers(arrivals_per_s: NDArray[np.float64], charging_s: NDArray[np.float64], begin_s: float, seed: int) -> list[list[tuple[float, float]]]:  # fmt: skip
-    """Draw strangers at each station: when they come and how long they charge; from some hours before on, so that pads are as busy as usual."""
+    """Draw strangers at each station: when they come and how long they charge; from `WARM_UP_S` before on, so that pads are as busy as usual.
+
+    The rates and mean times of the hours from then on have the shape (stations, hours); one hour stands for all.
+    """
     rng = np.random.default_rng(seed)
+    hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
     drawn = []
-    for rate, mean in zip(arrivals_per_s, charging_s, strict=True):
-        span = 2.0 * HORIZON_S
-        count = rng.poisson(rate * span)
-        times = np.sort(rng.uniform(begin_s - HORIZON_S, begin_s + HORIZON_S, count))
-        drawn.append(list(zip(times.tolist(), rng.exponential(mean, count).tolist(), strict=True)))
+    for rates, means in zip(arrivals_per_s, charging_s, strict=True):
+        count = rng.poisson(np.broadcast_to(rates, hours) * S_PER_H)
+        hour = np.repeat(np.arange(hours), count)
+        times = np.sort(begin_s - WARM_UP_S + S_PER_H * (hour + rng.uniform(size=len(hour))))
+        lasts = rng.exponential(np.broadcast_to(means, hours)[hour])
+        drawn.append(list(zip(times.tolist(), lasts.tolist(), strict=True)))
     return drawn
 
 
@@ -87,8 +101,8 @@ def carry_out(
 ) -> Outcome:
     """Let all drones fly their routes, in order of time; each charge waits for the first pad that is free.
 
-    With a truth flights take what they take then, and a charge goes on to what the flight after it takes, so that it lands with the reserve: as
-    the supervisor of a flight does before each take-off. A drone whose charge does not last is lost with what it carries.
+    With a truth flights take what they take then, and a charge goes on to what the check before the next take-off wants. Who has less at a take-off charges
+    first, and waits for better wind where no charge is enough, as the supervisor of a flight does. A drone whose charge does not last is lost with what it carries.
     """
     drones = [_Drone(route, route.steps[0].soc_begin if route.steps else 1.0) for route in routes]
     events: list[tuple[float, int, int, float]] = []  # time, whose (-1 is a stranger), station number, how long
@@ -110,21 +124,21 @@ def carry_out(
         drone = drones[whose]
         step = drone.step
         carried = step.order is not None and step.phase == "with the package"
-        if step.order is not None and carried and not drone.begun():
-            time_s = max(time_s, ready_s[step.order])
-        if step.kind == "charge":
-            length_s = _charge(drone, time_s, truth, reserve)
-            queue = free[step.origin]
-            start_s = max(queue[0], time_s)
-            heapq.heapreplace(queue, start_s + length_s)
-            if step.order is not None:
-                done.waited_s[step.order] = done.waited_s.get(step.order, 0.0) + start_s - time_s
-            time_s = start_s + length_s
+        if step.order is not None and carried and not drone.begun() and time_s < ready_s[step.order]:
+            heapq.heappush(events, (ready_s[step.order], whose, 0, 0.0))  # others may come before
+            continue
+        wanted = _wanted(drone, time_s, truth, reserve)
+        short = truth is not None and wanted > drone.soc + SLACK_SOC and step.origin in free
+        if step.kind == "charge" or (short and wanted <= 1.0 + SLACK_SOC):
+            time_s = _on_a_pad(done, free[step.origin], step, time_s, _charge(drone, wanted, truth))
+            if step.kind != "charge":  # the flight is looked at again then
+                heapq.heappush(events, (time_s, whose, 0, 0.0))
+                continue
         else:
             length_s, takes = (step.end - step.begin).total_seconds(), 0.0
             if truth is not None:
                 length_s, takes = truth.flight(drone.route.drone, step, time_s)
-            if not length_s < math.inf:
+            if short or not length_s < math.inf:
                 if time_s < begin_s + HORIZON_S:
                     heapq.heappush(events, (time_s + AGAIN_S, whose, 0, 0.0))
                 continue
@@ -142,17 +156,31 @@ def carry_out(
     return _whole(done, routes, drones)
 
 
-def _charge(drone: _Drone, time_s: float, truth: Truth | None, reserve: float) -> float:
+def _on_a_pad(done: Outcome, free: list[float], step: Step, time_s: float, length_s: float) -> float:
+    """Take the first pad that is free for so long, and count the wait; returns when the charge is done."""
+    if not length_s > 0.0:
+        return time_s
+    start_s = max(free[0], time_s)
+    heapq.heapreplace(free, start_s + length_s)
+    if step.order is not None:
+        done.waited_s[step.order] = done.waited_s.get(step.order, 0.0) + start_s - time_s
+    return start_s + length_s
+
+
+def _wanted(drone: _Drone, time_s: float, truth: Truth | None, reserve: float) -> float:
+    """Charge that the check before the next take-off wants; none without a flight."""
+    flight = drone.next_flight()
+    return 0.0 if truth is None or flight is None else reserve + truth.wanted(drone.route.drone, flight, time_s)
+
+
+def _charge(drone: _Drone, wanted: float, truth: Truth | None) -> float:
     """How long a drone charges; its charge is what it leaves with."""
     step = drone.step
     if truth is None:
         return (step.end - step.begin).total_seconds()
-    up_to = step.soc_end
-    flight = drone.next_flight()
-    if flight is not None:
-        takes = truth.flight(drone.route.drone, flight, time_s)[1]
-        up_to = max(up_to, min(takes + reserve, 1.0)) if takes < math.inf else up_to
-    if up_to <= drone.soc:
+    planned = step.soc_end if step.kind == "charge" else 0.0
+    up_to = max(planned, min(wanted, 1.0)) if wanted < math.inf else planned
+    if up_to <= drone.soc + SLACK_SOC:
         return 0.0
     length_s = truth.charging_s(drone.route.drone, step.origin, drone.soc, up_to)
     drone.soc = up_to

@@ -66,6 +66,11 @@ class CaseDone:
         return self._per("on_time", "promised")
 
     @property
+    def stated(self) -> float:
+        """Mean probability with which orders were promised; NaN where none was stated."""
+        return self._per("stated", "promised")
+
+    @property
     def below(self) -> float:
         """Share of landings below the reserve."""
         return self._per("below", "landings")
@@ -283,7 +288,7 @@ def document_of(found: CapacityFound) -> dict[str, Any]:
 def _case(one: CaseDone) -> dict[str, Any]:
     return {
         "orders_per_h": one.case.rate_per_h, "promise_min": one.case.promise_s / S_PER_MIN, "drones": one.case.drones,
-        "served": _known(one.served), "served_standard_error": _known(one.served_sd), "promises_kept": _known(one.kept),
+        "served": _known(one.served), "served_standard_error": _known(one.served_sd), "promises_kept": _known(one.kept), "promises_stated": _known(one.stated),
         "below_reserve": _known(one.below), "wait_min": _known(one.wait_min), "delivery_min": _known(one.delivery_min),
         "orders": sum(day.orders for day in one.days), "delivered": sum(day.delivered for day in one.days),
     }  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from skyway.models.base.formatting import duration
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.window import Window
+from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.bound import lower_bound
 from skyway.planner.dispatch.flight_kernels import (
     BEGIN,
@@ -69,6 +70,7 @@ def dispatch(
     hope: WindEnsemble | None = None,
     closed: Mapping[Leg, float] | None = None,
     bounded: bool = True,
+    seen: PadsSeen = NOTHING_SEEN,
 ) -> DispatchPlan:
     """Plan which drone takes which order when, over which pads.
 
@@ -104,6 +106,8 @@ def dispatch(
         Legs that are not flown before a time, POSIX seconds.
     bounded : bool
         Whether the bound of the cost is wanted, too; without it is 0.
+    seen : PadsSeen
+        Strangers on the pads now, as far as they were seen: waits are expected from there on.
 
     Raises
     ------
@@ -123,6 +127,7 @@ def dispatch(
         margin_of=margin_of,
         promised=once,
         closed=closed,
+        seen=seen,
     )
     search = solve(
         laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
@@ -131,7 +136,7 @@ def dispatch(
     routes, answers = told(work, laid, search)
     hoped = None
     if hope is not None and len(answers) < len(work.orders):
-        hoped = lay_out_problem(work, depart, hope, parameters, holds=holds, reserve=reserve, promised=once)
+        hoped = lay_out_problem(work, depart, hope, parameters, holds=holds, reserve=reserve, promised=once, seen=seen)
     health = {one.id: one.battery_health for one in work.vehicles}
     energy_j = sum(
         (one.soc_begin - one.soc_end) * health[route.drone] * work.scenario.drone(route.type).battery_j

@@ -16,6 +16,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.units import S_PER_H
 from skyway.models.composition.composition import State
+from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, escapes, to_go
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.mean_value import energy_margin
@@ -72,11 +73,13 @@ def lay_out_problem(
     margin_of: Mapping[str, DepartureMargin] | None = None,
     promised: Collection[str] = (),
     closed: Mapping[Leg, float] | None = None,
+    seen: PadsSeen = NOTHING_SEEN,
 ) -> Laid:
     """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others, `promised` orders that were promised once.
 
     Without margins flights need what the model says of them, not what keeps the reserve of all but few; `margin_of` gives those of
     types of drones in place of the usual one (`planner.dispatch.departure_margin`). `closed` has legs that are not flown before a time, POSIX seconds.
+    Waits for pads are expected from what is `seen` of them on.
 
     An `InputError` refuses what is too far ahead for the forecast, or too large.
     """
@@ -93,7 +96,7 @@ def lay_out_problem(
     place_of = {node: number for number, node in enumerate(places)}
     types = [drone for drone in scenario.drones if any(one.type == drone.id for one in work.vehicles)]
     modes = _modes(types, [one.mass_kg for one in work.orders], parameters.dispatch.payload_classes)
-    problems = [_problem(work, depart, forecast, parameters, drone, mass) for drone, mass in modes]
+    problems = [mode_problem(work, depart, forecast, parameters, drone, mass, seen=seen) for drone, mass in modes]
     air = problems[0].air
     slots = int(min(np.ceil((end_s - air.start_s) / air.slot_s), air.north.shape[1]))
     if len(modes) * slots * len(places) ** 2 * 24.0 > MAX_BYTES:
@@ -158,7 +161,7 @@ def lay_out_problem(
     )  # fmt: skip
     orders = _orders(work, begin_s, place_of, types, modes, parameters, promised)
     weigh = parameters.dispatch
-    weights = Weights(weigh.lateness, weigh.energy_s)
+    weights = Weights(weigh.lateness, weigh.energy_s, weigh.home)
     taken = _taken(holds, work, place_of, flights, problems[0].closures)
     return Laid(
         DispatchProblem(flights, fleet, orders, weights, taken), places, tuple((one.id, mass) for one, mass in modes)
@@ -184,12 +187,19 @@ def _class_of(mass_kg: float, steps: NDArray[np.float64]) -> int:
     return min(int(np.searchsorted(steps, mass_kg - 1e-9)), len(steps) - 1)
 
 
-def _problem(work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters, drone: Drone, mass_kg: float) -> Problem:  # fmt: skip
+def mode_problem(
+    work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters, drone: Drone, mass_kg: float, members: int | None = None,
+    seen: PadsSeen = NOTHING_SEEN,
+) -> Problem:  # fmt: skip
+    """Return the problem of one drone with a package, in a forecast thinned to so many members, by default as `robust` thins it."""
     stations = work.scenario.network.stations
     start = work.vehicles[0].place
     other = next((one.id for one in stations if one.id != start and not one.flyover), start)
-    request = Request(state=State(depart, start, None, 1.0), destination=other, payload_kg=mass_kg, drone=drone.id, epsilon=DEFAULT_EPSILON)  # fmt: skip
-    return Problem(work.scenario, request, drone, forecast, parameters=parameters).thinned(parameters.robust.members)
+    state = State(depart, start, None, 1.0, busy_pads=seen.busy, pads_free_s=seen.free_s)
+    request = Request(state=state, destination=other, payload_kg=mass_kg, drone=drone.id, epsilon=DEFAULT_EPSILON)  # fmt: skip
+    return Problem(work.scenario, request, drone, forecast, parameters=parameters).thinned(
+        members or parameters.robust.members
+    )
 
 
 def _times(problem: Problem, places: Sequence[int], slots: int, hours: float) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.planner.dispatch.flight_kernels import HOME
 from skyway.planner.dispatch.keeping import hold, keep, take
 from skyway.planner.dispatch.search import Search
 
@@ -35,6 +36,10 @@ NEAREST = 6
 """Such a stop is one of so many."""
 LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Charges with which they are left."""
+ELSEWHERE = 0.2
+"""Chance that only one drone is flown again, with each of the stops tried for one order and phase, or for its way home."""
+ELSEWHERE_OF = 2
+"""It is the costliest of so many, drawn at random."""
 AGAIN = 0.1
 """Chance that drones are only flown again, in another order: who is first has the pads."""
 RESTYLED = 0.3
@@ -75,8 +80,11 @@ class Improver:
             warmth = 1.0 - max(number / iterations, (now - begin) / max(end_at - begin, 1e-9)) if keeps else 0.0
             way = int(self.random.choice(len(self._ways), p=weight / weight.sum()))
             search.watch()
-            if self.random.random() < AGAIN:
+            how = self.random.random()
+            if how < AGAIN:
                 done = self._again()
+            elif how < AGAIN + ELSEWHERE:
+                done = self._elsewhere()
             else:
                 done = self._changed(self._ways[way](int(self.random.integers(1, most + 1))), most)
             cost = search.cost
@@ -103,6 +111,20 @@ class Improver:
         flown = [one for drone in drones for one in self.search.route(drone)]
         self._halted(flown)
         return self.search.again(drones)
+
+    def _elsewhere(self) -> bool:
+        """Let one drone charge where its route costs least, for one order and phase or on its way home; false where it has none."""
+        search = self.search
+        flown = np.flatnonzero(search.routes.length)
+        if not len(flown):
+            return False
+        drone = max(self.random.choice(flown, ELSEWHERE_OF).tolist(), key=lambda one: float(search.routes.total[one]))
+        if search.undo is not None:
+            search.undo.saved.setdefault(drone, search.saved(drone))
+        route = search.route(drone)
+        number = int(self.random.integers(0, 3 * len(route)))
+        order, phase = (route[number // 2], number % 2) if number < 2 * len(route) else (route[-1], HOME)
+        return search.settle(drone, order, phase)
 
     def _changed(self, chosen: list[int], most: int) -> bool:
         """Take orders out and put them in again, with some that are not served; false where a route does not fly without them."""
@@ -140,19 +162,11 @@ class Improver:
         """Give a few orders that are about to be flown other stops to charge at, or none."""
         halts = self.search.routes.halts
         for one in self.random.permutation(np.array(chosen, dtype=np.int64))[: self.random.integers(0, HALTED + 1)]:
-            phase = int(self.random.integers(0, 2))
+            phase = int(self.random.integers(0, 3))
             halts.place[one, phase] = -1
             if self.random.random() < 0.7:
-                halts.place[one, phase] = self.random.choice(self._stops(one, phase))
+                halts.place[one, phase] = self.random.choice(self.search.stops_near(one, phase, NEAREST))
                 halts.soc[one, phase] = self.random.choice(LEVELS)
-
-    def _stops(self, order: int, phase: int) -> NDArray[np.int64]:
-        """Stops with pads that are near to the origin of an order, or on the way of its package."""
-        flights, orders = self.search.problem.flights, self.orders
-        way = flights.to_go_s[0, 0]
-        stops, origin = flights.stops, orders.origin[order]
-        far = way[stops, origin] + (way[stops, orders.destination[order]] if phase else 0.0)
-        return stops[np.argsort(far)[:NEAREST]]
 
     def _served(self) -> NDArray[np.int64]:
         return np.flatnonzero(self.search.drone_of >= 0)

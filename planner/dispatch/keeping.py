@@ -69,6 +69,7 @@ def keep(search: Search, drone: int, route: Sequence[int], rows: NDArray[np.floa
         routes.time_s[drone, number], routes.soc[drone, number] = last[END], last[SOC_AFTER]
         routes.cost[drone, number] = routes.cost[drone, number - 1] + cost
     routes.total[drone] = routes.cost[drone, len(route)] + weights.energy_s * used[flown[:, PHASE] == HOME].sum()
+    routes.total[drone] += weights.home * (rows[-1, END] - routes.time_s[drone, len(route)])
     search.steps[drone] = rows.copy()
     search.drone_of[list(route)] = drone
     _stop(search, route, _as_needed(route, stops))
@@ -164,11 +165,11 @@ def _changed(search: Search, drone: int, route: Sequence[int], stops: Stops, mos
 def _stop(search: Search, orders: Sequence[int], stops: Stops) -> None:
     halts = search.routes.halts
     for one in orders:
-        for phase in (EMPTY, LOADED):
+        for phase in (EMPTY, LOADED, HOME):
             halts.place[one, phase], halts.soc[one, phase] = stops.get((one, phase), (-1, 0.0))
 
 
 def _as_needed(orders: Sequence[int], stops: Stops) -> Stops:
     """The stops of some orders, left with no more charge than the next flight needs."""
-    keys = ((one, phase) for one in orders for phase in (EMPTY, LOADED))
+    keys = ((one, phase) for one in orders for phase in (EMPTY, LOADED, HOME))
     return {key: (stops[key][0], 0.0) for key in keys if key in stops}

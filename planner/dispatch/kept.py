@@ -37,10 +37,11 @@ def before(
         routes[number] = list(
             dict.fromkeys(order[one.order] for one in steps if one.order in order and one.phase != "home")
         )
+        last: str | None = None
         for one in steps:
-            here = place.get(one.origin, -1)
-            if one.kind == "charge" and one.order in order and here >= 0 and laid.problem.flights.pads[here]:
-                halts[order[one.order], PHASES.index(one.phase)] = here, one.soc_end
+            here, last = place.get(one.origin, -1), one.order or last
+            if one.kind == "charge" and last in order and here >= 0 and laid.problem.flights.pads[here]:
+                halts[order[last], PHASES.index(one.phase)] = here, one.soc_end
         if (
             all(one.order is None or one.order in order for one in steps)
             and {one.origin for one in steps} | {one.destination for one in steps} <= place.keys()

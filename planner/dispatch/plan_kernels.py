@@ -75,7 +75,8 @@ def insertions(
                     break
             if not cost - routes.total[drone] < added[number]:
                 continue
-            cost += go_home(flights, fleet, weights, calendar, trace, drone, place, time_s, soc)
+            last = order if begin == length else routes.order[drone, length - 1]
+            cost += go_home(flights, fleet, weights, routes.halts, calendar, trace, drone, last, place, time_s, soc)
             if cost - routes.total[drone] < added[number]:
                 added[number], position[number] = cost - routes.total[drone], begin
 
@@ -179,7 +180,8 @@ def lay_out(
     end = routes.length[drone]
     routes.time_s[drone, end], routes.soc[drone, end], routes.cost[drone, end] = time_s, soc, cost
     if end > 0:
-        cost += go_home(flights, fleet, weights, calendar, trace, drone, place, time_s, soc)
+        last = routes.order[drone, end - 1]
+        cost += go_home(flights, fleet, weights, routes.halts, calendar, trace, drone, last, place, time_s, soc)
     routes.total[drone] = cost
     if not cost < np.inf or trace.filled[0] > len(trace.rows):
         return False

@@ -79,6 +79,8 @@ class Weights(NamedTuple):
 
     lateness: float
     energy_s: float
+    home: float = 0.0
+    """Of a second from the last delivery of a drone until it is home."""
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,19 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """What is to be expected of an order, as its plan was flown in many worlds (`planner.promises`)."""
+
+    by: datetime
+    """When it is promised."""
+    chance: float
+    """Probability that it is delivered by then."""
+    p50: datetime | None
+    p95: datetime | None
+    """With these probabilities it is delivered by then; None where it is not in so many worlds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """What becomes of one order."""
 
@@ -64,6 +77,8 @@ class Answer:
     """It could not be served even if it were the only one."""
     windows: tuple[Window, ...] = ()
     """Pads that its flights hold, those of the way home after it included."""
+    outlook: Outlook | None = None
+    """Where the plan was flown in worlds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +101,8 @@ class DispatchPlan:
         Changes tried.
     planning_time_s : float
         Wall time.
+    below_reserve : float or None
+        Share of landings below the reserve, where the plan was flown in worlds.
     """
 
     depart: datetime
@@ -96,6 +113,7 @@ class DispatchPlan:
     energy_j: float
     iterations: int
     planning_time_s: float
+    below_reserve: float | None = None
 
     @property
     def served(self) -> int:
@@ -121,6 +139,7 @@ def document_of(plan: DispatchPlan) -> dict[str, Any]:
         "energy_j": plan.energy_j,
         "iterations": plan.iterations,
         "planning_time_s": plan.planning_time_s,
+        "below_reserve": plan.below_reserve,
         "orders": [
             {
                 "id": one.order,
@@ -130,6 +149,9 @@ def document_of(plan: DispatchPlan) -> dict[str, Any]:
                 "delivered": None if one.delivered is None else iso(one.delivered),
                 "late_s": one.late_s,
                 "reason": one.reason,
+                "chance": None if one.outlook is None else one.outlook.chance,
+                "p50": None if one.outlook is None or one.outlook.p50 is None else iso(one.outlook.p50),
+                "p95": None if one.outlook is None or one.outlook.p95 is None else iso(one.outlook.p95),
             }
             for one in plan.answers
         ],

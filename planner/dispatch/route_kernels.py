@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class Halts(NamedTuple):
-    """Stops to charge that the search chose itself, beside those of the recurrence: one for each order and phase."""
+    """Stops to charge that the search chose itself, beside those of the recurrence: one for each order and phase; those for home count at a drone's last order."""
 
     place: NDArray[np.int64]
     """A place with pads; -1 where there is none."""
     soc: NDArray[np.float64]
-    """Charge with which the drone leaves it, at least. Shape (orders, 2) each, by phase: to the package, and with it."""
+    """Charge with which the drone leaves it, at least. Shape (orders, 3) each, by phase: to the package, with it, and home."""
 
 
 @compiled
@@ -37,8 +37,9 @@ def halt(
     stop = halts.place[order, phase]
     if stop < 0:
         return time_s, soc, 0.0, place
+    noted = -1 if phase == HOME else order
     kept = trace.filled[0]
-    there_s, left, used = fly(flights, calendar, trace, drone, kind, scale, mode, mode, order, phase, place, stop, time_s, soc)  # fmt: skip
+    there_s, left, used = fly(flights, calendar, trace, drone, kind, scale, mode, mode, noted, phase, place, stop, time_s, soc)  # fmt: skip
     if not there_s < np.inf:
         trace.filled[0] = kept
         return time_s, soc, 0.0, place
@@ -48,7 +49,7 @@ def halt(
         level, at_s = flights.curve_soc[curve], flights.curve_s[curve]
         length_s = interpolated(level, at_s, most) - interpolated(level, at_s, left)
         begin_s, pad = pad_at(flights, calendar, stop, there_s, length_s, drone)
-        note(trace, CHARGE, order, phase, stop, stop, begin_s, begin_s + length_s, left, most, pad)
+        note(trace, CHARGE, noted, phase, stop, stop, begin_s, begin_s + length_s, left, most, pad)
         there_s, left = begin_s + length_s, most
     return there_s, left, used, stop
 
@@ -140,9 +141,13 @@ def serve(
 
 @compiled
 def go_home(
-    flights: Flights, fleet: Fleet, weights: Weights, calendar: Calendar, trace: Trace, drone: int, place: int, time_s: float, soc: float,
+    flights: Flights, fleet: Fleet, weights: Weights, halts: Halts, calendar: Calendar, trace: Trace, drone: int, last: int, place: int,
+    time_s: float, soc: float,
 ) -> float:  # fmt: skip
-    """Fly home; returns what it costs, infinite where the drone is not there in time."""
-    kind, empty = fleet.type[drone], fleet.empty_mode[drone]
-    done_s, _, used = fly(flights, calendar, trace, drone, kind, fleet.scale[drone], empty, empty, -1, HOME, place, fleet.home[drone], time_s, soc)  # fmt: skip
-    return weights.energy_s * used if done_s <= fleet.to_s[drone] + SLACK and done_s < np.inf else np.inf
+    """Fly home after the last order; returns what it costs, infinite where the drone is not there in time."""
+    kind, scale, empty = fleet.type[drone], fleet.scale[drone], fleet.empty_mode[drone]
+    begin_s, soc, before, place = halt(flights, halts, calendar, trace, drone, kind, scale, empty, last, HOME, place, time_s, soc)  # fmt: skip
+    done_s, _, used = fly(flights, calendar, trace, drone, kind, scale, empty, empty, -1, HOME, place, fleet.home[drone], begin_s, soc)  # fmt: skip
+    if not (done_s <= fleet.to_s[drone] + SLACK and done_s < np.inf):
+        return np.inf
+    return weights.home * (done_s - time_s) + weights.energy_s * (before + used)

@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.dispatch.flight_kernels import (
-    Calendar,
-    Trace,
-)
+from skyway.planner.dispatch.flight_kernels import HOME, Calendar, Trace
 from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
 from skyway.planner.dispatch.route_kernels import Halts
 
@@ -28,6 +25,8 @@ MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
 """Orders, windows of pads, and flights and charges of one drone."""
 TAKEN_WAITING = (1.0, 0.6, 0.0)
 """Up to which charge drones charge while they wait, where a route is taken as it was: the first with which it is flown."""
+STOPS_TRIED = 12
+"""Stops that are tried where a drone looks for the best one."""
 PARTS = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
 
 
@@ -70,7 +69,7 @@ class Search:
             window=np.zeros((self.drones, min(MAX_WINDOWS, 12 * most + 12), 3)),
             windows=np.zeros(self.drones, dtype=np.int64),
             most=np.ones(self.drones),
-            halts=Halts(np.full((self.orders, 2), -1, dtype=np.int64), np.zeros((self.orders, 2))),
+            halts=Halts(np.full((self.orders, 3), -1, dtype=np.int64), np.zeros((self.orders, 3))),
             gap_s=parameters.pad_gap_s,
         )
         pads = int(flights.pads.sum())
@@ -212,6 +211,42 @@ class Search:
     def route(self, drone: int) -> list[int]:
         """Orders of a drone."""
         return [int(one) for one in self.routes.order[drone, : self.routes.length[drone]]]
+
+    def stops_near(self, order: int, phase: int, count: int) -> NDArray[np.int64]:
+        """Stops with pads that are near to the origin of an order, on the way of its package, or near to where that is delivered."""
+        flights, orders = self.problem.flights, self.problem.orders
+        way = flights.to_go_s[0, 0]
+        stops, origin, destination = flights.stops, orders.origin[order], orders.destination[order]
+        if phase == HOME:
+            return stops[np.argsort(way[destination, stops], kind="stable")[:count]]
+        far = way[stops, origin] + (way[stops, destination] if phase else 0.0)
+        return stops[np.argsort(far, kind="stable")[:count]]
+
+    def settle(self, drone: int, order: int, phase: int) -> bool:
+        """Let a drone charge where its route costs least, for an order and phase; for its way home with its last order.
+
+        It leaves a stop with what a flight from there to the next goal needs, or with as much as now where that takes another stop. False, with nothing
+        booked, where the drone cannot be flown.
+        """
+        halts = self.routes.halts
+        now = int(halts.place[order, phase]), float(halts.soc[order, phase])
+        stops = self.stops_near(order, phase, STOPS_TRIED).tolist()
+        tried = [now, (-1, 0.0), *((stop, self._enough(drone, order, phase, stop, now[1])) for stop in stops)]
+        costs = []
+        for halts.place[order, phase], halts.soc[order, phase] in tried:
+            costs.append(float(self.routes.total[drone]) if self.lay_out(drone) else math.inf)
+        halts.place[order, phase], halts.soc[order, phase] = tried[int(np.argmin(costs))]
+        return min(costs) < math.inf and self.lay_out(drone)
+
+    def _enough(self, drone: int, order: int, phase: int, stop: int, otherwise: float) -> float:
+        """Charge that a flight from a stop to the next goal needs; `otherwise` where a full battery is too little."""
+        flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
+        goal = (orders.origin[order], orders.destination[order], fleet.home[drone])[phase]
+        empty, loaded = fleet.empty_mode[drone], orders.mode[fleet.type[drone], order]
+        mode, after = ((empty, loaded), (loaded, empty), (empty, empty))[phase]
+        needs = flights.need[mode, :, stop, goal].min() + flights.escape[after, goal]
+        enough = flights.reserve + float(fleet.scale[drone] * needs)
+        return enough if enough <= 1.0 else otherwise
 
     def again(self, drones: Sequence[int]) -> bool:
         """Fly the routes of some drones again, the first one's in pads that none of them has; false where one is not flown."""

@@ -38,6 +38,9 @@ class DispatchParameters(Parameters):
     energy_s: float = parameter(
         600.0, "what the energy of a full battery costs, in seconds of delivery", 0, 1e5, unit="s"
     )
+    home: float = parameter(
+        0.0, "what a second from a drone's last delivery until it is home costs, in seconds of delivery", 0, 100
+    )
     payload_classes: int = parameter(
         4, "packages count as the next of so many masses of equal steps, up to the heaviest that a drone carries", 1, 50
     )
@@ -52,6 +55,10 @@ class DispatchParameters(Parameters):
     cooling: float = parameter(
         0.02, "at the beginning a change that costs this share of the mean cost of an order is accepted with 1/e", 0, 10
     )
+    worlds: int = parameter(
+        200, "worlds in which a plan is flown for the probabilities of its promises; with 0 it has none", 0, 10_000
+    )
+    members: int = parameter(30, "winds of the forecast in these worlds, at most", 1, 1000)
     pads_busy: float = parameter(
         1.0,
         "share of a station's pads that strangers and the fleet together may keep busy; the fleet plans with what is left",

@@ -59,6 +59,11 @@ class OrderStatus(BaseModel):
     due: str
     drone: str | None
     promised: str | None = Field(description="When it will be delivered, as promised now.")
+    chance: float | None = Field(
+        description="Probability that it is there by when it is due, as the plan was flown in many worlds."
+    )
+    p50: str | None = Field(description="It is there by then with a probability of one half.")
+    p95: str | None = Field(description="It is there by then with a probability of 0.95.")
     first_promised: str | None
     changes: int = Field(description="How often the promise was changed.")
     delivered: str | None

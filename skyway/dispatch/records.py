@@ -61,6 +61,11 @@ class Promise(msgspec.Struct, kw_only=True):
     fetched_s: float
     delivered_s: float
     """POSIX seconds."""
+    chance: float | None = None
+    """Probability that it is there by when it is due, as the plan was flown in many worlds."""
+    p50_s: float | None = None
+    p95_s: float | None = None
+    """It is there by then with these probabilities, POSIX seconds; None where it is not in so many worlds."""
 
 
 class OrderRecord(msgspec.Struct, kw_only=True):

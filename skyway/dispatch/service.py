@@ -24,7 +24,7 @@ from skyway.models.ledger.desk import Desk, Entry
 from skyway.models.ledger.ledger import FencedError, LedgerError, TakenError, VersionError
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.fitting import fit
-from skyway.sim_stub.transports.lockstep_client import LockstepClient
+from skyway.sim_stub.transports.lockstep_client import LockstepClient, LockstepPads
 
 if TYPE_CHECKING:
     import subprocess
@@ -86,6 +86,7 @@ class Service:
         self._leases = KeptLeases(options.ledger, f"{socket.gethostname()} {os.getpid()}", options.ttl_s)
         self._desk = Desk(open_ledger(options.ledger), options.dispatcher)
         self._workers: dict[int, subprocess.Popen[bytes]] = {}
+        self._world: LockstepClient | None = None
         self._take_lease()
         self.record = self._begun() or self._begin()
         self._coming = deque(sorted(options.orders, key=lambda one: one.ready))
@@ -132,6 +133,7 @@ class Service:
             plan_s=o.plan_s,
             iterations=o.iterations,
             say=self._say,
+            service=None if self._world is None else LockstepPads(self._world),
         )
 
     def _say(self, line: str) -> None:
@@ -214,7 +216,8 @@ class Service:
 
     def run(self) -> None:
         """Run to the end of the service."""
-        world = LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        self._world = world = LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        self.dispatcher = self._dispatcher()
         try:
             self._tend_workers()
             for number in self._workers:

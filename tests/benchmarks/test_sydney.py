@@ -20,6 +20,7 @@ from benchmarks.fleet.sydney import (
     queued,
     requests,
 )
+from benchmarks.fleet.sydney_bound import most_quality
 
 
 def first_come(waits, _):
@@ -55,9 +56,9 @@ def test_who_comes_second_waits_and_who_comes_later_hovers():
 
 
 def test_quality_is_half_time_and_half_charge():
-    assert Flown(1000.0, 0.4, 500.0, 0.0).quality == pytest.approx(0.75)
-    assert Flown(1000.0, 0.4, 0.0, 0.2).quality == pytest.approx(0.75)
-    assert Flown(1000.0, 0.4, 9000.0, 0.0).quality == 0.0
+    assert Flown(1000.0, 0.4, 500.0, 0.0, 0.0).quality == pytest.approx(0.75)
+    assert Flown(1000.0, 0.4, 0.0, 0.2, 0.0).quality == pytest.approx(0.75)
+    assert Flown(1000.0, 0.4, 9000.0, 0.0, 0.0).quality == 0.0
 
 
 def test_plans_beat_the_rule_of_the_study_and_leave_nobody_unserved():
@@ -66,3 +67,15 @@ def test_plans_beat_the_rule_of_the_study_and_leave_nobody_unserved():
     ours, _ = planned(town, asked, searched(town, asked, 60.0, iterations=10))
     assert np.mean([one.quality for one in ours]) > np.mean([one.quality for one in rule])
     assert np.mean([not one.served for one in ours]) <= 0.02
+    quality = float(np.mean([one.quality for one in ours]))
+    assert quality <= most_quality(town, asked, quality, iterations=30) <= 1.0
+
+
+def test_the_bound_of_one_pad_is_who_has_it_first():
+    """Two drones want the only pad for the same time: one waits that long, and no prices say that less is lost."""
+    town = two_roofs()
+    asked = [Request(0, SOURCES, 0.0, 0.6) for _ in range(2)]
+    expected_s, _ = alone(town, asked[0])
+    lost = 0.5 * charging_s(0.5, FINALS[0.6]) / expected_s / 2
+    assert most_quality(town, asked, 1.0 - lost, iterations=400) == pytest.approx(1.0 - lost, abs=0.1 * lost)
+    assert most_quality(town, asked, 1.0 - lost, iterations=400) >= 1.0 - lost - 1e-9

@@ -44,6 +44,18 @@ def test_a_plan_is_printed_written_and_booked(skyway, files):
         assert audit(ledger) == []
 
 
+def test_promises_have_a_probability_that_pads_of_now_change(skyway, files):
+    (files / "pads.jsonl").write_text(
+        '{"station": "jacobi", "busy": 5, "waiting": 9}\n{"station": "belvedere", "busy": 5, "waiting": 9}\n'
+    )
+    usual, full = (json.loads(skyway(*PLAN, "--json", *more).out) for more in ((), ("--pads", "pads.jsonl")))
+    assert all(0.0 <= one["chance"] <= 1.0 and one["p50"] <= one["p95"] for one in usual["orders"] if one["status"] == "served")  # fmt: skip
+    assert full["cost_s"] > usual["cost_s"]
+    assert usual["below_reserve"] < 0.005
+    none = json.loads(skyway(*PLAN, "--json", "--set", "planner.dispatch.worlds=0").out)
+    assert {one["chance"] for one in none["orders"]} == {None}
+
+
 def test_another_operator_plans_around_what_is_booked(skyway, files):
     assert skyway(*PLAN, "--ledger", "ledger.db").code == 0
     done = skyway(*PLAN, "--ledger", "ledger.db", "--holder", "other operator")  # with orders of the same ids

@@ -27,15 +27,18 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
         f"{len(plan.routes)} of {len(work.vehicles)} drones used.")  # fmt: skip
     say("")
     columns = [Column("order", justify="left"), Column("from", justify="left"), Column("to", justify="left"), Column("due"), Column("drone", justify="left"),
-               Column("fetched"), Column("delivered"), Column("spare"), Column("why not", justify="left")]  # fmt: skip
+               Column("fetched"), Column("delivered"), Column("spare"), Column("in time"), Column("by 95 %"), Column("why not", justify="left")]  # fmt: skip
     sheet = Sheet(columns, names=1)
     for answer in plan.answers[:SHOWN]:
         order = orders[answer.order]
-        times, spare = [UNKNOWN, UNKNOWN], UNKNOWN
+        times, spare, chance = [UNKNOWN, UNKNOWN], UNKNOWN, [UNKNOWN, UNKNOWN]
         if answer.fetched is not None and answer.delivered is not None:
             times = [clock(one, zone, plan.depart) for one in (answer.fetched, answer.delivered)]
             spare = duration((order.due - answer.delivered).total_seconds(), signed=True)
-        sheet.add(order.id, order.origin, order.destination, _due(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, answer.reason or "")  # fmt: skip
+        if answer.outlook is not None:
+            late = answer.outlook.p95
+            chance = [percent(answer.outlook.chance), UNKNOWN if late is None else clock(late, zone, plan.depart)]
+        sheet.add(order.id, order.origin, order.destination, _due(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, *chance, answer.reason or "")  # fmt: skip
     sheet.show()
     if len(plan.answers) > SHOWN:
         say(f"… and {len(plan.answers) - SHOWN} more orders: --json has them all")
@@ -51,6 +54,12 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
         say(f"… and {len(plan.routes) - SHOWN} more drones")
     say("")
     gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
+    stated = [one.outlook.chance for one in plan.answers if one.outlook is not None]
+    if stated and plan.below_reserve is not None:
+        say(
+            f"Simulated in many realizations: {percent(sum(stated) / len(stated))} of the served orders are in time, "
+            f"{percent(plan.below_reserve, 2)} of the landings are below the reserve."
+        )
     say(f"Weighted cost {duration(plan.cost_s)}; lower bound {duration(plan.bound_s)}, at most {percent(gap)} above it. "
         f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
 

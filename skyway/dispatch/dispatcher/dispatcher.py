@@ -13,6 +13,7 @@ from skyway.dispatch.dispatcher.fleet_planner import FleetPlanner
 from skyway.dispatch.dispatcher.promises import Promises
 from skyway.dispatch.dispatcher.reasons import Reasons
 from skyway.dispatch.dispatcher.replanning import Replanning
+from skyway.dispatch.dispatcher.seen_strangers import SeenStrangers
 from skyway.dispatch.dispatcher.situation import Situation
 from skyway.dispatch.dispatcher.windows import wanted
 from skyway.dispatch.fleet_winds import FleetForecast
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from skyway.dispatch.region import Region
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Lease
+    from skyway.models.queues.pad_service import PadService
 
 
 class Dispatcher:
@@ -45,18 +47,20 @@ class Dispatcher:
         How long a plan is bettered, of the wall's time, or by how many changes tried.
     say : callable
         Takes lines for people.
+    service : PadService, optional
+        The pads, to ask who stands there; without it strangers are expected as usual.
     """
 
     def __init__(
         self, region: Region, desk: Desk, leases: KeptLeases, *, workers: int, plan_s: float = 2.0, iterations: int = 10**9,
-        say: Callable[[str], None] = lambda _: None,
+        say: Callable[[str], None] = lambda _: None, service: PadService | None = None,
     ) -> None:  # fmt: skip
         self._region, self._desk, self._leases = region, desk, leases
         holder = desk.dispatcher
         self._situation = situation = Situation(desk)
         self._air = air = FleetForecast(region)
         legs = ClosedLegs(region.forecast, say)
-        planner = FleetPlanner(region, air, legs, plan_s)
+        planner = FleetPlanner(region, air, legs, SeenStrangers(region.base, service), plan_s)
         pads = {one.id: one.pads for one in region.base.network.stations}
         self._bookings = bookings = Bookings(desk.ledger, holder, self._lease, pads)
         self._promises = promises = Promises(situation, say)

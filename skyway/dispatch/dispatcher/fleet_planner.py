@@ -11,12 +11,14 @@ from skyway.models.orders.fitting import Work
 from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.dispatch.flight_plans import flights_of
 from skyway.planner.dispatch.result import Step
+from skyway.planner.promises.promises import promised as with_outlook
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from datetime import datetime
 
     from skyway.dispatch.dispatcher.closed_legs import ClosedLegs
+    from skyway.dispatch.dispatcher.seen_strangers import SeenStrangers
     from skyway.dispatch.dispatcher.situation import Situation
     from skyway.dispatch.fleet_winds import FleetForecast
     from skyway.dispatch.region import Region
@@ -50,12 +52,14 @@ class FleetPlanner:
         The wind.
     legs : ClosedLegs
         Legs that are not planned.
+    pads : SeenStrangers
+        Who else is on the pads.
     time_limit_s : float
         How long a plan is bettered, of the wall's time.
     """
 
-    def __init__(self, region: Region, air: FleetForecast, legs: ClosedLegs, time_limit_s: float) -> None:
-        self._region, self._air, self._legs, self._time_limit_s = region, air, legs, time_limit_s
+    def __init__(self, region: Region, air: FleetForecast, legs: ClosedLegs, pads: SeenStrangers, time_limit_s: float) -> None:  # fmt: skip
+        self._region, self._air, self._legs, self._pads, self._time_limit_s = region, air, legs, pads, time_limit_s
 
     def plan(
         self,
@@ -91,8 +95,10 @@ class FleetPlanner:
         plan = dispatch(
             work, from_posix(now_s), forecast=forecast, margin_of=margin_of, hope=region.forecast(now_s), holds=holds, reserve=region.service.reserve,
             time_limit_s=self._time_limit_s, iterations=iterations, seed=seed, parameters=parameters, kept=before,
-            promised=promised or {}, once_promised=once_promised, closed=self._legs.at(now_s), bounded=False,
+            promised=promised or {}, once_promised=once_promised, closed=self._legs.at(now_s), bounded=False, seen=self._pads.at(now_s),
         )  # fmt: skip
+        if max_late_s is None:
+            plan = with_outlook(work, plan, forecast, parameters, reserve=region.service.reserve, seed=seed, holds=holds, seen=self._pads.at(now_s), windows=True)  # fmt: skip
         routes = {route.drone: tuple(_part_of(one) for one in flights_of(route)) for route in plan.routes}
         return Planned(routes, {one.order: one for one in plan.answers})
 

@@ -55,6 +55,8 @@ class Promises:
             order.first = order.first or after
         elif after is None:
             order.promise = None
+        elif before is not None:
+            before.chance, before.p50_s, before.p95_s = after.chance, after.p50_s, after.p95_s
         flying = any(flight.order == name for _, flight in situation.flights.values())
         order.reason = "" if after is not None else answer.reason or "not planned"
         if answer.hopeless and not flying:
@@ -83,7 +85,12 @@ def _promise_of(answer: Answer) -> Promise | None:
     """Return what an order is told; None where it is not served."""
     if answer.drone is None or answer.fetched is None or answer.delivered is None:
         return None
-    return Promise(drone=answer.drone, fetched_s=answer.fetched.timestamp(), delivered_s=answer.delivered.timestamp())
+    told = answer.outlook
+    return Promise(
+        drone=answer.drone, fetched_s=answer.fetched.timestamp(), delivered_s=answer.delivered.timestamp(),
+        chance=None if told is None else told.chance, p50_s=None if told is None or told.p50 is None else told.p50.timestamp(),
+        p95_s=None if told is None or told.p95 is None else told.p95.timestamp(),
+    )  # fmt: skip
 
 
 def _changed(before: Promise | None, after: Promise | None) -> str:

@@ -37,7 +37,7 @@ def study(scenario):
 
 def day_done(orders, on_time, missed=()):
     return DayDone(
-        orders=orders, promised=orders, delivered=on_time, on_time=on_time, waited_s=0.0, delivery_s=0.0, landings=1, below=0, missed=missed
+        orders=orders, promised=orders, delivered=on_time, on_time=on_time, stated=float(on_time), waited_s=0.0, delivery_s=0.0, landings=1, below=0, missed=missed
     )  # fmt: skip
 
 

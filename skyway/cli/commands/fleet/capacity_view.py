@@ -17,7 +17,18 @@ SHOWN, SURE = 12, 1.96
 
 def print_capacity(found: CapacityFound, wall_s: float) -> None:
     """Print the answer of a study."""
-    names = ("promise", "drones", "orders/h", "as promised", "±", "of promises", "wait", "delivery", "below reserve")
+    names = (
+        "promise",
+        "drones",
+        "orders/h",
+        "as promised",
+        "±",
+        "of promises",
+        "stated",
+        "wait",
+        "delivery",
+        "below reserve",
+    )
     sheet = Sheet([Column(one) for one in names])
     for one in found.cases:
         sheet.add(duration(one.case.promise_s), str(one.case.drones), f"{one.case.rate_per_h:g}", *_figures(one))
@@ -60,5 +71,5 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
 
 
 def _figures(one: CaseDone) -> list[str]:
-    shares = [percent(one.served), percent(SURE * one.served_sd, 1), percent(one.kept)]
+    shares = [percent(one.served), percent(SURE * one.served_sd, 1), percent(one.kept), percent(one.stated)]
     return [*shares, *(with_unit(at, "min", 0) for at in (one.wait_min, one.delivery_min)), percent(one.below, 1)]

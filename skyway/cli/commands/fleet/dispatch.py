@@ -10,7 +10,7 @@ import typer
 from skyway import typed_values
 from skyway.cli import options
 from skyway.cli.option_groups import with_groups
-from skyway.cli.request_options import ConditionOptions
+from skyway.cli.request_options import ConditionOptions, PadOptions
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 
@@ -22,6 +22,7 @@ dispatch.callback()(lambda: None)
 @with_groups
 def plan(
     conditions: ConditionOptions,
+    pads: PadOptions,
     orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")],
     fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")],
     ledger: Annotated[
@@ -41,7 +42,8 @@ def plan(
 ) -> None:
     """Assign orders to the drones of a fleet, with times and stops, and book the pads.
 
-    Each order is served or refused with a reason; the plan includes empty flights and charging. Exit code 1: no order is served.
+    Each order is served or refused with a reason; the plan includes empty flights and charging. It is simulated in many realizations of wind, energy and
+    other drones at the pads: each served order has the probability of being there by when it is due. Exit code 1: no order is served.
 
     Examples
     --------
@@ -52,8 +54,10 @@ def plan(
     from skyway.models.base.files import write_atomically
     from skyway.models.orders.files import read_orders, read_vehicles
     from skyway.models.orders.fitting import fit
-    from skyway.planner.dispatch.booked import plan_fleet
+    from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
+    from skyway.now import pads_now
     from skyway.planner.dispatch.result import document_of
+    from skyway.planner.promises.booked import plan_fleet
 
     options.refuse_overwriting(output, force=force)
     if conditions.truth is not None:
@@ -65,9 +69,15 @@ def plan(
     work = fit(scenario, read_orders(orders), read_vehicles(fleet))
     depart = conditions.instant
     known, _ = conditions.winds(work.scenario, depart, None)
+    seen = NOTHING_SEEN
+    if pads.pads is not None:
+        found = pads_now(work.scenario, pads.pads, depart)
+        seen = PadsSeen(found.busy, found.free_s)
+        for note in found.notes:
+            typer.echo(note, err=True)
     made = plan_fleet(
         work, depart, known.forecast, parameters,
-        reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, ledger=ledger, holder=holder,
+        reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, ledger=ledger, holder=holder, seen=seen,
     )  # fmt: skip
     document = json_text(document_of(made), indent=1)
     if output is not None:

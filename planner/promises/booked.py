@@ -1,4 +1,4 @@
-"""A plan for a fleet that is booked in a ledger, around what others hold there."""
+"""A plan for a fleet with its promises, booked in a ledger around what others hold there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from skyway.models.base.errors import refuse
 from skyway.models.ledger.ledger import MAX_LEASE_S, TakenError, itinerary_of
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.rows import fault_at
+from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.dispatch import dispatch
+from skyway.planner.promises.promises import promised
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,17 +42,19 @@ def plan_fleet(
     seed: int = 0,
     ledger: str | None = None,
     holder: str = "dispatch",
+    seen: PadsSeen = NOTHING_SEEN,
 ) -> DispatchPlan:
-    """Plan for a fleet; with a ledger, around what others hold there, and booked in it order by order.
+    """Plan for a fleet, and give each order its probability; with a ledger, around what others hold there, and booked in it order by order.
 
     What the holder booked for the same orders before is replaced. Where another one books a pad first, it is replanned around that.
     """
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
-        return dispatch(
+        plan = dispatch(
             work, depart, forecast=forecast, holds=holds, reserve=reserve, time_limit_s=time_limit_s,
-            iterations=iterations, seed=seed, parameters=parameters,
+            iterations=iterations, seed=seed, parameters=parameters, seen=seen,
         )  # fmt: skip
+        return promised(work, plan, forecast, parameters, reserve=reserve, seed=seed, holds=holds, seen=seen)
 
     if ledger is None:
         return planned(())

@@ -1,0 +1,250 @@
+"""Plans of a fleet flown by a simulation that shares no code with the planner, to judge the probabilities of its promises.
+
+Flights go over the shortest ways of the network, hop by hop, in the record's wind of the day, which changes while they fly, with gusts; energy is power by the published
+endurances times a ratio of Student's t distribution; pads charge with constant rate and then with an exponential. Drones are processes (Python generators) that wait for
+each other at pads. Before a take-off a drone asks for what the flight takes in the wind of that moment, and for the share of it that all but one of a thousand need less than.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import date, datetime
+
+    from skyway.models.orders.fitting import Work
+    from skyway.planner.dispatch.result import Route
+
+EARTH_M = 6_371_008.8
+MASS_KG, EMPTY_S, FULL_S, PAYLOAD_KG = 4.69, 38.0 * 60.0, 24.0 * 60.0, 1.45
+AIRSPEED_MPS, MOST_MPS, WIND_LIMIT_MPS = 20.0, 20.0, 12.0
+CLIMB_S = 60.0 / 5.0 + 60.0 / 3.0
+BULK_S, WHOLE_S, KNEE = 1.28 * 3600.0, 2.24 * 3600.0, 0.8
+GUST_SD = 0.1
+"""Of the wind over one hop, as a share of it."""
+MEAN, BETWEEN, WITHIN, FREEDOM = 0.99, 0.062, 0.06, 15.0
+SURE = 3.733
+"""Standard deviations that all but one of a thousand are below, of Student's t distribution."""
+WIND_MARGIN = 0.12
+"""Of what a flight takes, for what the wind does on the way: the planner's setting `margin`."""
+AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
+Wait: TypeAlias = "Iterator[tuple[str, float]]"
+
+
+@dataclass
+class Pads:
+    """Pads of one station: a line, first come, first served."""
+
+    free: int
+    line: deque[Wait] = field(default_factory=deque)
+
+
+class Day:
+    """A day of the record, and what drones meet on it."""
+
+    def __init__(self, work: Work, day: date, begin: datetime, seed: int) -> None:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import shortest_path
+
+        self.work, self.begin_s = work, begin.timestamp()
+        network = work.scenario.network
+        wind = work.scenario.truth(day, begin, 48)
+        high = (60.0 / wind.height_m) ** 0.2
+        self.wind = np.stack((wind.north[0], wind.east[0]), axis=2) * high  # slots, sites, components
+        self.sites = np.stack((wind.site_lat, wind.site_lon), axis=1)
+        self.random = np.random.default_rng((seed, 9))
+        self.lat_lon = np.array([(one.lat, one.lon) for one in network.stations])
+        self.index = {one.id: number for number, one in enumerate(network.stations)}
+        far = np.array([self._far(int(a), int(b))[0] for a, b in zip(network.tail, network.head, strict=True)])
+        graph = csr_array((far, (network.tail, network.head)), shape=(len(self.index), len(self.index)))
+        _, self.before = shortest_path(graph, return_predecessors=True)
+        self.pads = {one.id: Pads(one.pads) for one in network.stations if one.pads}
+        self.delivered_s: dict[str, float] = {}
+        self.landings: list[float] = []
+        self.others = {station: self._strangers(station) for station in self.pads}
+        self.now_s = self.begin_s
+
+    def _strangers(self, station: str) -> list[tuple[float, float]]:
+        """When strangers come, and how long each charges; from two days before on."""
+        found: list[tuple[float, float]] = []
+        load = self.work.scenario.load
+        for hour in range(-48, 13):
+            arrivals, stay = load.hourly(self.index[station], self.begin_s + 3600.0 * hour, 1)
+            count = int(self.random.poisson(float(arrivals[0]) * 3600.0))
+            come_s = self.begin_s + 3600.0 * (hour + self.random.random(count))
+            found += zip(come_s.tolist(), self.random.exponential(stay[0], count).tolist(), strict=True)
+        return sorted(found)
+
+    def present(self) -> dict[str, int]:
+        """Strangers on the pads and in line when the day begins, by station."""
+        found = {}
+        for station, others in self.others.items():
+            free, leave = [-math.inf] * self.pads[station].free, []
+            for come_s, lasts_s in others:
+                if come_s > self.begin_s:
+                    break
+                leave.append(max(heapq.heappop(free), come_s) + lasts_s)
+                heapq.heappush(free, leave[-1])
+            found[station] = sum(one > self.begin_s for one in leave)
+        return found
+
+    def _far(self, tail: int, head: int) -> tuple[float, float]:
+        """Distance and bearing on a sphere, m and radians."""
+        (a, b), (c, d) = np.radians(self.lat_lon[[tail, head]])
+        x, y = math.cos(c) * math.sin(d - b), math.cos(a) * math.sin(c) - math.sin(a) * math.cos(c) * math.cos(d - b)
+        half = math.sin((c - a) / 2) ** 2 + math.cos(a) * math.cos(c) * math.sin((d - b) / 2) ** 2
+        return 2.0 * EARTH_M * math.asin(math.sqrt(half)), math.atan2(x, y)
+
+    def ways(self, origin: str, destination: str) -> list[tuple[float, float, np.ndarray]]:
+        """Hops of a flight: length, bearing, and weights of the sites amid it."""
+        nodes, end = [self.index[destination]], self.index[origin]
+        while nodes[-1] != end:
+            nodes.append(int(self.before[end, nodes[-1]]))
+        found = []
+        for head, tail in itertools.pairwise(nodes):
+            middle = self.lat_lon[[tail, head]].mean(axis=0)
+            far2 = (((self.sites - middle) * (1.0, math.cos(math.radians(middle[0])))) ** 2).sum(axis=1) + 1e-9
+            found.append((*self._far(tail, head), (1.0 / far2) / (1.0 / far2).sum()))
+        return found[::-1]
+
+    def flight(self, origin: str, destination: str, from_s: float, *, blind: bool) -> float:
+        """Time of a flight, s; infinite where the wind closes it. Who is blind counts with the wind of its beginning and no gusts."""
+        time_s = from_s + CLIMB_S
+        for far_m, bearing, weight in self.ways(origin, destination):
+            gust = 1.0 if blind else 1.0 + GUST_SD * float(self.random.standard_normal())
+            left_m = far_m
+            while left_m > 1e-6:
+                slot = min(int(((from_s if blind else time_s) - self.begin_s) // 3600.0), len(self.wind) - 1)
+                north, east = gust * (weight @ self.wind[slot])
+                along, across = north * math.cos(bearing) + east * math.sin(bearing), east * math.cos(bearing) - north * math.sin(bearing)  # fmt: skip
+                steady = math.hypot(north, east) / abs(gust)
+                speed = min(math.sqrt(max(AIRSPEED_MPS**2 - across**2, 0.0)) + along, MOST_MPS)
+                if steady > WIND_LIMIT_MPS or speed < 1.0:
+                    if blind or time_s == from_s + CLIMB_S:
+                        return math.inf
+                    speed = max(speed, 1.0)  # in the air it flies on
+                ends_s = math.inf if blind else self.begin_s + 3600.0 * (slot + 1)
+                lasts_s = min(left_m / speed, max(ends_s - time_s, 1e-3))
+                left_m, time_s = left_m - lasts_s * speed, time_s + lasts_s
+        return time_s - from_s
+
+    def power(self, mass_kg: float) -> float:
+        """Share of a battery that a second takes with a package."""
+        growth = math.log(EMPTY_S / FULL_S) / math.log((MASS_KG + PAYLOAD_KG) / MASS_KG)
+        return float(((MASS_KG + mass_kg) / MASS_KG) ** growth / EMPTY_S)
+
+    def drone(self, route: Route, reserve: float) -> Wait:
+        """Live the day of one drone: what is yielded is a pad that is asked for, one that is left, or a time to sleep until."""
+        mass = {one.id: one.mass_kg for one in self.work.orders}
+        ready = {one.id: one.ready.timestamp() for one in self.work.orders}
+        usual = MEAN + BETWEEN * float(self.random.standard_t(FREEDOM))
+        checked = MEAN * (1.0 + math.hypot(WIND_MARGIN, SURE * math.hypot(BETWEEN, WITHIN) / MEAN))
+        soc, now_s = route.steps[0].soc_begin, self.begin_s
+        taken: set[str] = set()
+        last = {one.order: number for number, one in enumerate(route.steps) if one.phase == "with the package"}
+
+        def wants(number: int) -> float:
+            flight = next((one for one in route.steps[number:] if one.kind == "fly"), None)
+            if flight is None:
+                return 0.0
+            rate = self.power(mass[flight.order] if flight.phase == "with the package" and flight.order else 0.0)
+            return reserve + checked * rate * self.flight(flight.origin, flight.destination, now_s, blind=True)
+
+        for number, step in enumerate(route.steps):
+            carried = step.phase == "with the package" and step.order is not None
+            if carried and step.order not in taken and step.order is not None:
+                taken.add(step.order)
+                if now_s < ready[step.order]:
+                    now_s = ready[step.order]
+                    yield "until", now_s
+            while True:
+                wanted = wants(number)
+                goal = min(wanted, 1.0) if math.isfinite(wanted) else 0.0
+                if step.kind == "charge":
+                    goal = max(goal, step.soc_end)
+                if step.kind == "fly" and (not math.isfinite(wanted) or (wanted > 1.0 and step.origin in self.pads)):
+                    if now_s > self.begin_s + LONGEST_S:
+                        return
+                    now_s += AGAIN_S
+                    yield "until", now_s
+                    continue
+                if goal > soc + 1e-6 and step.origin in self.pads:
+                    yield f"pad {step.origin}", now_s
+                    now_s = self.now_s
+                    now_s, soc = now_s + filled_s(goal) - filled_s(soc), goal
+                    yield "until", now_s
+                    yield f"left {step.origin}", now_s
+                    if step.kind == "fly":
+                        continue
+                break
+            if step.kind == "fly":
+                lasts_s = self.flight(step.origin, step.destination, now_s, blind=False)
+                rate = self.power(mass[step.order] if carried and step.order is not None else 0.0)
+                if not math.isfinite(lasts_s):
+                    lasts_s = self.flight(step.origin, step.destination, now_s, blind=True)
+                soc -= max(usual + WITHIN * float(self.random.standard_t(FREEDOM)), 0.2) * rate * lasts_s
+                now_s += lasts_s
+                self.landings.append(soc)
+                if soc < 0.0:
+                    return
+                yield "until", now_s
+            if carried and step.order is not None and last[step.order] == number:
+                self.delivered_s[step.order] = now_s
+
+    def stranger(self, station: str, lasts_s: float) -> Wait:
+        """Charge, and go."""
+        yield f"pad {station}", self.now_s
+        yield "until", self.now_s + lasts_s
+        yield f"left {station}", self.now_s
+
+    def run(self, routes: Sequence[Route], reserve: float) -> None:
+        """Live the day."""
+        todo: list[tuple[float, int, Wait]] = []
+        count = 0
+
+        def put(at_s: float, who: Wait) -> None:
+            nonlocal count
+            count += 1
+            heapq.heappush(todo, (at_s, count, who))
+
+        for station, others in self.others.items():
+            for come_s, lasts_s in others:
+                put(come_s, self.stranger(station, lasts_s))
+        for route in routes:
+            if route.steps:
+                put(self.begin_s, self.drone(route, reserve))
+        while todo:
+            self.now_s, _, who = heapq.heappop(todo)
+            for what, at_s in who:
+                word, _, station = what.partition(" ")
+                if word == "until":
+                    put(at_s, who)
+                    break
+                pads = self.pads[station]
+                if word == "pad":
+                    if not pads.free:
+                        pads.line.append(who)
+                        break
+                    pads.free -= 1
+                elif pads.line:
+                    put(self.now_s, pads.line.popleft())
+                else:
+                    pads.free += 1
+
+
+def filled_s(soc: float) -> float:
+    """Time from empty to a charge: constant rate, then exponential, cut where a hundredth lacks."""
+    if soc <= KNEE:
+        return BULK_S * soc / KNEE
+    slow = (1.0 - KNEE) * BULK_S / KNEE
+    tail = slow * math.log((1.0 - KNEE) / max(1.0 - soc, 0.05 * (1.0 - KNEE)))
+    whole = slow * math.log(1.0 / 0.05)
+    return BULK_S + tail * (WHOLE_S - BULK_S) / whole
