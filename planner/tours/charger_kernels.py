@@ -9,7 +9,7 @@ import numpy as np
 from skyway.models.jit.compiled import compiled_lean
 from skyway.planner.calendar_kernels import Calendar, book, free_from
 from skyway.planner.tours.depot_kernels import Queue, late_jobs
-from skyway.planner.tours.route_kernels import node_at
+from skyway.planner.tours.route_kernels import node_at, start_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,38 +45,61 @@ def note(rows: NDArray[np.float64], row: int, kind: int, node: int, station: int
 
 
 @compiled_lean
+def charge(
+    tours: Tours, calendar: Calendar, rows: NDArray[np.float64], row: int, route: int, node: int, station: int, time: float, energy: float, wanted: float
+) -> tuple[float, int]:  # fmt: skip
+    """Charge at a station on the pad that is free first; returns the end, and the number of the next row."""
+    pads, length = tours.pads, tours.pace * (wanted - energy)
+    begin, pad = time, -1
+    if len(pads.count):
+        begin = np.inf
+        for one in range(pads.first[station], pads.first[station] + pads.count[station]):
+            free = free_from(calendar, one, time, length, -2)
+            if free < begin:
+                begin, pad = free, one
+        book(calendar, pad, begin, begin + length, route)
+    row = note(rows, row, CHARGE, node, station, begin, begin + length, energy, wanted, pad)
+    return begin + length, row
+
+
+@compiled_lean
 def drive(tours: Tours, plan: Plan, route: int, calendar: Calendar, rows: NDArray[np.float64]) -> tuple[float, int]:
     """Drive a tour on the pads that are free, and take them; returns by how much it is late in sum, and how many rows it has.
 
     At a station with the energy s it charges max(0, b - s), b the least energy with which the rest of the route is feasible: more would make
     nothing possible, since what is charged takes the same time anywhere.
     """
-    ways, pads = tours.ways, tours.pads
-    time, energy = max(tours.vehicles.begin[route], tours.ready[0]), tours.vehicles.energy[route]
+    ways = tours.ways
+    time, energy = start_of(tours, plan, route), tours.vehicles.energy[route]
     late, row = 0.0, 0
     for position in range(plan.length[route] + 1):
         way, node, load = plan.way[route, position], node_at(plan, route, position), plan.aboard[route, position]
-        left = energy - ways.energy[way] - load * ways.lift[way]
-        station = ways.station[way]
-        row = note(rows, row, MOVE, node, station, time, time + ways.time[way], energy, left, -1)
-        time, energy = time + ways.time[way], left
-        if station >= 0:
-            takes = ways.energy_on[way] + load * ways.lift_on[way]
-            wanted = min(plan.behind[route, position, 0] + takes, tours.level)
-            if wanted > energy + LEAST:
-                length = tours.pace * (wanted - energy)
-                begin, pad = time, -1
-                if len(pads.count):
-                    begin, pad = np.inf, -1
-                    for one in range(pads.first[station], pads.first[station] + pads.count[station]):
-                        free = free_from(calendar, one, time, length, -2)
-                        if free < begin:
-                            begin, pad = free, one
-                    book(calendar, pad, begin, begin + length, route)
-                row = note(rows, row, CHARGE, node, station, begin, begin + length, energy, wanted, pad)
-                time, energy = begin + length, wanted
-            row = note(rows, row, MOVE, node, -1, time, time + ways.time_on[way], energy, energy - takes, -1)
-            time, energy = time + ways.time_on[way], energy - takes
+        for leg in range(3):
+            if leg > 0 and ways.station[way, leg - 1] < 0:
+                break
+            takes = ways.energy[way, leg] + load * ways.lift[way, leg]
+            onward = leg < 2 and ways.station[way, leg] >= 0
+            if leg > 0:
+                wanted = min(takes + (0.0 if onward else plan.behind[route, position, 0]), tours.level)
+                if wanted > energy + LEAST:
+                    time, row = charge(
+                        tours, calendar, rows, row, route, node, ways.station[way, leg - 1], time, energy, wanted
+                    )
+                    energy = wanted
+            arrival = time + ways.time[way, leg]
+            row = note(
+                rows,
+                row,
+                MOVE,
+                node,
+                ways.station[way, leg] if onward else -1,
+                time,
+                arrival,
+                energy,
+                energy - takes,
+                -1,
+            )
+            time, energy = arrival, energy - takes
         last = min(tours.due[0], tours.vehicles.end[route]) if node == 0 else tours.due[node]
         late += max(time - last, 0.0)
         if node > 0:
@@ -87,14 +110,20 @@ def drive(tours: Tours, plan: Plan, route: int, calendar: Calendar, rows: NDArra
 
 
 @compiled_lean
-def late_tours(tours: Tours, plan: Plan, calendar: Calendar, silent: NDArray[np.float64]) -> float:
-    """Return by how much tours are late in sum, since pads of stations are taken."""
+def clear(tours: Tours, calendar: Calendar) -> None:
+    """Leave only what others have in a calendar."""
     taken = tours.pads.taken
     for pad in range(len(taken.filled)):
         calendar.filled[pad] = taken.filled[pad]
         for one in range(taken.filled[pad]):
             calendar.start_s[pad, one], calendar.end_s[pad, one] = taken.start_s[pad, one], taken.end_s[pad, one]
             calendar.owner[pad, one] = -1
+
+
+@compiled_lean
+def late_tours(tours: Tours, plan: Plan, calendar: Calendar, silent: NDArray[np.float64]) -> float:
+    """Return by how much tours are late in sum, since pads of stations are taken."""
+    clear(tours, calendar)
     late = 0.0
     for route in range(len(plan.length)):
         if plan.length[route]:

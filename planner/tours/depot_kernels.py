@@ -42,7 +42,7 @@ def job(tours: Tours, plan: Plan, route: int) -> tuple[int, int]:
     energy = 0.0
     for position in range(plan.length[route] + 1):
         way = plan.way[route, position]
-        energy += tours.ways.energy[way] + plan.aboard[route, position] * tours.ways.lift[way]
+        energy += tours.ways.energy[way, 0] + plan.aboard[route, position] * tours.ways.lift[way, 0]
     low, line, last = plan.behind[route, 0, 0], plan.behind[route, 0, 1], plan.behind[route, 0, 2]
     _, _, last = travel_back(tours, plan.way[route, 0], plan.aboard[route, 0], low, line, last)
     return tours.depot.periods[int(np.ceil(energy - 1e-6))], int(np.floor(last / tours.depot.period + 1e-6)) - 1
@@ -127,7 +127,27 @@ def schedule(queue: Queue, count: int) -> tuple[int, int]:
 
 
 @compiled_lean
+def fits_as_listed(queue: Queue, count: int) -> bool:
+    """Whether all jobs are done in time where each goes onto the charger that is free first."""
+    chargers = queue.free.shape[2]
+    for charger in range(chargers):
+        queue.free[0, 0, charger] = 0
+    for number in range(count):
+        first = 0
+        for charger in range(1, chargers):
+            if queue.free[0, 0, charger] < queue.free[0, 0, first]:
+                first = charger
+        queue.free[0, 0, first] += queue.job[number, 0]
+        if queue.free[0, 0, first] > queue.job[number, 1]:
+            return False
+    return True
+
+
+@compiled_lean
 def late_jobs(tours: Tours, plan: Plan, queue: Queue) -> float:
     """Return by how many periods tours are charged too late at the depot, in sum."""
-    late, _ = schedule(queue, queue_up(tours, plan, queue))
+    count = queue_up(tours, plan, queue)
+    if fits_as_listed(queue, count):
+        return 0.0
+    late, _ = schedule(queue, count)
     return float(late)

@@ -45,12 +45,17 @@ def move(time: float, energy: float, pace: float, t0: float, s0: float, s1: floa
 
 @compiled_lean
 def travel(tours: Tours, way: int, load: float, t0: float, s0: float, s1: float) -> tuple[float, float, float]:
-    """Label on arrival over a way, with a load aboard: an arc, or an arc, a charge of any length, and an arc."""
+    """Label on arrival over a way, with a load aboard: arcs with a charge of any length between each two."""
     ways = tours.ways
-    t0, s0, s1 = move(ways.time[way], ways.energy[way] + load * ways.lift[way], tours.pace, t0, s0, s1)
-    if ways.station[way] >= 0 and t0 < np.inf:
+    t0, s0, s1 = move(ways.time[way, 0], ways.energy[way, 0] + load * ways.lift[way, 0], tours.pace, t0, s0, s1)
+    for stop in range(2):
+        if ways.station[way, stop] < 0 or t0 == np.inf:
+            break
         s1 = max(s1, tours.level)
-        t0, s0, s1 = move(ways.time_on[way], ways.energy_on[way] + load * ways.lift_on[way], tours.pace, t0, s0, s1)
+        leg = stop + 1
+        t0, s0, s1 = move(
+            ways.time[way, leg], ways.energy[way, leg] + load * ways.lift[way, leg], tours.pace, t0, s0, s1
+        )
     return t0, s0, s1
 
 
@@ -85,15 +90,15 @@ def travel_back(
 ) -> tuple[float, float, float]:
     """What is required when a way begins: before a station any energy does, with the time to charge what is missing."""
     ways = tours.ways
-    if ways.station[way] >= 0:
-        low, line, last = move_back(
-            ways.time_on[way], ways.energy_on[way] + load * ways.lift_on[way], tours.battery, low, line, last
-        )
-        if low > tours.level + SLACK or last == -np.inf:
-            return 0.0, -np.inf, -np.inf
-        line -= tours.pace * low
-        low = 0.0
-    return move_back(ways.time[way], ways.energy[way] + load * ways.lift[way], tours.battery, low, line, last)
+    for leg in range(2, 0, -1):
+        if ways.station[way, leg - 1] >= 0:
+            takes = ways.energy[way, leg] + load * ways.lift[way, leg]
+            low, line, last = move_back(ways.time[way, leg], takes, tours.battery, low, line, last)
+            if low > tours.level + SLACK or last == -np.inf:
+                return 0.0, -np.inf, -np.inf
+            line -= tours.pace * low
+            low = 0.0
+    return move_back(ways.time[way, 0], ways.energy[way, 0] + load * ways.lift[way, 0], tours.battery, low, line, last)
 
 
 @compiled_lean

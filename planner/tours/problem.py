@@ -8,33 +8,28 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.planner.calendar_kernels import Calendar
+from skyway.planner.tours.way_kernels import ARC, COST, ENERGY, LIFT, STATION, TABLE, TIME, ways_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SLACK = 1e-9
-"""What rounding may take of a limit."""
-
 
 class Ways(NamedTuple):
-    """Ways between two nodes, those of each pair one after the other by cost, shape (ways,) each.
+    """Ways between two nodes, those of each pair one after the other by cost.
 
-    A way is one arc, or an arc to a station, a charge there, and an arc from it. None of a pair is better than another in all.
+    A way is one arc, or up to three with a charge at the station between each two of them. None of a pair is better than another in all.
     """
 
     cost: NDArray[np.float64]
+    """Shape (ways,)."""
     time: NDArray[np.float64]
     energy: NDArray[np.float64]
     lift: NDArray[np.float64]
-    """Of the arc, or of the arc to the station; `lift` is the energy for each unit of load aboard."""
+    """Shape (ways, 3) each, by arc; `lift` is the energy for each unit of load aboard."""
     station: NDArray[np.int64]
-    """-1: no charge."""
-    time_on: NDArray[np.float64]
-    energy_on: NDArray[np.float64]
-    lift_on: NDArray[np.float64]
-    """Of the arc from the station; 0 without."""
+    """Shape (ways, 2): numbers of stations; -1: none."""
     arc: NDArray[np.int64]
-    """Shape (ways, 2): which of the parallel arcs it takes."""
+    """Shape (ways, 3): which of the parallel arcs it takes."""
 
 
 class Vehicles(NamedTuple):
@@ -79,6 +74,8 @@ class Tours(NamedTuple):
     demand: NDArray[np.float64]
     refusal: NDArray[np.float64]
     """Cost of not serving it."""
+    release: NDArray[np.float64]
+    """When what it wants is at the depot: no tour that serves it leaves before."""
     vehicles: Vehicles
     battery: float
     pace: float
@@ -98,8 +95,7 @@ class Tours(NamedTuple):
     depot: Depot
 
 
-@dataclass(frozen=True)
-class Arcs:
+class Arcs(NamedTuple):
     """Arcs between all places, shape (parallel, places, places) each; an infinite cost: there is none."""
 
     cost: NDArray[np.float64]
@@ -118,6 +114,7 @@ class Visits:
     service: NDArray[np.float64]
     demand: NDArray[np.float64]
     refusal: NDArray[np.float64]
+    release: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -162,75 +159,41 @@ def lay_out(
     """
     places = len(visits.ready)
     nodes = np.setdiff1d(np.arange(places), stations)
-    rows: list[tuple[float, ...]] = []
+    rows: list[NDArray[np.float64]] = [np.empty((0, TABLE))]
     first = np.zeros((len(nodes), len(nodes) + 1), dtype=np.int64)
     least = np.full((len(nodes), len(nodes)), np.inf)
     fastest = least.copy()
-    most = float(vehicles.capacity.max())
+    most, count = float(vehicles.capacity.max()), 0
     for tail in range(len(nodes)):
         for head in range(len(nodes)):
-            first[tail, head] = len(rows)
-            found = (
-                _ways(arcs, visits, stations, int(nodes[tail]), int(nodes[head]), charging, most)
-                if tail != head
-                else []
-            )
-            if found:
-                least[tail, head] = found[0][0]
-                fastest[tail, head] = min(way[1] + way[5] for way in found)
-            rows += found
-        first[tail, -1] = len(rows)
-    table = np.array(rows, dtype=np.float64).reshape(-1, 10)
-    cost, time, energy, lift, station, time_on, energy_on, lift_on = (
-        np.ascontiguousarray(table[:, one]) for one in range(8)
-    )
-    ways = Ways(
-        cost, time, energy, lift, station.astype(np.int64), time_on, energy_on, lift_on, table[:, 8:].astype(np.int64)
-    )
+            first[tail, head] = count
+            i, j = int(nodes[tail]), int(nodes[head])
+            spare = float(visits.due[j] - visits.ready[i] - visits.service[i])
+            if tail == head or spare < 0.0:
+                continue
+            found = ways_of(arcs, stations, i, j, spare, charging.battery, charging.level, most)
+            if len(found):
+                least[tail, head] = found[0, COST]
+                fastest[tail, head] = found[:, TIME : TIME + 3].sum(axis=1).min()
+                rows.append(found)
+                count += len(found)
+        first[tail, -1] = count
+    ways = _ways(np.concatenate(rows))
     near = np.argsort(np.minimum(least, least.T)[:, 1:], axis=1, kind="stable") + 1
     picked = (
-        getattr(visits, name)[nodes].astype(np.float64) for name in ("ready", "due", "service", "demand", "refusal")
+        getattr(visits, name)[nodes].astype(np.float64)
+        for name in ("ready", "due", "service", "demand", "refusal", "release")
     )
     return Tours(
-        *picked, vehicles, float(charging.battery), float(charging.pace), float(charging.level), first, ways, cost, fastest, near, pads, depot
+        *picked, vehicles, float(charging.battery), float(charging.pace), float(charging.level), first, ways, ways.cost, fastest, near, pads,
+        depot,
     ), nodes  # fmt: skip
 
 
-def _ways(
-    arcs: Arcs, visits: Visits, stations: NDArray[np.int64], tail: int, head: int, charging: Charging, most_load: float
-) -> list[tuple[float, ...]]:
-    """Ways of a pair by cost, none of them worse than another in all."""
-    found: list[tuple[float, ...]] = []
-    leave = visits.ready[tail] + visits.service[tail]
-    parallel = range(len(arcs.cost))
-    for one in parallel:
-        cost, time, energy = arcs.cost[one, tail, head], arcs.time[one, tail, head], arcs.energy[one, tail, head]
-        if cost < np.inf and energy <= charging.battery + SLACK and leave + time <= visits.due[head] + SLACK:
-            found.append((cost, time, energy, arcs.lift[one, tail, head], -1, 0.0, 0.0, 0.0, one, 0))
-    for number, station in enumerate(stations.tolist()):
-        for one in parallel:
-            for other in parallel:
-                cost = arcs.cost[one, tail, station] + arcs.cost[other, station, head]
-                time, on = arcs.time[one, tail, station], arcs.time[other, station, head]
-                energy, energy_on = arcs.energy[one, tail, station], arcs.energy[other, station, head]
-                fits = cost < np.inf and energy <= charging.battery + SLACK and energy_on <= charging.level + SLACK
-                if fits and leave + time + on <= visits.due[head] + SLACK:
-                    lift, lift_on = arcs.lift[one, tail, station], arcs.lift[other, station, head]
-                    found.append((cost, time, energy, lift, number, on, energy_on, lift_on, one, other))
-    found.sort()
-    kept: list[tuple[float, ...]] = []
-    for way in found:
-        if not any(_covers(other, way, most_load) for other in kept):
-            kept.append(way)
-    return kept
-
-
-def _covers(one: tuple[float, ...], other: tuple[float, ...], most_load: float) -> bool:
-    """Whether a way that costs no more is as good as another wherever that can be used."""
-    if (one[4] < 0) != (other[4] < 0):
-        return False
-    parts = ((2, 3), (6, 7))
-    less = all(
-        one[at] <= other[at] and one[at] + most_load * one[up] <= other[at] + most_load * other[up] for at, up in parts
+def _ways(table: NDArray[np.float64]) -> Ways:
+    parts = (np.ascontiguousarray(table[:, begin : begin + 3]) for begin in (TIME, ENERGY, LIFT))
+    whole = (
+        np.ascontiguousarray(table[:, begin:end].astype(np.int64))
+        for begin, end in ((STATION, STATION + 2), (ARC, ARC + 3))
     )
-    return less and one[1] + one[5] <= other[1] + other[5]
+    return Ways(np.ascontiguousarray(table[:, COST]), *parts, *whole)

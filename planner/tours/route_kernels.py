@@ -60,6 +60,15 @@ def node_at(plan: Plan, route: int, position: int) -> int:
 
 
 @compiled_lean
+def start_of(tours: Tours, plan: Plan, route: int) -> float:
+    """When a route can begin: its vehicle is there, and all that it carries."""
+    start = max(tours.vehicles.begin[route], tours.ready[0])
+    for position in range(plan.length[route]):
+        start = max(start, tours.release[plan.customer[route, position]])
+    return start
+
+
+@compiled_lean
 def relabel(tours: Tours, plan: Plan, route: int) -> bool:
     """Compute labels, loads and cost of a route from its customers and ways; false where it is infeasible."""
     length, vehicles = plan.length[route], tours.vehicles
@@ -71,7 +80,7 @@ def relabel(tours: Tours, plan: Plan, route: int) -> bool:
         return True
     if load > vehicles.capacity[route] + SLACK:
         return False
-    t0, s0, s1 = max(vehicles.begin[route], tours.ready[0]), vehicles.energy[route], vehicles.energy[route]
+    t0, s0, s1 = start_of(tours, plan, route), vehicles.energy[route], vehicles.energy[route]
     for position in range(length + 1):
         plan.ahead[route, position, 0], plan.ahead[route, position, 1], plan.ahead[route, position, 2] = t0, s0, s1
         plan.aboard[route, position] = load
@@ -106,7 +115,7 @@ def insertion(tours: Tours, plan: Plan, route: int, position: int, node: int, mo
     """Return the least (guide) cost that a customer adds at a position, below `most`, and the ways to and from it; infinite: none.
 
     Ways are tried by cost, and left from where they cost more than the best so far. What the
-    customer's load takes before its position is told by `relabel` only.
+    customer's load takes before its position, and what waiting for it delays there, is told by `relabel` only.
     """
     ways, first = tours.ways, tours.first
     before, after = node_at(plan, route, position - 1), node_at(plan, route, position)
@@ -135,6 +144,7 @@ def insertion(tours: Tours, plan: Plan, route: int, position: int, node: int, mo
             min(tours.due[0], tours.vehicles.end[route]),
             min(tours.due[0], tours.vehicles.end[route]),
         )
+    t0 = max(t0, tours.release[node] + (tours.fastest[0, before] if position else 0.0))
     for to in range(begin, end):
         if ways.cost[to] + ways.cost[begin_on] - spared >= most:
             break
@@ -228,7 +238,7 @@ def recharge(tours: Tours, plan: Plan, route: int, space: Space, most: float) ->
     if rest >= most - GAIN:
         return False
     space.filled[0] = 1
-    space.label[0, 0, 0], space.label[0, 0, 1] = 0.0, max(tours.vehicles.begin[route], tours.ready[0])
+    space.label[0, 0, 0], space.label[0, 0, 1] = 0.0, start_of(tours, plan, route)
     space.label[0, 0, 2] = space.label[0, 0, 3] = tours.vehicles.energy[route]
     for position in range(length + 1):
         tail, head = node_at(plan, route, position - 1), node_at(plan, route, position)

@@ -9,9 +9,9 @@ import numpy as np
 
 from skyway.planner.calendar_kernels import Calendar
 from skyway.planner.tours.charger_kernels import Space as Chargers
-from skyway.planner.tours.charger_kernels import lateness
-from skyway.planner.tours.depot_kernels import Queue, job
-from skyway.planner.tours.route_kernels import GAIN, Plan, Space, relabel
+from skyway.planner.tours.charger_kernels import clear, drive, lateness
+from skyway.planner.tours.depot_kernels import Queue, job, queue_up, schedule
+from skyway.planner.tours.route_kernels import GAIN, Plan, Space, insertion, relabel
 from skyway.planner.tours.ruin_kernels import Work
 from skyway.planner.tours.search_kernels import Cooling, Pool, absent_cost, anneal, copy_plan, total_cost
 
@@ -51,7 +51,7 @@ def _prices(tours: Tours) -> NDArray[np.float64]:
     first = tours.first[:, :-1].ravel()
     count = np.diff(tours.first, axis=1).ravel()
     cheap = first[count > 1]
-    saved = tours.ways.energy[cheap] - tours.ways.energy[cheap + 1]
+    saved = tours.ways.energy[cheap, 0] - tours.ways.energy[cheap + 1, 0]
     dearer = tours.ways.cost[cheap + 1] - tours.ways.cost[cheap]
     found: NDArray[np.float64] = dearer[saved > 0.0] / saved[saved > 0.0]
     return found
@@ -154,7 +154,7 @@ class Search:
         if not len(self._prices) or self._random.random() < UNPRICED:
             return self.tours
         price = float(self._random.choice(self._prices))
-        return self.tours._replace(guide=self.tours.ways.cost + price * self.tours.ways.energy)
+        return self.tours._replace(guide=self.tours.ways.cost + price * self.tours.ways.energy[:, 0])
 
     @property
     def mean_cost(self) -> float:
@@ -233,6 +233,36 @@ class Search:
             self.best_cost = cost
         self.restart()
         return feasible
+
+    def alone(self, node: int) -> bool:
+        """Whether a vehicle could serve a customer if it were the only one."""
+        plan, vehicles = _plan(len(self.tours.ready), len(self.tours.vehicles.begin)), self.tours.vehicles
+        fits = np.flatnonzero(vehicles.capacity + GAIN >= self.tours.demand[node])
+        return any(insertion(self.tours, plan, int(vehicle), 0, node, np.inf)[0] < np.inf for vehicle in fits)
+
+    def timetables(self) -> dict[int, NDArray[np.float64]]:
+        """Return what each vehicle of the best plan does when, rows as in `charger_kernels`."""
+        calendar = self.chargers.calendar
+        clear(self.tours, calendar)
+        found = {}
+        for vehicle in np.flatnonzero(self.best.length).tolist():
+            rows = np.zeros((6 * (int(self.best.length[vehicle]) + 1), 8))
+            _, count = drive(self.tours, self.best, vehicle, calendar, rows)
+            found[vehicle] = rows[:count]
+        return found
+
+    def depot_charges(self) -> dict[int, tuple[int, int, int]]:
+        """Return for each vehicle of the best plan that is charged at the depot: after which period, for how many, and by which it must be."""
+        queue = self.chargers.queue
+        count = queue_up(self.tours, self.best, queue)
+        _, state = schedule(queue, count)
+        found = {}
+        for number in range(count - 1, -1, -1):
+            before, begin = queue.came[number, state]
+            periods, by, route = queue.job[number].tolist()
+            found[route] = int(begin), periods, by
+            state = int(before)
+        return found
 
     def _put(self, plan: Plan, number: int, customers: Sequence[int], ways: Sequence[int]) -> bool:
         """Write a route into a plan; false where it is not feasible."""

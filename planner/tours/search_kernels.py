@@ -175,9 +175,12 @@ def anneal(
         ruin(tours, trial, work, space, cooling.removed, cooling.longest)
         recreate(tours, trial, work, space, cooling.most_routes)
         left, lack = absent_cost(tours, work, trial)
-        late = lateness(tours, trial, chargers)
-        total = total_cost(trial) + left + cooling.late * late
-        taken = total < cost - temperature * np.log(1.0 - uniform(work.random)) or (refused > 0.0 and lack < missing)
+        total, most, late = total_cost(trial) + left, cost - temperature * np.log(1.0 - uniform(work.random)), 0.0
+        rarer = refused > 0.0 and lack < missing
+        if total < most or rarer:  # lateness is not worked out where the plan costs too much anyway
+            late = lateness(tours, trial, chargers)
+            total += cooling.late * late
+        taken = total < most or rarer
         for one in range(work.absent[-1]):
             work.absences[work.absent[one]] += 1.0
         settle(tours, plan, trial, work, pool, taken, total < cooling.pooled * best_cost + cooling.late * late)

@@ -85,7 +85,9 @@ def tours_of(instance: Instance) -> tuple[Tours, list[str], list[str]]:
     """Return the problem of the tours' room, and the ids of its nodes and stations."""
     distance = instance.distance[None]
     refusal = np.full(len(instance.ids), REFUSAL)
-    visits = Visits(instance.ready, instance.due, instance.service, instance.demand, refusal)
+    visits = Visits(
+        instance.ready, instance.due, instance.service, instance.demand, refusal, np.full(len(refusal), -np.inf)
+    )
     stations = np.array([place for place, kind in enumerate(instance.kind) if kind == "f"], dtype=np.int64)
     arcs = Arcs(distance, distance / instance.velocity, distance * instance.consumption, np.zeros_like(distance))
     customers = instance.kind.count("c")
@@ -103,7 +105,7 @@ def routes_of(search: Search, nodes: Sequence[str], stations: Sequence[str]) -> 
         customers, ways = search.route(int(vehicle))
         route = []
         for way, customer in zip(ways, [*customers, 0], strict=True):
-            route += [stations[station[way]]] if station[way] >= 0 else []
+            route += [stations[one] for one in station[way] if one >= 0]
             route += [nodes[customer]] if customer else []
         routes.append(route)
     return routes

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.planner.tours.problem import Tours
+    from skyway.planner.tours.search import Search
 
 FOLDER = Path(__file__).resolve().parents[4] / "shared" / "data" / "evrp" / "overnight"
 NAMES = (
@@ -125,13 +126,25 @@ def tours_of(instance: Instance) -> tuple[Tours, NDArray[np.int64]]:
             cost[key], time[key], energy[key] = link.cost, link.time, link.energy
     window = np.array(instance.window[:-1], dtype=np.float64)
     load = np.array(instance.load[:-1], dtype=np.float64)
-    visits = Visits(window[:, 0], window[:, 1], np.zeros(nodes), load, np.full(nodes, REFUSAL))
+    visits = Visits(window[:, 0], window[:, 1], np.zeros(nodes), load, np.full(nodes, REFUSAL), np.full(nodes, -np.inf))
     tours, _ = lay_out(
         Arcs(cost, time, energy, np.zeros_like(energy)), visits, np.empty(0, dtype=np.int64),
         alike(nodes - 1, window[0, 0], window[0, 1], instance.battery, instance.capacity), Charging(1.0, instance.battery, instance.battery),
         NO_PADS, Depot(instance.chargers, instance.periods, PERIOD),
     )  # fmt: skip
     return tours, number
+
+
+def solution_of(search: Search, number: NDArray[np.int64]) -> Solution:
+    """Return the best plan as links of the file, with its charges; `number` is that of `tours_of`."""
+    routes = []
+    for vehicle, (begin, periods, by) in search.depot_charges().items():
+        customers, ways = search.route(vehicle)
+        ends = [0, *customers, 0]
+        arcs = search.tours.ways.arc[ways, 0]
+        links = tuple(int(number[arc, tail, head]) for arc, tail, head in zip(arcs, ends, ends[1:], strict=False))
+        routes.append(Charged(links, begin + 1, begin + periods, by + 1))
+    return Solution(search.cost / PERIOD, tuple(routes))
 
 
 def published(name: str) -> Solution:

@@ -50,8 +50,11 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     if len(plan.routes) > SHOWN:
         say(f"… and {len(plan.routes) - SHOWN} more drones")
     say("")
-    gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
-    say(f"Weighed cost {duration(plan.cost_s)}, no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most. "
+    bound = ""
+    if plan.bound_s > 0.0:
+        gap = (plan.cost_s - plan.bound_s) / plan.bound_s
+        bound = f", no plan is below {duration(plan.bound_s)}: {percent(gap)} above at most"
+    say(f"Weighed cost {duration(plan.cost_s)}{bound}. "
         f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
 
 
