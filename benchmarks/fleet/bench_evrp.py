@@ -44,7 +44,7 @@ def judge_small(name: str) -> float:
     tours, nodes, stations = evrptw.tours_of(instance)
     search = solve(tours, ToursParameters(), time_limit_s=1e6, iterations=20_000, fewest_vehicles=True)
     routes = evrptw.routes_of(search, nodes, stations)
-    proof = optimum.by_tours(instance)
+    proof = optimum.prove(instance)
     gap = checker.distance_of(instance, routes) / proof.distance - 1.0
     faults = checker.faults(instance, routes)
     print(

@@ -51,9 +51,9 @@ def charge(
     """Charge at a station on the pad that is free first; returns the end, and the number of the next row."""
     pads, length = tours.pads, tours.pace * (wanted - energy)
     begin, pad = time, -1
-    if len(pads.count):
+    if len(pads.number):
         begin = np.inf
-        for one in range(pads.first[station], pads.first[station] + pads.count[station]):
+        for one in range(pads.first[station], pads.first[station] + pads.number[station]):
             free = free_from(calendar, one, time, length, -2)
             if free < begin:
                 begin, pad = free, one
@@ -135,6 +135,6 @@ def late_tours(tours: Tours, plan: Plan, calendar: Calendar, silent: NDArray[np.
 def lateness(tours: Tours, plan: Plan, space: Space) -> float:
     """Return by how much tours are late in sum, since chargers are few."""
     late = late_jobs(tours, plan, space.queue) if tours.depot.chargers else 0.0
-    if len(tours.pads.count):
+    if len(tours.pads.number):
         late += late_tours(tours, plan, space.calendar, space.silent)
     return late

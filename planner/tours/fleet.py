@@ -74,7 +74,9 @@ def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int
     last_s = float(wanted.due_s[which].max()) + HOME_S
     arcs = _arcs(laid, work.vehicles[at[0]].type, places, begin_s, last_s)
     count, every = len(which), len(places)
-    arcs.time[0, :, count + 1 :] += _longest_waits(flights, begin_s, last_s)
+    waits = _longest_waits(flights, begin_s, last_s)
+    for table in (arcs.cost, arcs.time):
+        table[0, :, count + 1 :] += waits
     due = np.concatenate(([last_s], wanted.due_s[which], np.full(len(flights.stops), last_s))) - begin_s
     demand, refusal, release = np.zeros(every), np.zeros(every), np.zeros(every)
     demand[1 : count + 1] = [work.orders[one].mass_kg for one in orders]
@@ -148,7 +150,8 @@ def _longest_waits(flights: Flights, begin_s: float, last_s: float) -> NDArray[n
     first, last = (int((time - flights.start_s) / flights.wait_step_s) for time in (begin_s, last_s))
     columns = slice(max(first, 0), max(last, 0) + 1)
     waits = flights.wait_s[flights.stops, columns]
-    return waits.max(axis=1) if waits.shape[1] else flights.wait_s[flights.stops, -1]
+    longest: NDArray[np.float64] = waits.max(axis=1) if waits.shape[1] else flights.wait_s[flights.stops, -1]
+    return longest
 
 
 def _slowest(flights: Flights, kind: int, level: float) -> float:

@@ -72,7 +72,7 @@ def partition(
         above.append(row)
         limits.append(len(chosen) - 1.0)
     rows = csr_array(np.concatenate(above)) if above else None
-    relaxed = linprog(
+    relaxed = linprog(  # type: ignore[call-overload]
         cost,
         A_ub=rows,
         b_ub=limits or None,
@@ -89,7 +89,7 @@ def partition(
         matrix = vstack((matrix, rows[:, kept])).tocsr()
         low, high = np.concatenate((low, np.full(len(limits), -np.inf))), np.concatenate((high, limits))
     found = milp(
-        cost[kept], constraints=LinearConstraint(matrix, low, high), integrality=np.ones(len(kept)), bounds=Bounds(0, 1),
+        cost[kept], constraints=LinearConstraint(matrix, low, high), integrality=np.ones(len(kept), dtype=np.int64), bounds=Bounds(0, 1),
         options={"time_limit": time_limit_s, "mip_rel_gap": 0.0},
     )  # fmt: skip
     if found.x is None or found.fun >= most_cost - EDGE:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -48,7 +47,7 @@ class Pads(NamedTuple):
     """Chargers of the stations; without a station they are no concern."""
 
     first: NDArray[np.int64]
-    count: NDArray[np.int64]
+    number: NDArray[np.int64]
     """Shape (stations,) each: number of the first one, and how many."""
     taken: Calendar
     """Windows that others have."""
@@ -105,8 +104,7 @@ class Arcs(NamedTuple):
     """Energy for each unit of load aboard."""
 
 
-@dataclass(frozen=True)
-class Visits:
+class Visits(NamedTuple):
     """What places want, shape (places,) each; place 0 is the depot."""
 
     ready: NDArray[np.float64]
@@ -117,8 +115,7 @@ class Visits:
     release: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Charging:
+class Charging(NamedTuple):
     """How all stations charge: time for a unit of energy, up to which energy, of how much in all."""
 
     pace: float
@@ -135,8 +132,10 @@ NO_DEPOT = Depot(0, np.empty(0, dtype=np.int64), 1.0)
 
 def alike(count: int, begin: float, end: float, energy: float, capacity: float) -> Vehicles:
     """Return so many vehicles that are the same."""
-    columns = (np.full(count, value, dtype=np.float64) for value in (begin, end, energy, capacity))
-    return Vehicles(*columns, np.zeros(count, dtype=np.int64))
+    begins, ends, energies, capacities = (
+        np.full(count, value, dtype=np.float64) for value in (begin, end, energy, capacity)
+    )
+    return Vehicles(begins, ends, energies, capacities, np.zeros(count, dtype=np.int64))
 
 
 def lay_out(
@@ -180,20 +179,18 @@ def lay_out(
         first[tail, -1] = count
     ways = _ways(np.concatenate(rows))
     near = np.argsort(np.minimum(least, least.T)[:, 1:], axis=1, kind="stable") + 1
-    picked = (
-        getattr(visits, name)[nodes].astype(np.float64)
-        for name in ("ready", "due", "service", "demand", "refusal", "release")
-    )
-    return Tours(
-        *picked, vehicles, float(charging.battery), float(charging.pace), float(charging.level), first, ways, ways.cost, fastest, near, pads,
-        depot,
-    ), nodes  # fmt: skip
+    ready, due, service, demand, refusal, release = (part[nodes].astype(np.float64) for part in visits)
+    tours = Tours(
+        ready, due, service, demand, refusal, release, vehicles, float(charging.battery), float(charging.pace), float(charging.level), first,
+        ways, ways.cost, fastest, near, pads, depot,
+    )  # fmt: skip
+    return tours, nodes
 
 
 def _ways(table: NDArray[np.float64]) -> Ways:
-    parts = (np.ascontiguousarray(table[:, begin : begin + 3]) for begin in (TIME, ENERGY, LIFT))
-    whole = (
+    time, energy, lift = (np.ascontiguousarray(table[:, begin : begin + 3]) for begin in (TIME, ENERGY, LIFT))
+    station, arc = (
         np.ascontiguousarray(table[:, begin:end].astype(np.int64))
         for begin, end in ((STATION, STATION + 2), (ARC, ARC + 3))
     )
-    return Ways(np.ascontiguousarray(table[:, COST]), *parts, *whole)
+    return Ways(np.ascontiguousarray(table[:, COST]), time, energy, lift, station, arc)

@@ -18,7 +18,7 @@ _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(
 
 
 @compiled_lean
-def mixed(state: int) -> int:
+def mixed(state: np.uint64) -> np.uint64:
     """Return the output of SplitMix64 for a state."""
     z = (state ^ (state >> _S30)) * MIX_1
     z = (z ^ (z >> _S27)) * MIX_2

@@ -55,16 +55,16 @@ class Space(NamedTuple):
 def node_at(plan: Plan, route: int, position: int) -> int:
     """Node at a position of a route; the depot before and after it."""
     if 0 <= position < plan.length[route]:
-        return plan.customer[route, position]
+        return int(plan.customer[route, position])
     return 0
 
 
 @compiled_lean
 def start_of(tours: Tours, plan: Plan, route: int) -> float:
     """When a route can begin: its vehicle is there, and all that it carries."""
-    start = max(tours.vehicles.begin[route], tours.ready[0])
+    start = max(float(tours.vehicles.begin[route]), float(tours.ready[0]))
     for position in range(plan.length[route]):
-        start = max(start, tours.release[plan.customer[route, position]])
+        start = max(start, float(tours.release[plan.customer[route, position]]))
     return start
 
 

@@ -195,7 +195,7 @@ class Search:
 
     def saved(self) -> tuple[Plan, float]:
         """Return the best plan and its cost, for `restore`."""
-        return Plan(*(part.copy() for part in self.best)), self.best_cost
+        return Plan._make(part.copy() for part in self.best), self.best_cost
 
     def restore(self, saved: tuple[Plan, float]) -> None:
         """Make the best plan what it was, and go on with it."""

@@ -79,7 +79,7 @@ def remember(tours: Tours, plan: Plan, pool: Pool, route: int) -> None:
             key += mixed(np.uint64(plan.way[route, position] + 1000) * MIX_1)
     at = np.int64(key % np.uint64(len(pool.slot)))
     while pool.slot[at] >= 0 and pool.key[pool.slot[at]] != key:
-        at = at + 1 if at + 1 < len(pool.slot) else 0
+        at = np.int64(at + 1 if at + 1 < len(pool.slot) else 0)
     number = pool.slot[at]
     if number < 0:
         number = pool.filled[0]

@@ -99,7 +99,7 @@ def _fewer(search: Search, end_at: float, iterations: int) -> int:
     least = int(np.ceil(tours.demand.sum() / max(float(tours.vehicles.capacity.max()), 1e-9) - 1e-9))
     last = search.iterations + iterations
     while not len(search.refused) and search.used > max(least, 1):
-        saved = search.saved()
+        saved, most = search.saved(), search.used - 1
         search.restart()
         search.drop_route()
         search.best_cost = float(tours.refusal[1:].sum())
@@ -108,18 +108,13 @@ def _fewer(search: Search, end_at: float, iterations: int) -> int:
             iterations=max(last - search.iterations, 1),
             warm=0.1,
             cool=0.1,
-            most_routes=saved_routes(saved) - 1,
+            most_routes=most,
             until_served=True,
         )
         if (search.plan.route_of[1:] < 0).any() or len(search.refused):
             search.restore(saved)
             break
     return search.used
-
-
-def saved_routes(saved: tuple[object, float]) -> int:
-    """How many routes a saved plan has."""
-    return int((saved[0].length > 0).sum())  # type: ignore[attr-defined]
 
 
 def _choose(search: Search, most_routes: int, end_at: float) -> None:

@@ -43,12 +43,12 @@ def faults(instance: evrptw.Instance, routes: Sequence[Sequence[str]]) -> list[s
         load = sum(demand[one] for one in route)
         if load > instance.capacity + TOLERANCE:
             found.append(f"route {number}: load {load:g} of {instance.capacity:g}")
-        if not _can_be_driven(instance, route):
+        if not can_be_driven(instance, route):
             found.append(f"route {number}: windows and battery cannot be kept")
     return found
 
 
-def _can_be_driven(instance: evrptw.Instance, route: Sequence[str]) -> bool:
+def can_be_driven(instance: evrptw.Instance, route: Sequence[str]) -> bool:
     """Whether there are times and charges that keep the windows and the battery.
 
     Variables of each stop i: begin of service t_i, energy on arrival e_i, charge x_i (0 but at stations).

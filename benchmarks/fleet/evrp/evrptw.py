@@ -75,8 +75,9 @@ def read(name: str) -> Instance:
     rows.sort(key=lambda row: "dfc".index(row[1]))
     values = {line[0]: float(found[1]) for line in text.splitlines() if (found := re.search(r"/([\d.]+)/", line))}
     columns = np.array([[float(value) for value in row[2:]] for row in rows])
+    demand, ready, due, service = columns[:, 2:].T
     return Instance(
-        name, tuple(row[0] for row in rows), tuple(row[1] for row in rows), columns[:, :2], *columns[:, 2:].T,
+        name, tuple(row[0] for row in rows), tuple(row[1] for row in rows), columns[:, :2], demand, ready, due, service,
         battery=values["Q"], capacity=values["C"], consumption=values["r"], refuelling=values["g"], velocity=values["v"],
     )  # fmt: skip
 
@@ -116,7 +117,8 @@ def best_known() -> dict[str, BestKnown]:
     found = {}
     with (FOLDER / "bks-evrptwpr_part.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file, delimiter="\t"):
-            routes, route = [], []
+            routes: list[tuple[str, ...]] = []
+            route: list[str] = []
             for one in row["CONFIGURATION"].split(";"):
                 if one == "D0":
                     if route:

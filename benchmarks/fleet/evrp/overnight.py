@@ -120,9 +120,9 @@ def tours_of(instance: Instance) -> tuple[Tours, NDArray[np.int64]]:
         head = 0 if link.head == nodes else link.head
         number[0 if number[0, link.tail, head] < 0 else 1, link.tail, head] = index
     cost, time, energy = (np.full(number.shape, np.inf) for _ in range(3))
-    for key, index in np.ndenumerate(number):
-        if index >= 0:
-            link = instance.links[index]
+    for key, found in np.ndenumerate(number):
+        if found >= 0:
+            link = instance.links[int(found)]
             cost[key], time[key], energy[key] = link.cost, link.time, link.energy
     window = np.array(instance.window[:-1], dtype=np.float64)
     load = np.array(instance.load[:-1], dtype=np.float64)
