@@ -25,6 +25,7 @@ class ToursParameters(Parameters):
     pooled: float = parameter(1.03, "tours are kept of plans that cost less than so many times the best", 1, 10)
     pool: int = parameter(40_000, "tours that are kept, at most", 100, 10_000_000)
     choice_share: float = parameter(0.2, "share of the time for each choice of the best, at most", 0, 1)
+    choice_s: float = parameter(10.0, "time for each choice of the best, at most", 0, 1e6, unit="s")
     level: float = parameter(
         0.8, "stations charge drones up to this, where charging is about as fast as from empty", 0.3, 1
     )

@@ -136,7 +136,7 @@ def _choose(search: Search, most_routes: int, end_at: float) -> None:
         jobs = Jobs(found[:, 0], found[:, 1], tours.depot.chargers)
     apart: list[list[int]] = []
     for _ in range(CHOICES):
-        left = end_at - time.perf_counter()
+        left = min(end_at - time.perf_counter(), search.parameters.choice_s)
         if left <= 0.0:
             break
         picked = partition(

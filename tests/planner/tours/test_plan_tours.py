@@ -59,7 +59,7 @@ def check(work, wind, made):
         aboard = sum(orders[one].mass_kg for one in route.orders)
         assert aboard <= payload + 1e-9
         delivered = {one.order: one.delivered for one in made.answers}
-        left = [one.begin for one in route.steps if one.kind == "fly"][0]
+        left = next(one.begin for one in route.steps if one.kind == "fly")
         assert all(left >= orders[one].ready for one in route.orders)
         for step in route.steps:
             assert step.origin == at
