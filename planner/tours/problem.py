@@ -170,7 +170,7 @@ def lay_out(
             spare = float(visits.due[j] - visits.ready[i] - visits.service[i])
             if tail == head or spare < 0.0:
                 continue
-            found = ways_of(arcs, stations, i, j, spare, charging.battery, charging.level, most)
+            found = ways_of(arcs, stations, i, j, spare, float(charging.battery), float(charging.level), most)
             if len(found):
                 least[tail, head] = found[0, COST]
                 fastest[tail, head] = found[:, TIME : TIME + 3].sum(axis=1).min()
