@@ -13,8 +13,8 @@ from skyway.planner.tours.solve import solve
 
 TUNED_ON = ("r105_21", "r201_21", "rc201_21")
 """Instances on which the numbers of `planner.parameters.tours` were set."""
-NARROW, WIDE = 1_000_000, 400_000
-"""Iterations for instances with narrow and wide windows: a minute of one processor, about."""
+NARROW, WIDE = 500_000, 200_000
+"""Iterations for instances with narrow and wide windows: half a minute of one processor, about."""
 
 
 def judge_evrptw(name: str, *, share: float, seed: int) -> float:
@@ -60,7 +60,7 @@ def judge_overnight(name: str, *, share: float, seed: int) -> float:
     tours, number = overnight.tours_of(instance)
     solve(tours, ToursParameters(), iterations=1)
     started = time.process_time()
-    search = solve(tours, ToursParameters(), seed=seed, time_limit_s=1e6, iterations=int(share * NARROW / 4))
+    search = solve(tours, ToursParameters(), seed=seed, time_limit_s=1e6, iterations=int(share * NARROW / 2))
     took_s = time.process_time() - started
     solution = overnight.solution_of(search, number)
     faults = checker.overnight_faults(instance, solution)

@@ -51,12 +51,16 @@ def drop(plan: Plan, work: Work, node: int) -> None:
 @compiled_lean
 def mend(tours: Tours, plan: Plan, work: Work, space: Space, route: int) -> None:
     """Make a route that lost customers feasible with its cheapest charges; where it has none, all customers leave it."""
-    plain = True
+    plain, valid, cost = True, True, 0.0
     for position in range(plan.length[route] + 1):
         way = plan.way[route, position]
         tail, head = node_at(plan, route, position - 1), node_at(plan, route, position)
-        plain = plain and way == tours.first[tail, head] and way < tours.first[tail, head + 1]
-    if plain and relabel(tours, plan, route):
+        plain = plain and way == tours.first[tail, head]
+        valid = valid and tours.first[tail, head] <= way < tours.first[tail, head + 1]
+        cost += tours.guide[way] if valid else 0.0
+    if valid and relabel(tours, plan, route):
+        if not plain and recharge(tours, plan, route, space, cost):
+            relabel(tours, plan, route)
         return
     if recharge(tours, plan, route, space, np.inf) and relabel(tours, plan, route):
         return
