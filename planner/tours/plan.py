@@ -130,10 +130,11 @@ def plan_tours(
 
 
 def _teams(work: Work, laid: Laid) -> list[tuple[int, list[int]]]:
-    """Drones of one type that stand where they are at home, by station; those that carry most first."""
+    """Drones of one type that stand where they are at home and orders begin, by station; those that carry most first."""
     teams: dict[tuple[int, str], list[int]] = {}
+    wanted = set(laid.problem.orders.origin.tolist())
     for number, drone in enumerate(work.vehicles):
-        if drone.place == drone.home:
+        if drone.place == drone.home and int(laid.problem.fleet.place[number]) in wanted:
             teams.setdefault((int(laid.problem.fleet.place[number]), drone.type), []).append(number)
     order = sorted(teams, key=lambda team: (team[0], -work.scenario.drone(team[1]).max_payload_kg, team[1]))
     return [(team[0], teams[team]) for team in order]

@@ -114,12 +114,12 @@ class Cooling(NamedTuple):
 
 @compiled_lean
 def absent_cost(tours: Tours, work: Work, plan: Plan) -> tuple[float, float]:
-    """Return what the customers that are in no route cost, and how often they were in none, in sum."""
+    """Return what the customers that are in no route cost, and in sum how often they were in none, weighed by that."""
     cost, lack = 0.0, 0.0
     for node in range(1, len(plan.route_of)):
         if plan.route_of[node] < 0:
             cost += tours.refusal[node]
-            lack += work.absences[node]
+            lack += work.absences[node] * tours.refusal[node]
     return cost, lack
 
 
