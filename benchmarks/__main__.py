@@ -23,6 +23,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "fleet-gap": ("fleet.bench_gap", []),
     "fleet-city": ("fleet.bench_city", []),
     "fleet-size": ("fleet.bench_size", []),
+    "evrp": ("fleet.bench_evrp", []),
     "sydney": ("fleet.bench_sydney", []),
     "page": ("web.bench_page", ["--seconds", "30"]),
     "rolling": ("online.bench_rolling", ["--deliveries", "12"]),

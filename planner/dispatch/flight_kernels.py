@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled
+from skyway.planner.calendar_kernels import free_from
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.planner.calendar_kernels import Calendar
     from skyway.planner.dispatch.problem import Flights
 
 FLY, CHARGE = 0, 1
@@ -31,17 +33,6 @@ TYPICAL = 0.3
 """Charge for which a pad is looked for at the next stop."""
 
 
-class Calendar(NamedTuple):
-    """Windows in which pads are taken, by pad in order of time."""
-
-    start_s: NDArray[np.float64]
-    end_s: NDArray[np.float64]
-    owner: NDArray[np.int64]
-    """Shape (pads, windows) each: from when to when, and by which drone; -1 is none of ours."""
-    filled: NDArray[np.int64]
-    """Shape (pads,)."""
-
-
 class Trace(NamedTuple):
     """What a drone does, written down; with no rows nothing is."""
 
@@ -49,25 +40,6 @@ class Trace(NamedTuple):
     """Shape (rows, 10), see the column names."""
     filled: NDArray[np.int64]
     """Shape (1,)."""
-
-
-@compiled
-def free_from(calendar: Calendar, pad: int, time_s: float, length_s: float, drone: int) -> float:
-    """Earliest time from which a pad is free for so long, as far as others take it."""
-    low, high = 0, calendar.filled[pad]
-    while low < high:  # the first window that ends after the time
-        middle = (low + high) // 2
-        if calendar.end_s[pad, middle] > time_s:
-            high = middle
-        else:
-            low = middle + 1
-    for number in range(low, calendar.filled[pad]):
-        if calendar.owner[pad, number] == drone:
-            continue
-        if calendar.start_s[pad, number] >= time_s + length_s - SLACK:
-            break
-        time_s = max(time_s, calendar.end_s[pad, number])
-    return time_s
 
 
 @compiled

@@ -74,12 +74,13 @@ def lay_out_problem(
     promised: Collection[str] = (),
     closed: Mapping[Leg, float] | None = None,
     seen: PadsSeen = NOTHING_SEEN,
+    loads_kg: Sequence[float] = (),
 ) -> Laid:
     """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others, `promised` orders that were promised once.
 
     Without margins flights need what the model says of them, not what keeps the reserve of all but few; `margin_of` gives those of
     types of drones in place of the usual one (`planner.dispatch.departure_margin`). `closed` has legs that are not flown before a time, POSIX seconds.
-    Waits for pads are expected from what is `seen` of them on.
+    Waits for pads are expected from what is `seen` of them on; `loads_kg` has masses that are carried beside those of the orders.
 
     An `InputError` refuses what is too far ahead for the forecast, or too large.
     """
@@ -95,7 +96,7 @@ def lay_out_problem(
     places = tuple(sorted(stops | named))
     place_of = {node: number for number, node in enumerate(places)}
     types = [drone for drone in scenario.drones if any(one.type == drone.id for one in work.vehicles)]
-    modes = _modes(types, [one.mass_kg for one in work.orders], parameters.dispatch.payload_classes)
+    modes = _modes(types, [*(one.mass_kg for one in work.orders), *loads_kg], parameters.dispatch.payload_classes)
     problems = [mode_problem(work, depart, forecast, parameters, drone, mass, seen=seen) for drone, mass in modes]
     air = problems[0].air
     slots = int(min(np.ceil((end_s - air.start_s) / air.slot_s), air.north.shape[1]))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled
-from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, KIND, PAD, Calendar, Trace
+from skyway.planner.calendar_kernels import Calendar, book
+from skyway.planner.dispatch.flight_kernels import BEGIN, CHARGE, END, KIND, PAD, Trace
 from skyway.planner.dispatch.route_kernels import Halts, go_home, serve
 
 if TYPE_CHECKING:
@@ -79,26 +80,6 @@ def insertions(
             cost += go_home(flights, fleet, weights, routes.halts, calendar, trace, drone, last, place, time_s, soc)
             if cost - routes.total[drone] < added[number]:
                 added[number], position[number] = cost - routes.total[drone], begin
-
-
-@compiled
-def book(calendar: Calendar, pad: int, start_s: float, end_s: float, drone: int) -> bool:
-    """Write a window into the calendar; false where there is no room for it.
-
-    Takes a pad of the calendar, finite times and any owner.
-    """
-    count = calendar.filled[pad]
-    if count >= calendar.start_s.shape[1]:
-        return False
-    place = count
-    while place > 0 and calendar.start_s[pad, place - 1] > start_s:
-        calendar.start_s[pad, place] = calendar.start_s[pad, place - 1]
-        calendar.end_s[pad, place] = calendar.end_s[pad, place - 1]
-        calendar.owner[pad, place] = calendar.owner[pad, place - 1]
-        place -= 1
-    calendar.start_s[pad, place], calendar.end_s[pad, place], calendar.owner[pad, place] = start_s, end_s, drone
-    calendar.filled[pad] = count + 1
-    return True
 
 
 @compiled

@@ -12,7 +12,8 @@ from skyway.planner.dispatch.flight_kernels import CHARGE, EMPTY, HOME, LOADED, 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from skyway.planner.dispatch.flight_kernels import Calendar, Trace
+    from skyway.planner.calendar_kernels import Calendar
+    from skyway.planner.dispatch.flight_kernels import Trace
     from skyway.planner.dispatch.problem import Fleet, Flights, Orders, Weights
 
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.dispatch.flight_kernels import HOME, Calendar, Trace
-from skyway.planner.dispatch.plan_kernels import Routes, book, insertions, lay_out, rebook, unbook
+from skyway.planner.calendar_kernels import Calendar, book
+from skyway.planner.dispatch.flight_kernels import HOME, Trace
+from skyway.planner.dispatch.plan_kernels import Routes, insertions, lay_out, rebook, unbook
 from skyway.planner.dispatch.route_kernels import Halts
 
 if TYPE_CHECKING:

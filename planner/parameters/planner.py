@@ -12,6 +12,7 @@ from skyway.planner.parameters.exact import ExactParameters
 from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.robust import RobustParameters
 from skyway.planner.parameters.simulation import ScheduleParameters
+from skyway.planner.parameters.tours import ToursParameters
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class PlannerParameters(Parameters):
     online: OnlineParameters = field(default_factory=OnlineParameters)
     evaluation: EvaluationParameters = field(default_factory=EvaluationParameters)
     dispatch: DispatchParameters = field(default_factory=DispatchParameters)
+    tours: ToursParameters = field(default_factory=ToursParameters)
 
 
 USUAL = PlannerParameters()

@@ -15,7 +15,7 @@ from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.promises.promises import promised
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from datetime import datetime
 
     from skyway.models.ledger.ledger import Hold, Lease, Ledger
@@ -56,6 +56,13 @@ def plan_fleet(
         )  # fmt: skip
         return promised(work, plan, forecast, parameters, reserve=reserve, seed=seed, holds=holds, seen=seen)
 
+    return booked(planned, work, depart, ledger=ledger, holder=holder, time_limit_s=time_limit_s)
+
+
+def booked(
+    planned: Callable[[Sequence[Hold]], DispatchPlan], work: Work, depart: datetime, *, ledger: str | None, holder: str, time_limit_s: float
+) -> DispatchPlan:  # fmt: skip
+    """Return what is planned around what others hold; with a ledger, it is booked there."""
     if ledger is None:
         return planned(())
     ids = {one.id for one in work.orders}

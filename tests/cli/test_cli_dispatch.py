@@ -128,3 +128,50 @@ def test_options_that_do_not_fit(skyway, files):
         done = skyway(*PLAN, *more)
         assert done.code == 2
         assert said in done.err
+
+
+TOURS = ("dispatch", "tours", "--orders", "round.csv", "--fleet", "home.csv", "--depart", "2013-07-10T14:00-04:00", "--wind", "4@270", "--iterations", "50")  # fmt: skip
+
+
+@pytest.fixture
+def round_(tmp_path):
+    rows = [f"{name},bellevue,{to},0.3,2013-07-10T14:00-04:00,2013-07-10T16:30-04:00,0" for name, to in (("a", "jacobi"), ("b", "yankee-stadium"))]  # fmt: skip
+    (tmp_path / "round.csv").write_text("\n".join(("id,from,to,mass_kg,ready,due,priority", *rows)) + "\n")
+    (tmp_path / "home.csv").write_text("id,type,home,charge_percent\nd1,m200,bellevue,90\n")
+    return tmp_path
+
+
+def test_tours_are_printed_written_and_booked(skyway, round_):
+    done = skyway(*TOURS, "--ledger", "ledger.db", "-o", "tours.json")
+    assert done.code == 0, done.err
+    assert "2 of 2 orders served" in done.out
+    document = json.loads((round_ / "tours.json").read_text())
+    assert len(document["drones"]) == 1
+    assert sorted(document["drones"][0]["orders"]) == ["a", "b"]
+    charges = [step for step in document["drones"][0]["steps"] if step["kind"] == "charge"]
+    with open_ledger(str(round_ / "ledger.db")) as ledger:
+        assert sorted((one.window.station, one.window.pad) for one in ledger.holds()) == sorted(
+            (one["from"], one["pad"]) for one in charges
+        )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("--actual-wind", "8@270"), "a fleet is not planned with perfect information"),
+        (("--time-limit", "0"), "must be above 0"),
+        (("--reserve", "95"), "--reserve"),
+    ],
+)
+def test_tours_refuse_what_is_wrong_in_one_line(skyway, round_, wrong, said):
+    done = skyway(*TOURS, *wrong)
+    assert done.code == 2
+    assert said in done.err
+    assert "Traceback" not in done.err
+
+
+def test_where_no_tour_serves_anything_the_exit_code_says_so(skyway, round_):
+    (round_ / "home.csv").write_text("id,type,home,charge_percent\nd1,m200,jacobi,90\n")
+    done = skyway(*TOURS)
+    assert done.code == 1
+    assert "no drone of the fleet stands at its station" in done.out

@@ -53,14 +53,17 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     if len(plan.routes) > SHOWN:
         say(f"… and {len(plan.routes) - SHOWN} more drones")
     say("")
-    gap = (plan.cost_s - plan.bound_s) / plan.bound_s if plan.bound_s > 0.0 else 0.0
     stated = [one.outlook.chance for one in plan.answers if one.outlook is not None]
     if stated and plan.below_reserve is not None:
         say(
             f"Simulated in many realizations: {percent(sum(stated) / len(stated))} of the served orders are in time, "
             f"{percent(plan.below_reserve, 2)} of the landings are below the reserve."
         )
-    say(f"Weighted cost {duration(plan.cost_s)}; lower bound {duration(plan.bound_s)}, at most {percent(gap)} above it. "
+    bound = ""
+    if plan.bound_s > 0.0:
+        gap = (plan.cost_s - plan.bound_s) / plan.bound_s
+        bound = f"; lower bound {duration(plan.bound_s)}, at most {percent(gap)} above it"
+    say(f"Weighted cost {duration(plan.cost_s)}{bound}. "
         f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,13 @@ from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions, PadOptions
 from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.ledger.ledger import Hold
+    from skyway.models.orders.fitting import Work
+    from skyway.planner.dispatch.result import DispatchPlan
 
 dispatch = typer.Typer(help="Plan for a fleet.", no_args_is_help=True, rich_markup_mode=None)
 dispatch.callback()(lambda: None)
@@ -50,13 +57,10 @@ def plan(
       skyway dispatch plan --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00
       skyway dispatch plan --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00 --ledger ledger.db -o day.json
     """
-    from skyway.cli.views.dispatch import print_dispatch
-    from skyway.models.base.files import write_atomically
     from skyway.models.orders.files import read_orders, read_vehicles
     from skyway.models.orders.fitting import fit
     from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
     from skyway.now import pads_now
-    from skyway.planner.dispatch.result import document_of
     from skyway.planner.promises.booked import plan_fleet
 
     options.refuse_overwriting(output, force=force)
@@ -79,6 +83,70 @@ def plan(
         work, depart, known.forecast, parameters,
         reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, ledger=ledger, holder=holder, seen=seen,
     )  # fmt: skip
+    _show(work, made, as_json=as_json, output=output, force=force)
+
+
+@dispatch.command("tours")
+@with_groups
+def tours(
+    conditions: ConditionOptions,
+    orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")],
+    fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")],
+    ledger: Annotated[
+        str | None, typer.Option(help="Book the pads here: a file (SQLite), or postgresql://USER@HOST/DATABASE.")
+    ] = None,
+    holder: Annotated[str, typer.Option(help="In whose name pads are booked.")] = "dispatch",
+    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better the plan, s.")] = 10.0,
+    iterations: Annotated[
+        int, typer.Option(help="Changes to try at most; with enough time the same plan comes out each time.", min=1)
+    ] = 10**9,
+    seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0,
+    settings: options.Settings = None,
+    as_json: options.AsJson = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None,
+    force: options.Force = False,
+) -> None:
+    """Plan tours: each drone leaves its station once, with several packages aboard, charges on the way, and comes home.
+
+    A drone carries what its payload allows; every package is there by when it is due, or refused with a reason. Exit code 1: none is served.
+
+    Examples
+    --------
+      skyway dispatch tours --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00
+      skyway dispatch tours --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00 --ledger ledger.db -o tours.json
+    """
+    from skyway.models.orders.files import read_orders, read_vehicles
+    from skyway.models.orders.fitting import fit
+    from skyway.planner.promises.booked import booked
+    from skyway.planner.tours.plan import plan_tours
+
+    options.refuse_overwriting(output, force=force)
+    if conditions.truth is not None:
+        remedy = "leave it out: fleets are planned with a forecast"
+        raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
+    parameters = typed_values.planner_parameters(settings)
+    least = typed_values.percent(reserve, "--reserve", high=75.0)
+    work = fit(conditions.loaded(), read_orders(orders), read_vehicles(fleet))
+    depart = conditions.instant
+    known, _ = conditions.winds(work.scenario, depart, None)
+
+    def planned(holds: Sequence[Hold]) -> DispatchPlan:
+        return plan_tours(
+            work, depart, forecast=known.forecast, holds=holds, reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed,
+            parameters=parameters,
+        )  # fmt: skip
+
+    made = booked(planned, work, depart, ledger=ledger, holder=holder, time_limit_s=time_limit)
+    _show(work, made, as_json=as_json, output=output, force=force)
+
+
+def _show(work: Work, made: DispatchPlan, *, as_json: bool, output: Path | None, force: bool) -> None:
+    """Print a plan, and write it to a file; exit with 1 where nothing is served."""
+    from skyway.cli.views.dispatch import print_dispatch
+    from skyway.models.base.files import write_atomically
+    from skyway.planner.dispatch.result import document_of
+
     document = json_text(document_of(made), indent=1)
     if output is not None:
         write_atomically(output, document + "\n", force=force)

@@ -1,0 +1,1 @@
+"""Tours: several packages aboard, recharging on the way, chargers that are few."""

@@ -1,0 +1,151 @@
+"""Tours of a fleet against what they must keep: what is aboard, charge, time and pads of every step, by the tables of flights alone."""
+
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from skyway.missions.examples import NEW_YORK
+from skyway.models.ledger.ledger import Hold
+from skyway.models.ledger.window import Window
+from skyway.models.orders.fitting import fit
+from skyway.models.orders.order import Order, Vehicle
+from skyway.models.scenario.file import read_scenario
+from skyway.models.wind.forecast import constant_wind
+from skyway.planner.dispatch.flights import lay_out_problem
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.tours.plan import plan_tours
+
+START = datetime(2013, 7, 10, 18, tzinfo=UTC)
+RESERVE = 0.2
+
+
+def order(name, to, mass_kg=0.3, *, ready_min=0, due_min=180, origin="bellevue", priority=0):
+    return Order(
+        id=name, origin=origin, destination=to, mass_kg=mass_kg, priority=priority,
+        ready=START + timedelta(minutes=ready_min), due=START + timedelta(minutes=due_min),
+    )  # fmt: skip
+
+
+def drone(name, soc=0.9, home="bellevue"):
+    return Vehicle(id=name, type="m200", home=home, place=home, soc=soc)
+
+
+@pytest.fixture(scope="module")
+def forecast():
+    scenario = read_scenario(NEW_YORK)
+    return scenario, constant_wind(4.0, 270.0, START, 48, 40.7, -73.9, scenario.rules.cruise_height_m)
+
+
+def planned(forecast, orders, drones, *, holds=(), iterations=300):
+    scenario, wind = forecast
+    work = fit(scenario, orders, drones)
+    made = plan_tours(work, START, forecast=wind, holds=holds, time_limit_s=600.0, iterations=iterations)
+    check(work, wind, made)
+    return work, made
+
+
+def check(work, wind, made):
+    """Judge every step by the tables of flights, without the tours' own code."""
+    payload = work.scenario.drone("m200").max_payload_kg
+    laid = lay_out_problem(work, START, wind, USUAL, loads_kg=[payload])
+    flights, network = laid.problem.flights, work.scenario.network
+    number = {network.stations[node].id: place for place, node in enumerate(laid.places)}
+    orders, held = {one.id: one for one in work.orders}, {}
+    for route in made.routes:
+        start = next(one for one in work.vehicles if one.id == route.drone)
+        at, time, soc = start.place, START, start.soc
+        aboard = sum(orders[one].mass_kg for one in route.orders)
+        assert aboard <= payload + 1e-9
+        delivered = {one.order: one.delivered for one in made.answers}
+        left = next(one.begin for one in route.steps if one.kind == "fly")
+        assert all(left >= orders[one].ready for one in route.orders)
+        for step in route.steps:
+            assert step.origin == at
+            assert step.begin >= time
+            assert step.soc_begin == pytest.approx(soc, abs=1e-6)
+            if step.kind == "charge":
+                held.setdefault((step.origin, step.pad), []).append((step.begin, step.end))
+                assert step.soc_end <= USUAL.tours.level + 1e-9
+                curve = flights.curve_of[0, number[at]]
+                level, at_s = flights.curve_soc[curve], flights.curve_s[curve]
+                least_s = _at(step.soc_end, level, at_s) - _at(step.soc_begin, level, at_s)
+                assert (step.end - step.begin).total_seconds() >= least_s - 1e-3
+            else:
+                load = sum(orders[one].mass_kg for one in route.orders if delivered[one] >= step.end)
+                mode = min((mass, place) for place, (_, mass) in enumerate(laid.modes) if mass >= load - 1e-9)[1]
+                slot = int((step.begin.timestamp() - flights.start_s) // flights.slot_s)
+                leg = slot, number[step.origin], number[step.destination]
+                empty = flights.need[(0, *leg)]
+                assert (step.end - step.begin).total_seconds() >= flights.time_s[(0, *leg)] - 1e-3
+                assert empty - 1e-6 <= step.soc_begin - step.soc_end
+                if mode == 0 or load == pytest.approx(laid.modes[mode][1]):
+                    assert step.soc_begin - step.soc_end >= flights.need[(mode, *leg)] - 1e-6
+                assert step.soc_end >= RESERVE - 1e-6
+            at, time, soc = step.destination, step.end, step.soc_end
+        assert at == start.home
+        for one in route.orders:
+            assert delivered[one] <= orders[one].due
+    for windows in held.values():
+        windows.sort()
+        assert all(before[1] <= after[0] + timedelta(seconds=1e-3) for before, after in pairwise(windows))
+
+
+def _at(value, x, y):
+    return float(np.interp(value, x, y))
+
+
+def test_one_drone_takes_several_packages(forecast):
+    _, made = planned(
+        forecast, [order("a", "jacobi"), order("b", "yankee-stadium"), order("c", "jacobi")], [drone("d1")]
+    )
+    assert made.served == 3
+    assert sorted(made.routes[0].orders) == ["a", "b", "c"]
+
+
+def test_packages_that_are_too_heavy_together_are_shared_out(forecast):
+    heavy = [order("a", "jacobi", 0.8), order("b", "jacobi", 0.8), order("c", "jacobi", 0.8)]
+    _, made = planned(forecast, heavy, [drone("d1"), drone("d2", 0.8)])
+    assert made.served == 2
+    assert {len(route.orders) for route in made.routes} == {1}
+    assert [one.reason for one in made.answers if one.status == "refused"] == [
+        "the drones and pads serve orders that count more"
+    ]
+
+
+def test_a_tour_waits_for_the_last_of_its_packages(forecast):
+    _, made = planned(forecast, [order("a", "jacobi"), order("b", "jacobi", ready_min=40)], [drone("d1")])
+    assert made.served == 2
+    assert made.routes[0].steps[-1].end > START + timedelta(minutes=40)
+
+
+def test_an_order_of_higher_priority_is_served_first(forecast):
+    orders = [order("a", "jacobi", 0.8), order("b", "jacobi", 0.8, priority=1), order("c", "jacobi", 0.8)]
+    _, made = planned(forecast, orders, [drone("d1")])
+    assert [one.order for one in made.answers if one.status == "served"] == ["b"]
+
+
+def test_what_no_drone_can_do_is_refused_with_its_reason(forecast):
+    _, made = planned(
+        forecast, [order("far", "edison", due_min=10), order("else", "bellevue", origin="jacobi")], [drone("d1")]
+    )
+    reasons = {one.order: one.reason for one in made.answers}
+    assert "even alone" in reasons["far"]
+    assert "stands at its station" in reasons["else"]
+    assert made.routes == ()
+
+
+def test_pads_that_others_have_are_left_to_them(forecast):
+    work, free = planned(forecast, [order("a", "jacobi", due_min=240)], [drone("d1")])
+    window = next(one.windows[0] for one in free.answers if one.windows)
+    pads = next(one.pads for one in work.scenario.network.stations if one.id == window.station)
+    holds = [
+        Hold("other", 1, pad, Window(station=window.station, pad=pad, start=START, end=START + timedelta(minutes=90)), "firm", "other", 1)
+        for pad in range(1, pads + 1)
+    ]  # fmt: skip
+    _, made = planned(forecast, [order("a", "jacobi", due_min=240)], [drone("d1")], holds=holds)
+    for route in made.routes:
+        for step in route.steps:
+            if step.kind == "charge" and step.origin == window.station:
+                assert step.begin >= START + timedelta(minutes=90) or step.pad is None
