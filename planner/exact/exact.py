@@ -229,7 +229,7 @@ class ExactSearch:
         while self._answer is None and not self._given_up:
             until_s = min(until_s, self._latest_s)
             near = self._near(until_s, self.parameters.near_stations)
-            if near is None and not self._dense:
+            if near is None and not (self._dense and self._time_limit_s == math.inf):
                 return
             if until_s > least_s:
                 self._search_until(until_s, near or self._layout(self._extent.usable(until_s), until_s))
