@@ -17,6 +17,7 @@ from skyway.models.flight.weather_closures import closures_told
 from skyway.models.scenario.air import air_notes
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.exact.fluid_bound import fluid_bound_s
 from skyway.planner.problem.error_model import gust_notes
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.sampled_queues import SampledQueues
@@ -88,6 +89,8 @@ def solve(
     if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
     summary = outcome(problem, schedule, np.ones(1), itinerary=itinerary)
+    if isinstance(clairvoyant, ExactSearch) and not clairvoyant.complete:
+        clairvoyant.lower_bound_s = max(clairvoyant.lower_bound_s, float(fluid_bound_s(problem)[0]))
     notes = () if clairvoyant.complete else (cut_off_note(clairvoyant, time_limit_s),)
     realization = Realization(0, queues, clairvoyant.best_s)
     composition = _audited(problem, itinerary, schedule[0], summary, realization, planner, spent, notes)

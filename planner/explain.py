@@ -12,8 +12,7 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.base.statistics import weighted_quantile
 from skyway.models.drones.energy_belief import LEAST_RATIO
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.exact.extent import Extent
-from skyway.planner.exact.stop_labels import costs_of
+from skyway.planner.exact.fluid_bound import fluid_bound_s
 from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.robust import RobustSearch
@@ -243,16 +242,8 @@ def _keeping_reserve(problem: Problem) -> list[tuple[Problem, float]]:
 
 
 def mean_bound_s(problem: Problem) -> float:
-    """Bound from below, at once, how long a delivery takes on average, s.
-
-    In each member straight, at the greatest speed, charged as fast as can be (`planner.exact.extent`).
-    """
-    speeds, costs = (
-        [TrueSpeeds(problem.air, member) for member in range(len(problem.probability))],
-        costs_of(problem, 0.0),
-    )
-    bounds = [Extent(problem, one, costs).straight_s(one.slots) - problem.depart_s for one in speeds]
-    return float(np.average(bounds, weights=problem.probability))
+    """Bound from below, at once, how long a delivery takes on average, s; see `planner.exact.fluid_bound`."""
+    return float(np.average(fluid_bound_s(problem) - problem.depart_s, weights=problem.probability))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A request counts whole, as `skyway.plan` answers it: the problem, queues of the stations that the search meets, search,
 simulations, audit. Each leaves at another hour of 2013, in the forecast of that hour, with queues and pads of its own; the
 truth of the clairvoyant planners is a member of it. What is worked out once for a network and its wind sites is not counted.
-Times are processor time of the one thread that plans. networkx finds the shortest way by distance on the same network
+Times are processor time of the one thread that plans, and so are time limits. networkx finds the shortest way by distance on the same network
 (Dijkstra), without wind, battery, pads or queues: the peer that ratios are of.
 """
 
@@ -18,6 +18,7 @@ import time
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import numpy as np
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from skyway.models.scenario.scenario import Scenario
 
-SEED = 11
+SEED = 29
 NEAR_M = 20_000.0, 60_000.0
 PAYLOADS_KG = 0.2, 0.8, 1.4
 PLANNED = ("exact", "robust")
@@ -85,7 +86,10 @@ def trials(scenario: Scenario, planner: str, asked: list[Request], time_limit_s:
         truth = forecast.member(number % len(forecast.probability)) if planner in CLAIRVOYANT_PLANNERS else None
         begun = time.thread_time()
         try:
-            result = plan(scenario, request, planner=planner, forecast=forecast, truth=truth, time_limit_s=time_limit_s)
+            with mock.patch("time.perf_counter", time.thread_time):  # as on a machine that has nothing else to do
+                result = plan(
+                    scenario, request, planner=planner, forecast=forecast, truth=truth, time_limit_s=time_limit_s
+                )
         except InfeasibleError:
             continue
         spent = time.thread_time() - begun

@@ -120,17 +120,21 @@ def sample_many(
     count: int,
     busy: int | None,
     free_s: Sequence[float] = (),
+    until_s: float = math.inf,
 ) -> PackedPaths:
     """Sample many paths of one station at once, from a separate stream seeded by the seed and its index.
 
     Arguments as of `sample_sets`, which samples paths that are named one by one; `count` of them here hang together: where
     nobody has seen the pads (`busy` is None), the numbers of drones that they begin with are drawn evenly from the
     probabilities. So this is not to be asked for a part of what another has.
+
+    Paths that are lived until `until_s` only, POSIX seconds, are as long ones are up to then.
     """
     if not pads:
         return pack([no_queue()] * count)
     first_s = math.floor(start_s / S_PER_H) * S_PER_H
-    times = first_s, start_s, start_s + hours * S_PER_H
+    end_s = start_s + hours * S_PER_H
+    times = first_s, start_s, min(end_s, max(until_s, start_s))
     arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
     present = np.full(count, busy or 0)
@@ -139,7 +143,9 @@ def sample_many(
         evenly = (rng.permutation(count) + rng.random(count)) / count
         present = np.searchsorted(share, evenly * share[-1], side="right").astype(np.int64)
     known = np.sort(np.array(free_s, dtype=np.float64))
-    come = float(arrivals.max()) * (times[2] - first_s)
+    come = float(arrivals.max()) * (
+        end_s - first_s
+    )  # draws of the whole horizon, so that those of each path are the same
     most = int(present.max()) + come + 5.0 * math.sqrt(come)
     draws = rng.standard_exponential((count, pads + 2 * (16 + int(most))))
     while True:

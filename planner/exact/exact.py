@@ -24,9 +24,10 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError, NoRouteError
 from skyway.planner.exact.escape import needed_to_land
 from skyway.planner.exact.extent import Extent
+from skyway.planner.exact.gates import last_gate
 from skyway.planner.exact.label_search import GAIN_S, Round
 from skyway.planner.exact.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
-from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s
+from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
 from skyway.planner.exact.subnetwork import narrowed, queued, subnetwork
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.kernel_inputs import check_shape, check_speeds
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.queues.paths import QueuePath
+    from skyway.planner.exact.gates import Gate
     from skyway.planner.exact.relaxation import Forward, Guide
     from skyway.planner.exact.subnetwork import Subnetwork
     from skyway.planner.problem.problem import Problem
@@ -223,18 +225,24 @@ class ExactSearch:
 
         Until some time first; before `least_s` there is no room.
         """
+        near: Subnetwork | None = None
         while self._answer is None and not self._given_up:
             until_s = min(until_s, self._latest_s)
             near = self._near(until_s, self.parameters.near_stations)
-            if near is None:
+            if near is None and not (self._dense and self._time_limit_s == math.inf):
                 return
             if until_s > least_s:
-                self._search_until(until_s, near)
+                self._search_until(until_s, near or self._layout(self._extent.usable(until_s), until_s))
             if until_s >= self._latest_s:
                 break
             until_s = self._longer(until_s)
-        if self._answer is not None and self._most_labels == math.inf and self._time_is_left:
+        if self._answer is not None and near is not None and self._most_labels == math.inf and self._time_is_left:
             self._prove()
+
+    @property
+    def _dense(self) -> bool:
+        """Whether the network is dense as a whole."""
+        return len(self.problem.network.head) > self.parameters.dense_segments
 
     @property
     def _time_is_left(self) -> bool:
@@ -259,17 +267,18 @@ class ExactSearch:
         """Prove that the answer is the best in the whole network, or better it."""
         if self._bounded is None:
             self._bounded = self._bound()
-        (whole, forward), until_s = self._bounded, self.best_s
-        if self._proved():
-            return
-        needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
-        guide = run_backward(whole, self._costs, forward, needed, self._come_by_s(until_s))
-        keep = guide.used.copy()
-        keep[[whole.origin, whole.destination]] = True
-        part = queued(narrowed(whole, keep), self.problem, self.queues)
-        guide, _ = only_nodes(guide, forward, keep)
-        first = 0 if self.gap > self.parameters.near_gap else -1
-        self._refine(part, guide, needed, until_s, self.parameters.near_refinements[first:])
+        whole, forward = self._bounded
+        for beyond in self.parameters.proof_cells:
+            if self._proved() or not self._time_is_left:
+                return
+            until_s = min(max(self.lower_bound_s, forward.arrive_s) + beyond * forward.cells.step_s, self.best_s)
+            needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
+            guide = run_backward(whole, self._costs, forward, needed, self._come_by_s(until_s))
+            keep = guide.used.copy()
+            keep[[whole.origin, whole.destination]] = True
+            part = queued(narrowed(whole, keep), self.problem, self.queues)
+            guide, _ = only_nodes(guide, forward, keep)
+            self._refine(part, guide, needed, until_s)
 
     def _proved(self) -> bool:
         """Whether there is an answer, and nothing arrives before it."""
@@ -308,15 +317,14 @@ class ExactSearch:
             part = narrowed(whole, keep)
             guide, forward = only_nodes(guide, forward, keep)
             if not hurry:
-                shares = self.parameters.refinements if whole.whole else self.parameters.near_refinements
-                self._refine(part, guide, needed, deadline, shares)
+                self._refine(part, guide, needed, deadline)
             elif self._hurried(part, guide, forward, needed, deadline, last=deadline >= until_s):
                 if self._most_labels < math.inf or self._answer is None:
                     return
                 if not whole.whole and self._time_limit_s > 0.0:  # however soon it ends, it ends with a bound
                     self._bounded = self._bound()
                 if self._time_is_left:
-                    self._refine(part, guide, needed, min(deadline, self.best_s), self.parameters.refinements[-1:])
+                    self._refine(part, guide, needed, min(deadline, self.best_s), at_once=True)
             if self._answer is not None or deadline >= until_s or self._given_up:
                 return
         self._nothing_before(whole, until_s)
@@ -344,14 +352,16 @@ class ExactSearch:
         guide: Guide,
         needed: NDArray[np.float64],
         deadline_s: float,
-        shares: tuple[float, ...],
+        *,
+        at_once: bool = False,
     ) -> None:
-        """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first.
+        """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first, or `at_once` up to the last.
 
-        Deadlines are those `shares` of the lower bound beyond it.
+        They are beyond the lower bound by shares of it, in dense networks by so many cells.
         """
         start, coarse = self._start(), guide.cells
         near = self._bounded is not None or not part.whole
+        steps = self.parameters.near_cells if near else self.parameters.refinements
         most = self.parameters.near_states if near else self.parameters.max_states
         span = deadline_s - start.time_s
         fine_s = max(
@@ -377,11 +387,79 @@ class ExactSearch:
         self._nothing_before(part, least)
         if self._proved():
             return
-        for share in shares:
-            until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
-            narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
-            if self._run(part, narrow, forward, needed, until, self._stop_at, least_s=least) or until >= deadline_s:
+        if part.whole:
+            least = max(least, self.lower_bound_s)
+        gate = last_gate(part, forward, least, longest_s(self.problem))
+        for beyond in steps[-1:] if at_once else steps:
+            until = min(
+                least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),
+                deadline_s,
+            )
+            if gate is not None:
+                least = self._bound_after(gate, part, forward, needed, until)
+                if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
+                    return
+            if least < until:
+                narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
+                if self._run(part, narrow, forward, needed, until, self._stop_at, least_s=least):
+                    return
+            if until >= deadline_s or self._given_up:
                 return
+            least = until
+
+    def _bound_after(
+        self, gate: Gate, part: Subnetwork, forward: Forward, needed: NDArray[np.float64], until_s: float
+    ) -> float:
+        """Return a time before which nothing arrives, up to `until_s`: what a search from a gate on finds.
+
+        Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer.
+        """
+        guide = run_backward(part, self._costs, gate.forward, needed, self._come_by_s(until_s))
+        one = self._round(part, guide, gate.forward, needed, until_s, self._stop_at)
+        one.run(gate.roots(one.stop_labels, guide))
+        self.labels_expanded += one.labels_expanded
+        if not one.complete:
+            return self.lower_bound_s
+        least = one.stop_labels.best_s
+        self._nothing_before(part, least)
+        if one.best is None or self._proved():
+            return least
+        walks = [np.array(leg.segments) for leg in one.stop_labels.trace(*one.best)]
+        network, segments = self.problem.network, np.concatenate(walks)
+        over = np.searchsorted(part.nodes, np.unique((network.tail[segments], network.head[segments])))
+        mask = gate.only_over(over, forward.over.shape)
+        guide = run_backward(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
+        self._run(
+            part, guide, forward, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False
+        )
+        return least
+
+    def _round(
+        self,
+        part: Subnetwork,
+        guide: Guide,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        until_s: float,
+        stop_at: float,
+        most_labels: float = math.inf,
+        least_s: float = -math.inf,
+    ) -> Round:
+        """Return a search of labels for arrivals until some time, before which nothing arrives until `least_s`."""
+        stop_labels = StopLabels(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
+        stop_labels.best_s = until_s
+        return Round(
+            stop_labels,
+            guide,
+            forward,
+            needed,
+            stop_at,
+            answered=self._answer is not None,
+            most=min(self._most_labels - self.labels_expanded, most_labels),
+            enough=math.inf if part.whole else self.parameters.near_labels,
+            least_s=max(self.lower_bound_s, least_s),
+            end_at=self._end_at,
+        )
 
     def _run(
         self,
@@ -393,30 +471,25 @@ class ExactSearch:
         stop_at: float,
         most_labels: float = math.inf,
         least_s: float = -math.inf,
+        *,
+        proves: bool = True,
     ) -> bool:
         """Search labels for arrivals until some time; tells whether that is the end, by an answer, the clock or the count.
 
-        In this part of the network nothing arrives before `least_s`.
+        In this part of the network nothing arrives before `least_s`. A guide that leaves out more than it must `proves` nothing.
         """
-        stop_labels = StopLabels(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
-        stop_labels.best_s = until_s
-        one = Round(
-            stop_labels,
-            guide,
-            forward,
-            needed,
-            stop_at,
-            answered=self._answer is not None,
-            most=min(self._most_labels - self.labels_expanded, most_labels),
-            least_s=max(self.lower_bound_s, least_s),
-            end_at=self._end_at,
-        )
+        used = guide.used.copy()
+        used[[part.origin, part.destination]] = True
+        if 2 * np.count_nonzero(used) < len(used):
+            part = narrowed(part, used)
+            guide, forward = only_nodes(guide, forward, used)
+        one = self._round(part, guide, forward, needed, until_s, stop_at, most_labels, least_s)
         one.run()
         self.labels_expanded += one.labels_expanded
-        if one.best is not None:
-            self.best_s = stop_labels.best_s
-            self._answer = stop_labels.trace(*one.best)
-        if one.complete:
-            self._nothing_before(part, stop_labels.best_s)
+        if one.best is not None and one.stop_labels.best_s < self.best_s:
+            self.best_s = one.stop_labels.best_s
+            self._answer = one.stop_labels.trace(*one.best)
+        if one.complete and (proves or (one.best is not None and one.stop_labels.best_s <= least_s + GAIN_S)):
+            self._nothing_before(part, one.stop_labels.best_s)
         self.complete = self._answer is None or self.lower_bound_s >= self.best_s - GAIN_S
         return one.best is not None or not one.complete

@@ -27,6 +27,8 @@ from skyway.planner.exact.stop_labels import StopLabel, come_by_s, only_at
 from skyway.planner.problem.flight_table import table_slot
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from skyway.planner.exact.relaxation import Forward, Guide
@@ -61,7 +63,7 @@ class Round:
     """The search for the best composition that arrives by a deadline, the `best_s` of `stop_labels`.
 
     `guide` and `forward` are the relaxation's for this deadline; `needed` is that of
-    `planner.exact.escape.needed_at_destination`. The search ends after `most` labels; at the time `end_at` of
+    `planner.exact.escape.needed_at_destination`. The search ends after `most` labels, or `enough` with an answer; at the time `end_at` of
     `time.perf_counter`; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
     that arrives at `least_s`, before which nothing arrives.
     """
@@ -76,6 +78,7 @@ class Round:
         *,
         answered: bool = False,
         most: float = math.inf,
+        enough: float = math.inf,
         least_s: float = -math.inf,
         end_at: float = math.inf,
     ) -> None:
@@ -86,6 +89,7 @@ class Round:
         self.stop_at = stop_at
         self.answered = answered
         self.most = most
+        self.enough = enough
         self.least_s = least_s
         self.end_at = end_at
         self.complete = True
@@ -94,20 +98,24 @@ class Round:
         """Labels continued."""
         self.best: tuple[list[StopLabel], float] | None = None
         """Stays and last take-off of the best composition found, which arrives at ``stop_labels.best_s``."""
-        self._settled = Settled()
+        self._settled = Settled(len(stop_labels.subnetwork.nodes))
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
 
-    def run(self) -> None:
-        """Search to the end."""
-        origin = self.stop_labels.origin()
-        label: Label | None = self._judged(Label(origin, None, self.guide, 0.0))
+    def run(self, roots: Sequence[StopLabel] | None = None) -> None:
+        """Search to the end, from the origin or from other stop labels."""
+        for root in (self.stop_labels.origin(),) if roots is None else roots:
+            label = self._judged(Label(root, None, self.guide, 0.0))
+            if label is not None:
+                self._push(label)
+        label = self._next()
         while label is not None:
             after = self._expand(label)
             if self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S:
                 return
-            if self.labels_expanded >= self.most or self._late():
+            most = self.most if self.best is None else min(self.most, self.enough)
+            if self.labels_expanded >= most or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.
@@ -188,6 +196,7 @@ class Round:
             subnetwork.table.climb_s,
             guide.window,
             guide.leave,
+            self._settled.offered,
         )
         best: Label | None = None
         for node, spare, z, h, g in found:
@@ -197,9 +206,12 @@ class Round:
             if self.best is None and (best is None or spare > best.slack_s):
                 best, following = following, best
             if following is not None:
-                self._count += 1
-                heapq.heappush(self._heap, (-following.slack_s, self._count, following))
+                self._push(following)
         return best
+
+    def _push(self, label: Label) -> None:
+        self._count += 1
+        heapq.heappush(self._heap, (-label.slack_s, self._count, label))
 
     def _keep(self, chain: list[StopLabel], arrive_s: float, leave_s: float) -> None:
         stop_labels = self.stop_labels

@@ -163,12 +163,22 @@ def run_forward(
 
 
 def run_backward(
-    subnetwork: Subnetwork, costs: Costs, forward: Forward, needed: NDArray[np.float64], deadline_s: float
+    subnetwork: Subnetwork,
+    costs: Costs,
+    forward: Forward,
+    needed: NDArray[np.float64],
+    deadline_s: float,
+    within: NDArray[np.bool_] | None = None,
 ) -> Guide:
-    """Find what is needed to arrive by a deadline, where the forward pass on the same grid has been."""
+    """Find what is needed to arrive by a deadline, where the forward pass on the same grid has been.
+
+    By ways `within` cells and nodes alone, shape (cells, nodes), if they are given.
+    """
     table = subnetwork.table
     cells = forward.cells
     allowed = in_time(forward.over, cells, table.descent_s, costs, forward.least_s, deadline_s)
+    if within is not None:
+        allowed &= within
     least_charge = needed_in(cells, table.descent_s, needed, deadline_s)
     over, leave = backward_pass(_pass(subnetwork, costs, cells, least_charge, allowed, 1))
     can_leave = (forward.leave >= leave - _LOOSE) & (leave < np.inf)

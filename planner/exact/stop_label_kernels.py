@@ -10,7 +10,7 @@ import numpy as np
 from skyway.models.jit.compiled import compiled
 from skyway.planner.exact.relaxation_grid_kernels import Cells, slack
 from skyway.planner.schedule.leg_profile_kernels import fly_profile, stop_profile
-from skyway.planner.schedule.profile_kernels import departure_profile
+from skyway.planner.schedule.profile_kernels import covers, departure_profile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,6 +51,15 @@ class Costs(NamedTuple):
     """Greatest rate of charging of any pad."""
     landing_s: float
     """Climb and descent together, s."""
+
+
+class Offered(NamedTuple):
+    """Departure profiles of the settled labels of each node, see `planner.exact.dominance`."""
+
+    points: NDArray[np.float64]
+    """Shape (points, 2). Profiles, one behind the other."""
+    at: NDArray[np.int64]
+    """Shape (nodes, 2). Where that of each node begins, and of how many points it is."""
 
 
 @compiled
@@ -206,8 +215,9 @@ def stop_labels_after(
     climb_s: float,
     window: NDArray[np.int64],
     least_leave: NDArray[np.float64],
+    offered: Offered,
 ) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
-    """Fly from a stop label to each target and keep what can still be on time, by `slack`.
+    """Fly from a stop label to each target and keep what settled labels do not cover and can still be on time, by `slack`.
 
     Takes what `land_everywhere` takes, with a window and a row of `least_leave` for each node and cell.
 
@@ -220,6 +230,8 @@ def stop_labels_after(
     cells, climb_s, window, least_leave
         Grid, s, ndarray of int of shape (nodes, 2), ndarray of shape (cells, nodes): see
         `planner.exact.relaxation.Guide`.
+    offered : Offered
+        What settled labels offer.
 
     Returns
     -------
@@ -239,6 +251,9 @@ def stop_labels_after(
         last = grounds.curve_points[kind]
         curve_s, curve_soc = grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last]
         off = departure_profile(z, h, curve_s, curve_soc)
+        begin, size = offered.at[node, 0], offered.at[node, 1]
+        if size > 0 and covers(offered.points[begin : begin + size], off, 0.0):
+            continue
         spare = slack(off, node, cells, climb_s, (window[node, 0], window[node, 1]), least_leave, curve_s, curve_soc)
         if spare >= 0.0:
             found.append((node, spare, z, h, off))

@@ -68,6 +68,11 @@ def costs_of(problem: Problem, margin_soc_per_s: float) -> Costs:
     )
 
 
+def longest_s(problem: Problem) -> float:
+    """No flight takes longer, take-off to touch-down, its hover included."""
+    return float((max(1.0, problem.soc) - problem.reserve - problem.soc_fixed) / problem.soc_per_s)
+
+
 def landing_s(problem: Problem, queues: Mapping[int, QueuePath], arrive_s: float) -> float:
     """When a drone lands that comes to the destination at a time: at once, or when there is a pad or a holding spot."""
     if not problem.has_pads(problem.destination) or not math.isfinite(arrive_s):
@@ -139,8 +144,7 @@ class StopLabels:
     @property
     def longest_s(self) -> float:
         """No flight takes longer, take-off to touch-down."""
-        p = self.problem
-        return (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
+        return longest_s(self.problem)
 
     def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Charging curve of a node of the subnetwork."""

@@ -57,20 +57,27 @@ class ExactParameters(Parameters):
         10**9,
         measured="memory: 150 MB",
     )
-    near_gap: float = parameter(
-        0.06,
-        "share by which their answer may be above the lower bound that these are left out in the proof",
-        0,
-        10,
-        measured=_SPEED,
-    )
     hurry_s: float = parameter(
         5.0, "time limit below which any answer is looked for first, and the best after that", 0, 3600, unit="s"
     )
-    near_refinements: tuple[float, ...] = parameter(
-        (0.02, 0.06, 0.15, math.inf), "the same in one part of them", 0,
-        measured="1,000 stations on 60 km: the slowest of 40 requests a fifth faster than with 0.01, 0.03, inf (decision 84)",
+    near_labels: int = parameter(
+        60,
+        "labels in which an answer among these stations is looked for once there is one: it need not be the best",
+        1,
+        10**9,
+        measured=_SPEED,
+    )
+    near_cells: tuple[float, ...] = parameter(
+        (3.0, 6.0, 12.0, 24.0, 48.0, 96.0, math.inf), "the same in dense networks, in finer cells beyond the lower bound; the last one must be inf", 0,
+        measured="1,000 stations on 60 km: the best is mostly within ten cells of the bound (decision 131)",
     )  # fmt: skip
+    proof_cells: tuple[float, ...] = parameter(
+        (4.0, 16.0, 64.0, math.inf), "deadlines of the proof in dense networks, in cells beyond the lower bound; the last one must be inf", 0,
+        measured="1,000 stations on 60 km: where the answer near the straight way is an hour late, half the time (decision 131)",
+    )  # fmt: skip
+    gate_labels: int = parameter(
+        400, "labels in which a way to the best delivery after a storm is looked for", 1, 10**9, measured=_SPEED
+    )
     first_labels: int = parameter(
         30, "labels in which a first answer is looked for there up to one deadline, before the next one's turn", 1, 10**9,
         measured="1,000 stations on 60 km: where 60 labels found nothing, 800 did not either (decision 84)",
@@ -91,7 +98,7 @@ class ExactParameters(Parameters):
     def __post_init__(self) -> None:
         """Refuse what is out of range, and deadlines that end before the last arrival."""
         super().__post_init__()
-        for name in ("deadlines", "near_deadlines", "near_refinements", "refinements"):
+        for name in ("deadlines", "near_cells", "near_deadlines", "proof_cells", "refinements"):
             shares = getattr(self, name)
             if not math.isinf(shares[-1]):
                 raise InputError(Fault("must end with inf", field=name, value=shares, remedy="0.08,0.25,0.7,inf"))

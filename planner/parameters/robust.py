@@ -70,6 +70,9 @@ class RobustParameters(Parameters):
         1500, "simulated deliveries behind the figures of the answer", 10, 10**6,
         measured="figures are printed with the remaining error (decision 62)",
     )  # fmt: skip
+    hurried_runs: int = parameter(
+        300, "the same where a time limit is over by then: its figures are told with a greater error", 10, 10**6
+    )
     runs_per_queues: int = parameter(
         2, "simulated deliveries in different winds that share their sampled queues", 1, 10**4,
         measured="with a dozen, means of one route differed by 0.6 to 6 % (one standard deviation) between seeds (decision 111)",

@@ -349,30 +349,30 @@ class Problem:
                 kept[number].update({node: self.while_open(node, paths.get(node) or no_queue()) for node in missing})
         return [{node: paths[node] for node in wanted} for paths in kept]
 
-    def many_queues(self, nodes: Sequence[int], stream: int, count: int) -> PackedPaths:
+    def many_queues(self, nodes: Sequence[int], stream: int, count: int, until_s: float = math.inf) -> PackedPaths:
         """So many sampled realisations of the other drones at each of some places, in order (place, realisation).
 
-        Each stream is others than those of `queue_sets` and of the other streams; requested again, with the same count, it is the same.
+        Each stream is others than those of `queue_sets` and of the other streams; requested again, with the same count, it is the same. What
+        comes after `until_s` may be left out.
         """
         kept = self._many.setdefault((self.request.seed, stream, count), {})
         for node in nodes:
-            if node not in kept:
-                kept[node] = self._sampled_at(node, (self.request.seed, stream), count)
-        return joined([kept[node] for node in nodes])
+            if node not in kept or kept[node][0] < until_s:
+                kept[node] = until_s, self._sampled_at(node, (self.request.seed, stream), count, until_s)
+        return joined([kept[node][1] for node in nodes])
 
-    def _sampled_at(self, node: int, seed: tuple[int, int], count: int) -> PackedPaths:
+    def _sampled_at(self, node: int, seed: tuple[int, int], count: int, until_s: float) -> PackedPaths:
         pads, spots = int(self.network.pads[node]), int(self._spots[node])
         busy, free_s = self.busy.get(node), self.pads_free_s.get(node, ())
-        found = sample_many(
-            self.load, pads, spots, node, self.depart_s, float(HORIZON_H), (_MANY, *seed), count, busy, free_s
-        )
+        hours, seeds = float(HORIZON_H), (_MANY, *seed)
+        found = sample_many(self.load, pads, spots, node, self.depart_s, hours, seeds, count, busy, free_s, until_s)
         if node not in self.closures and not (node == self.awaiting and math.isfinite(self.earliest_s)):
             return found
         return pack([self.while_open(node, found[number]) for number in range(count)])
 
     @cached_property
-    def _many(self) -> dict[tuple[int, int, int], dict[int, PackedPaths]]:
-        """Sampled queues so far, by seed, stream, count and node."""
+    def _many(self) -> dict[tuple[int, int, int], dict[int, tuple[float, PackedPaths]]]:
+        """Sampled queues so far, by seed, stream, count and node, and until when they are known."""
         return {}
 
     @cached_property

@@ -24,6 +24,7 @@ from skyway.planner.robust.out_of_sample import (
     CHOOSING,
     PROMISING,
     OutOfSample,
+    SampledTruths,
     left_out,
     simulated_realizations,
 )
@@ -73,6 +74,10 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         worst_members=parameters.worst_members,
         steady_sigmas=parameters.steady_sigmas,
     )
+
+
+_AHEAD = 2.0
+"""Queues are sampled for so many times as long as the longest delivery by the same route took before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,18 +184,20 @@ class ChargePolicy:
         flights, lends its tables. `sample_set` is ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in
         the same winds. The best of several routes in some realizations is not as good in others.
         """
-        p = self.problem
-        found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set)
-        members, disturbance = found.members, found.disturbance
+        p, share = self.problem, left_out(self.problem.ensemble, self.problem.parameters.robust.apart_days)
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
-        schedule, energy_ratio = self.fly(
-            p,
-            disturbance,
-            members,
-            found.paths,
-            share=left_out(p.ensemble, p.parameters.robust.apart_days),
-            tables=tables,
-        )
+
+        def fly(until_s: float) -> tuple[SampledTruths, NDArray[np.float64], NDArray[np.float64]]:
+            found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set, until_s)
+            flown = self.fly(p, found.disturbance, found.members, found.paths, share=share, tables=tables)
+            return found, *flown
+
+        # Queues are sampled for twice the time that deliveries took before, and for longer where one takes longer after all.
+        until_s = math.inf if before is None else p.depart_s + _AHEAD * (before.ends_s - p.depart_s)
+        found, schedule, energy_ratio = fly(until_s)
+        if math.isfinite(until_s) and schedule[:, :, TOUCH_DOWN].max() > until_s:
+            found, schedule, energy_ratio = fly(math.inf)
+        members, disturbance = found.members, found.disturbance
         weight, control = calibrated(p, place_nodes(p, self.itinerary), found, schedule)
         told = OutOfSample(
             schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
@@ -198,9 +205,8 @@ class ChargePolicy:
         )  # fmt: skip
         if not p.needs_escape:
             return told
-        share = left_out(p.ensemble, p.parameters.robust.apart_days)
 
-        def fly(
+        def fly_way_on(
             leaving: Problem,
             itinerary: Itinerary,
             sky: Disturbance,
@@ -212,7 +218,7 @@ class ChargePolicy:
             tables = np.full_like(required_soc_tables(leaving.air, 1), needed)  # it leaves with whatever it has
             return on.fly(leaving, sky, members, paths, share=share, tables=tables)[0]
 
-        taken = fly_on(p, self.known, schedule[:, -1, TOUCH_DOWN], members, disturbance, sample_set, fly)
+        taken = fly_on(p, self.known, schedule[:, -1, TOUCH_DOWN], members, disturbance, sample_set, fly_way_on)
         arrives = np.isfinite(schedule[:, -1, TOUCH_DOWN])
         onward_soc = np.where(arrives, schedule[:, -1, SOC_LANDING] - taken, np.inf)
         broken = arrives & (onward_soc < p.reserve - 1e-9)
@@ -225,12 +231,20 @@ class ChargePolicy:
         `before` is of the same flights, in the realizations of ``PROMISING``; its tables are used again.
         """
         p = self.problem
-        paths = p.many_queues(place_nodes(p, self.itinerary), PROMISING, before.sets)
         share = left_out(p.ensemble, p.parameters.robust.apart_days)
 
         def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
-            disturbance = no_disturbance(len(members))._replace(queue=queues)
-            return self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
+            disturbance, schedule = no_disturbance(len(members))._replace(queue=queues), np.empty(0)
+            for until_s in (
+                before.ends_s,
+                math.inf,
+            ):  # as for `before`; and for longer where a calm delivery takes longer
+                paths = p.many_queues(place_nodes(p, self.itinerary), PROMISING, before.sets, until_s)
+                schedule = self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
+                landed = schedule[:, :, TOUCH_DOWN]
+                if landed.max(where=np.isfinite(landed), initial=-math.inf) <= until_s:
+                    break
+            return schedule
 
         return typical_schedule(before, p.reserve, fly, p.parameters.schedule)
 

@@ -6,6 +6,7 @@ of one request, and the promises of the chosen one are counted in others than it
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING, NamedTuple
@@ -80,10 +81,11 @@ def simulated_realizations(
     runs: int,
     max_realizations: int | None = None,
     sample_set: int = CHOOSING,
+    until_s: float = math.inf,
 ) -> SampledTruths:
     """Realizations in which routes are tried, the same for all of one request; see `ChargePolicy.simulate`.
 
-    Each has gusts of its own, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
+    Queues may be known until some time only. Each has gusts of its own, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
@@ -96,7 +98,7 @@ def simulated_realizations(
     shares = [drawn_evenly(rng, len(chosen), each) for _ in range(1 + flights)]
     usual, ratio = belief.ratios(np.column_stack(shares))
     sets = -(-len(members) // problem.parameters.robust.runs_per_queues)
-    paths = problem.many_queues(place_nodes(problem, itinerary), sample_set, sets)
+    paths = problem.many_queues(place_nodes(problem, itinerary), sample_set, sets, until_s)
     queue = np.arange(len(members)) % sets  # those that share one are of different members
     disturbance = Disturbance(queue, ratio, key, errors.gust_sd, errors.gust_time_s)
     return SampledTruths(members, disturbance, paths, usual)
@@ -106,8 +108,8 @@ def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, run
     """Return the realization of ``PROMISING`` in which the typical schedule of runs was flown, for its audit."""
     queues = None
     if typical.queue is not None:
-        nodes = place_nodes(problem, itinerary)
-        queues = {node: problem.many_queues([node], PROMISING, runs.sets)[typical.queue] for node in nodes}
+        nodes, until_s = place_nodes(problem, itinerary), float(typical.schedule[-1, TOUCH_DOWN])
+        queues = {node: problem.many_queues([node], PROMISING, runs.sets, until_s)[typical.queue] for node in nodes}
     return Realization(typical.member, queues)
 
 

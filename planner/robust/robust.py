@@ -201,10 +201,9 @@ class RobustSearch:
         A `NoRouteError` says that, calibrated, it never arrives, or that its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
-        out_of_sample = policy.simulate(
-            self.errors, self.parameters.final_runs, before=candidates[0].out_of_sample, sample_set=PROMISING
-        )
-        policy, out_of_sample = self._leaving(policy, out_of_sample)
+        runs = self.parameters.hurried_runs if self._late() else self.parameters.final_runs
+        out_of_sample = policy.simulate(self.errors, runs, before=candidates[0].out_of_sample, sample_set=PROMISING)
+        policy, out_of_sample = self._leaving(policy, out_of_sample, runs)
         chosen_in = [one for one in (candidates[0].out_of_sample,) if len(one.weight) > 2 * self.parameters.screen_runs]
         for _ in range(1 if self._large else self.parameters.calibrations):
             wanted, margin = margin_for([out_of_sample, *chosen_in], self.problem.epsilon), policy.known.margin
@@ -214,9 +213,7 @@ class RobustSearch:
             policy = replace(policy, known=policy.known._replace(margin=wanted))
             if abs(wanted - margin) <= tolerance:
                 break
-            out_of_sample = policy.simulate(
-                self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING
-            )
+            out_of_sample = policy.simulate(self.errors, runs, before=out_of_sample, sample_set=PROMISING)
         outcome = out_of_sample.outcome(self.problem, policy.itinerary)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(out_of_sample)
@@ -226,13 +223,13 @@ class RobustSearch:
             raise runs_empty(self.problem, policy.itinerary, emptied)
         return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
 
-    def _leaving(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> tuple[ChargePolicy, OutOfSample]:
+    def _leaving(self, policy: ChargePolicy, out_of_sample: OutOfSample, runs: int) -> tuple[ChargePolicy, OutOfSample]:
         """Go to stations that are likelier to be full where some runs never leave for want of room, and the reserve is kept."""
         for most_full in self.parameters.fuller:
             if not out_of_sample.waits_for_room or most_full <= policy.most_full:
                 continue
             fuller = replace(policy, most_full=most_full)
-            again = fuller.simulate(self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING)
+            again = fuller.simulate(self.errors, runs, before=out_of_sample, sample_set=PROMISING)
             if 1.0 - again.outcome(self.problem).p_success > self.problem.epsilon:
                 break
             policy, out_of_sample = fuller, again

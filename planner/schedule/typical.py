@@ -40,6 +40,11 @@ class Runs:
         """Number of sets of queues."""
         return int(self.queue.max()) + 1
 
+    @property
+    def ends_s(self) -> float:
+        """When the last of them has landed, POSIX seconds; infinite where one never does."""
+        return float(self.schedule[:, :, TOUCH_DOWN].max())
+
 
 class Typical(NamedTuple):
     """The typical schedule."""

@@ -172,6 +172,18 @@ def test_paths_sampled_at_once_have_the_waits_of_the_forecast(busy):
     assert (np.abs(waits.mean(axis=0) - np.interp(times, grid, expected)) < 4.0 * error + 1.0).all()
 
 
+def test_paths_that_are_sampled_for_a_while_are_the_beginnings_of_long_ones():
+    load, until_s = steady_load(0.9), START + 5 * HOUR
+    whole, begun = (sample_many(load, 3, 2, 0, START, 24.0, (7,), 40, None, (), end) for end in (math.inf, until_s))
+    times = np.arange(START, until_s, 300.0)
+    assert len(begun.pad_s) < len(whole.pad_s) / 3
+    for number in range(40):
+        one, other = begun[number], whole[number]
+        assert np.array_equal(one.pad_time(times), other.pad_time(times))
+        assert [one.land_time(t) for t in times] == [other.land_time(t) for t in times]
+        assert np.array_equal(one.left_s[one.left_s <= until_s], other.left_s[other.left_s <= until_s])
+
+
 def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviates():
     load = steady_load(0.9)
     one, again, other = (sample_many(load, 5, 4, 0, START, 12.0, seed, 20, None) for seed in ((1,), (1,), (2,)))

@@ -14,7 +14,7 @@ from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem
 from skyway.planner.problem.sampled_queues import SampledQueues
-from skyway.planner.robust import robust
+from skyway.planner.robust import charge_policy, robust
 from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
@@ -94,6 +94,16 @@ def test_robust_composes_no_route_twice(monkeypatch):
     search.candidates(quick=True)
     search.candidates()
     assert len(set(composed)) == len(composed) > 0
+
+
+def test_robust_plans_the_same_with_queues_sampled_for_the_whole_horizon(monkeypatch):
+    plans = []
+    for ahead in (charge_policy._AHEAD, 0.3, 1e9):  # as they are, for less than it takes, and for all of it
+        monkeypatch.setattr(charge_policy, "_AHEAD", ahead)
+        problem = city(2, parameters=USUAL, stations=8)
+        result = plan(problem.scenario, problem.request, forecast=make_wind(np.random.default_rng(5), members=4))
+        plans.append((result.itinerary, result.outcome.arrival_s.tolist(), result.robust.typical.schedule.tolist()))
+    assert plans[0] == plans[1] == plans[2]
 
 
 def test_robust_in_a_hurry_tells_how_good_its_answer_is_at_least():
