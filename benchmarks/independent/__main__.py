@@ -31,6 +31,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--flown-runs", type=int, default=0, help="promise what so many deliveries say, simulated as fly decides"
     )
+    parser.add_argument(
+        "--share",
+        type=float,
+        default=1.0,
+        help="fly so many of the deliveries whose fixed route stays clear of the reserve, all of the others",
+    )
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
@@ -57,6 +63,7 @@ def main(argv: list[str] | None = None) -> int:
         options.order,
         options.now,
         options.flown_runs,
+        options.share,
     )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []

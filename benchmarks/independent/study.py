@@ -16,6 +16,7 @@ from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.product.supervised import Supervised
+from benchmarks.independent.screening import chosen
 from benchmarks.independent.statistics import over_days, percent, wilson
 from benchmarks.independent.telling import reports
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from datetime import date
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from benchmarks.independent.information import Policy
     from benchmarks.independent.worlds import World
@@ -59,6 +62,9 @@ class Study:
     flown_runs: int = 0
     """What is promised is that of so many deliveries simulated as `fly` decides them, not of the fixed route; 0: the route."""
 
+    share: float = 1.0
+    """Of the deliveries whose fixed route stays clear of the reserve so many are flown (`screening`); of the others all."""
+
     @property
     def documents(self) -> int:
         """How many there are of one order in one world."""
@@ -90,9 +96,8 @@ def written(text: str) -> Order:
 
 def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
     """Fly one order in several worlds; plans for the same sites are made once. JSON documents: one a world, or one a world and day."""
-    city = planning.city(study.city)
     days = planning.days_for(study.city, order, study.days, study.seed)
-    policies: dict[str, tuple[Any, planning.Promise] | None] = {}
+    plans: dict[str, tuple[planning.Planned, planning.Promise] | None] = {}
     of_run = [day for day in days for _ in range(study.runs)]
     shift = np.array([planning.shift_s(study.city, order, day) for day in of_run])
     seeds: list[tuple[int, ...]] = [
@@ -105,17 +110,13 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
                 yield _flown_now(study, order, world, days, (of_run[runs], shift[runs], seeds[runs]))
         return
     for world in worlds:
-        if world.kept_back not in policies:
+        if world.kept_back not in plans:
             plan = planning.planned(study.city, order, days, world.kept_back)
-            policies[world.kept_back] = (
-                None if plan is None else (PLANNERS[study.planner](plan), planning.promised(plan, study.flown_runs))
-            )
-        found = policies[world.kept_back]
+            plans[world.kept_back] = None if plan is None else (plan, planning.promised(plan, study.flown_runs))
+        found = plans[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
         if found is not None:
-            policy, promise = found
-            policy.forget()
-            document |= _flown(world, order, policy, promise, (of_run, shift, seeds), city)
+            document |= _flown(study, world, order, *found, (of_run, shift, seeds))
         yield document
 
 
@@ -127,8 +128,7 @@ def _flown_now(
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
 ) -> dict[str, Any]:
     """Plan for one day with what was reported by the departure, and fly that day."""
-    city = planning.city(study.city)
-    setting = setting_for(world, city, order, drawn[1], drawn[2])
+    setting = setting_for(world, planning.city(study.city), order, drawn[1], drawn[2])
     told = reports(setting, 0, order.depart_s)
     complete = len(told) == len(setting.told)
     plan = planning.planned(study.city, order, days, world.kept_back, told if complete else None)
@@ -136,20 +136,28 @@ def _flown_now(
     if plan is None:
         return document
     promise = planning.promised(plan, study.flown_runs)
-    return document | _flown(world, order, PLANNERS[study.planner](plan), promise, drawn, city)
+    return document | _flown(study, world, order, plan, promise, drawn)
 
 
 def _flown(
+    study: Study,
     world: World,
     order: Order,
-    policy: Any,
+    plan: planning.Planned,
     promise: planning.Promise,
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
-    city: Any,
 ) -> dict[str, Any]:
     of_run, shift, seeds = drawn
-    flown = deliver(setting_for(world, city, order, shift, seeds), order, policy)
+    city, weight = planning.city(study.city), np.ones(len(seeds))
+    if study.share < 1.0:
+        setting = setting_for(world, city, order, shift, seeds)
+        runs, weight = chosen(setting, order, policies.Robust(plan), study.share, seeds)
+        of_run, seeds, shift = [of_run[k] for k in runs], [seeds[k] for k in runs], shift[runs]
+    setting = setting_for(world, city, order, shift, seeds)
+    flown = deliver(setting, order, PLANNERS[study.planner](plan)) if seeds else []
     return {
+        "weight": weight.tolist(),
+        "run": [seed[-1] for seed in seeds],
         "promised_mean_s": promise.mean_s,
         "promised_quantile_s": promise.quantile_s,
         "promised": promise.promised,
@@ -167,6 +175,10 @@ class Verdict:
 
     Attributes
     ----------
+    deliveries
+        Flown; where some were left out (`Study.share`) each counts for as many as it stands for.
+    stands_for : float
+        Deliveries that those flown stand for.
     below, below_wilson, below_days
         Deliveries with a landing below the reserve.
     lowest : (float, float, float)
@@ -179,6 +191,7 @@ class Verdict:
     orders: int
     unplanned: int
     deliveries: int
+    stands_for: float
     landings: int
     below_landings: int
     lowest: tuple[float, float, float]
@@ -201,7 +214,7 @@ class Verdict:
             for level, said, kept, days in self.on_time
         )
         return (
-            f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries: below {percent(self.below, self.below_days)} "
+            f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries for {self.stands_for:.0f}: {self.below_count} below,  {percent(self.below, self.below_days)} "
             f"(Wilson {percent(self.below, self.below_wilson)[len(f'{100 * self.below:.2f} ') :]}, "
             f"promised {100 * self.promised_below:.3f}; of landings {100 * self.below_landings / max(self.landings, 1):.2f}, "
             f"1 % below SoC {self.lowest[2]:.3f}) stranded {self.stranded} failed {self.not_delivered} "
@@ -214,6 +227,7 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     """Sum the orders of one world up."""
     flown = [one for one in documents if one["planned"]]
     day = np.array([value for one in flown for value in one["day"]], dtype=np.int64)
+    weight = np.array([value for one in flown for value in one["weight"]], dtype=float)
     ending = [value for one in flown for value in one["ending"]]
     landings = [value for one in flown for value in one["landings"]]
     below = np.array([any(soc < RESERVE - 1e-9 for soc in socs) for socs in landings], dtype=float)
@@ -223,36 +237,53 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     due = np.array([one["promised_quantile_s"] for one in flown for _ in one["day"]])
     said = np.array([one["promised"] for one in flown for _ in one["day"]])
     kept = np.where(np.isnan(time_s), math.inf, time_s)[:, None] <= due * (1.0 + SAME_TIME) + TENTH_S
-    weights = np.array([len(one["day"]) for one in flown], dtype=float)
+    of_order = np.array([sum(one["weight"]) for one in flown], dtype=float)
 
     def mean_of(name: str) -> float:
-        return float(np.average([one[name] for one in flown], weights=weights))
+        return float(np.average([one[name] for one in flown], weights=of_order))
 
-    hits = int(below.sum())
-    mean_days = over_days(time_s, day)
+    there = np.isfinite(time_s)
+    mean_days = over_days(time_s, day, weight)
     return Verdict(
         world=documents[0]["world"],
         orders=len(flown),
         unplanned=len(documents) - len(flown),
         deliveries=len(ending),
+        stands_for=float(weight.sum()),
         landings=sum(len(socs) for socs in landings),
         below_landings=sum(soc < RESERVE - 1e-9 for socs in landings for soc in socs),
         lowest=_lowest(landings),
-        below_count=hits,
-        below=float(below.mean()),
-        below_wilson=wilson(hits, len(below)),
-        below_days=over_days(below, day),
+        below_count=int(below.sum()),
+        below=float(np.average(below, weights=weight)),
+        below_wilson=_wilson(below, weight),
+        below_days=over_days(below, day, weight),
         promised_below=1.0 - mean_of("promised_reserve"),
         stranded=ending.count(STRANDED),
         not_delivered=len(ending) - ending.count(DELIVERED) - ending.count(STRANDED),
-        mean_min=float(np.nanmean(time_s)) / 60.0,
+        mean_min=float(np.average(time_s[there], weights=weight[there])) / 60.0,
         mean_days_min=(mean_days[0] / 60.0, mean_days[1] / 60.0),
         promised_mean_min=mean_of("promised_mean_s") / 60.0,
         on_time=tuple(
-            (level, float(said[:, k].mean()), float(kept[:, k].mean()), over_days(kept[:, k].astype(float), day))
+            (
+                level,
+                float(np.average(said[:, k], weights=weight)),
+                float(np.average(kept[:, k], weights=weight)),
+                over_days(kept[:, k].astype(float), day, weight),
+            )
             for k, level in enumerate(planning.LEVELS)
         ),
     )
+
+
+def _wilson(below: NDArray[np.float64], weight: NDArray[np.float64]) -> tuple[float, float]:
+    """Interval of a share: of each of the two strata that screening makes, and their ends added up."""
+    low = high = 0.0
+    alone = weight == 1.0
+    for one in (alone, ~alone):
+        if one.any():
+            ends, part = wilson(int(below[one].sum()), int(one.sum())), weight[one].sum() / weight.sum()
+            low, high = low + part * ends[0], high + part * ends[1]
+    return float(low), float(high)
 
 
 def _lowest(landings: Sequence[Sequence[float]]) -> tuple[float, float, float]:
