@@ -95,7 +95,7 @@ def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[
     middle, late = outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95)
     mean = outcome.delivery
     lines = [
-        f"As `skyway fly` flies it, deciding again at each stop and over stations ({found.runs:,} simulated deliveries):",
+        f"As `skyway fly` flies it, deciding again at each stop and in the air, in wind that no site tells ({found.runs:,} simulated deliveries):",
         f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(no_earlier(late, middle))} ({between(late)})",
     ]
     if deadline is not None:

@@ -11,7 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.independent.product import planning
-from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines, verdict
+from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines
+from benchmarks.independent.verdict import verdict
 from benchmarks.independent.worlds import worlds
 
 MOST_DAYS = 12

@@ -243,8 +243,8 @@ class Network:
         if not len(known):
             return np.full(np.shape(np.atleast_1d(lat)), math.nan)
         lowest = self.ground_m[known].min()  # so that the ground between stations of one height has that very height
-        here = (np.atleast_1d(np.asarray(one, dtype=np.float64))[:, None] for one in (lat, lon))
-        distance_m = geodesy.coarse_distance_m(*here, self.lat[known], self.lon[known])
+        lats, lons = (np.atleast_1d(np.asarray(one, dtype=np.float64))[:, None] for one in (lat, lon))
+        distance_m = geodesy.coarse_distance_m(lats, lons, self.lat[known], self.lon[known])
         return np.asarray(lowest + weights_at(distance_m) @ (self.ground_m[known] - lowest))
 
     def highest_agl_m(self, cruise_height_m: float) -> NDArray[np.float64]:

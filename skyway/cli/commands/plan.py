@@ -61,7 +61,7 @@ def plan(
     as_flown: Annotated[
         int,
         typer.Option(
-            help="Simulate so many deliveries as `fly` decides them, half a second to some seconds each, and tell when they arrive (planner robust).",
+            help="Simulate so many deliveries as `fly` decides them, half a second to some seconds each, in wind that no site tells, and tell when they arrive (planner robust).",
             metavar="N",
             min=0,
         ),
