@@ -7,6 +7,7 @@ them counts for as many as it stands for (W. Cochran, "Sampling Techniques" (197
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +33,9 @@ def chosen(
     """Fly a fixed route in all runs; return the runs to be flown with decisions, and how many deliveries each stands for."""
     flown = deliver(setting, order, route)
     close = np.array([run.ending != DELIVERED or min(run.landings) < CLOSE_SOC for run in flown])
-    drawn = np.array([np.random.default_rng((*seed, _STREAM)).random() for seed in seeds]) < share
-    runs = np.flatnonzero(close | drawn)
-    others = max(int((drawn & ~close).sum()), 1)
-    return runs, np.where(close[runs], 1.0, float((~close).sum()) / others)
+    others = np.flatnonzero(~close)
+    draw = np.array([np.random.default_rng((*seeds[run], _STREAM)).random() for run in others])
+    drawn = others[np.argsort(draw)[: math.ceil(share * len(others))]]
+    weight = np.where(close, 1.0, len(others) / max(len(drawn), 1))
+    runs = np.sort(np.concatenate((np.flatnonzero(close), drawn)))
+    return runs, weight[runs]

@@ -3,12 +3,14 @@
 import json
 import math
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.independent import study, worlds
+from benchmarks.independent import screening, study, worlds
 from benchmarks.independent.__main__ import main
+from benchmarks.independent.delivery import DELIVERED
 from benchmarks.independent.verdict import verdict
 
 STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
@@ -49,6 +51,19 @@ def test_a_delivery_that_stands_for_others_counts_for_them():
     assert [kept for _, _, kept, _ in found.on_time] == pytest.approx([1 / 20, 15 / 20, 15 / 20])
     low, high = found.below_wilson
     assert low < 1.0 / 20.0 < high
+
+
+def test_all_deliveries_near_the_reserve_are_flown_and_a_share_of_the_others_that_stands_for_them(monkeypatch):
+    ends = [(DELIVERED, [0.5, 0.21]), ("stranded", [-1.0]), *[(DELIVERED, [0.3])] * 50]
+    flown = [SimpleNamespace(ending=ending, landings=landings) for ending, landings in ends]
+    monkeypatch.setattr(screening, "deliver", lambda *_: flown)
+    seeds = [(1, number) for number in range(len(ends))]
+    runs, weight = screening.chosen(None, None, None, 0.1, seeds)
+    assert runs[:2].tolist() == [0, 1]
+    assert weight.tolist() == [1.0, 1.0, *[10.0] * 5]
+    assert weight.sum() == len(ends)
+    few, weight = screening.chosen(None, None, None, 0.001, seeds)
+    assert (len(few), weight.sum()) == (3, len(ends))
 
 
 def test_what_was_flown_is_read_again_but_not_that_of_another_study(tmp_path):
