@@ -95,7 +95,7 @@ def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[
     middle, late = outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95)
     mean = outcome.delivery
     lines = [
-        f"Flown with `skyway fly`, which decides again at each stop and over stations ({found.runs:,} simulated deliveries):",
+        f"Flown with `skyway fly`, which decides again at each stop and in the air, in wind that no site measures ({found.runs:,} simulated deliveries):",
         f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(no_earlier(late, middle))} ({between(late)})",
     ]
     if deadline is not None:

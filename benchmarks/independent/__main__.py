@@ -11,7 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.independent.product import planning
-from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines, verdict
+from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines
+from benchmarks.independent.verdict import verdict
 from benchmarks.independent.worlds import worlds
 
 MOST_DAYS = 12
@@ -30,6 +31,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--now", action="store_true", help="plan each day with what was reported by the departure")
     parser.add_argument(
         "--flown-runs", type=int, default=0, help="promise what so many deliveries say, simulated as fly decides"
+    )
+    parser.add_argument(
+        "--share",
+        type=float,
+        default=1.0,
+        help="fly so many of the deliveries whose fixed route stays clear of the reserve, all of the others",
     )
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
@@ -57,6 +64,7 @@ def main(argv: list[str] | None = None) -> int:
         options.order,
         options.now,
         options.flown_runs,
+        options.share,
     )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []

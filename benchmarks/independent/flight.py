@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from benchmarks.independent.delivery import Run, Setting
     from benchmarks.independent.information import Leave, Policy
 
-LOOK_M = 300.0
-"""So often a drone looks whether to fly on."""
+LOOK_M, LOOK_S, LEAST_M = 300.0, 45.0, 40.0
+"""So often a drone looks whether to fly on: after the first or, at its last ground speed, the second, but not after less than the third."""
 HOVER_AIRSPEED_MPS = 3.0
 NOWHERE = -1.0
 """Charge counted for a landing outside any station."""
@@ -38,6 +39,8 @@ class _Out:
     flown: tuple[int, ...] = ()
     turned: int | None = None
     pieces: list[Piece] = field(default_factory=list)
+    speed_mps: float = math.inf
+    """Over the ground, of the last piece."""
 
     @property
     def ends(self) -> bool:
@@ -107,7 +110,8 @@ def _next(setting: Setting, out: _Out, place: NDArray[np.float64]) -> tuple[NDAr
     tail, head = ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
     left_m = float(np.linalg.norm(head - place))
     # No piece is shorter than half of the others.
-    end = head if left_m <= 1.5 * LOOK_M else place + (head - place) * (LOOK_M / left_m)
+    next_m = min(LOOK_M, max(out.speed_mps * LOOK_S, LEAST_M))
+    end = head if left_m <= 1.5 * next_m else place + (head - place) * (next_m / left_m)
     return end, 0.5 * (tail + head)
 
 
@@ -131,6 +135,7 @@ def _arrived(
     gone = float(np.linalg.norm(end - tail)) / length
     middle = float(np.linalg.norm(0.5 * (begin + end) - tail)) / length
     out.pieces.append(Piece(now - 0.5 * took, segment, middle, wind))
+    out.speed_mps = float(np.linalg.norm(end - begin)) / max(took, 1e-9)
     if np.array_equal(end, head):
         out.node, out.flown = int(ground.head[segment]), (*out.flown, segment)
         rest = out.way[len(out.flown) :]

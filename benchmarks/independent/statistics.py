@@ -29,15 +29,21 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
 
 
 def over_days(
-    values: NDArray[np.float64], day: NDArray[np.int64], *, seed: int = 0, resamples: int = RESAMPLES
+    values: NDArray[np.float64],
+    day: NDArray[np.int64],
+    weight: NDArray[np.float64] | None = None,
+    *,
+    seed: int = 0,
+    resamples: int = RESAMPLES,
 ) -> tuple[float, float]:
-    """95 % interval of a mean by block bootstrap: whole days are resampled. NaN from one day, and where nothing is to be averaged."""
+    """95 % interval of a (weighted) mean by block bootstrap: whole days are resampled. NaN from one day, and where nothing is to be averaged."""
     known = np.isfinite(values)
     days, block = np.unique(day[known], return_inverse=True)
     if len(days) < 2:
         return math.nan, math.nan
-    total = np.bincount(block, weights=values[known])
-    number = np.bincount(block)
+    weights = np.ones(len(block)) if weight is None else weight[known]
+    total = np.bincount(block, weights=weights * values[known])
+    number = np.bincount(block, weights=weights)
     pick = np.random.default_rng(seed).integers(0, len(days), (resamples, len(days)))
     means = total[pick].sum(axis=1) / number[pick].sum(axis=1)
     low, high = np.quantile(means, (0.025, 0.975))

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.independent.build import setting_for
-from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
+from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.product.supervised import Supervised
-from benchmarks.independent.statistics import over_days, percent, wilson
+from benchmarks.independent.screening import chosen
 from benchmarks.independent.telling import reports
 
 if TYPE_CHECKING:
@@ -34,11 +34,7 @@ PLANNERS: dict[str, Callable[[planning.Planned], Policy]] = {
     "fly": Supervised,
 }
 """What flies: the route of a plan, the same turning back, the online policy as `evaluate` has it, and as `fly` has it."""
-RESERVE = 0.2
 PAYLOADS_KG = 0.2, 1.4
-SAME_TIME, TENTH_S = 0.002, 0.1
-"""Distances on the plane of a world are those of the ellipsoid within this share, and times are written in tenths of a second: many deliveries in light
-wind take the same time, that of the greatest speed over ground, and would be late by it."""
 EDGE_S = 12 * 86_400.0
 """Orders keep so far from the ends of the record."""
 
@@ -58,6 +54,9 @@ class Study:
     """Each day is planned for by itself, with what the sites reported by the departure."""
     flown_runs: int = 0
     """What is promised is that of so many deliveries simulated as `fly` decides them, not of the fixed route; 0: the route."""
+
+    share: float = 1.0
+    """Of the deliveries whose fixed route stays clear of the reserve so many are flown (`screening`); of the others all."""
 
     @property
     def documents(self) -> int:
@@ -90,9 +89,8 @@ def written(text: str) -> Order:
 
 def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
     """Fly one order in several worlds; plans for the same sites are made once. JSON documents: one a world, or one a world and day."""
-    city = planning.city(study.city)
     days = planning.days_for(study.city, order, study.days, study.seed)
-    policies: dict[str, tuple[Any, planning.Promise] | None] = {}
+    plans: dict[str, tuple[planning.Planned, planning.Promise] | None] = {}
     of_run = [day for day in days for _ in range(study.runs)]
     shift = np.array([planning.shift_s(study.city, order, day) for day in of_run])
     seeds: list[tuple[int, ...]] = [
@@ -105,17 +103,13 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
                 yield _flown_now(study, order, world, days, (of_run[runs], shift[runs], seeds[runs]))
         return
     for world in worlds:
-        if world.kept_back not in policies:
+        if world.kept_back not in plans:
             plan = planning.planned(study.city, order, days, world.kept_back)
-            policies[world.kept_back] = (
-                None if plan is None else (PLANNERS[study.planner](plan), planning.promised(plan, study.flown_runs))
-            )
-        found = policies[world.kept_back]
+            plans[world.kept_back] = None if plan is None else (plan, planning.promised(plan, study.flown_runs))
+        found = plans[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
         if found is not None:
-            policy, promise = found
-            policy.forget()
-            document |= _flown(world, order, policy, promise, (of_run, shift, seeds), city)
+            document |= _flown(study, world, order, *found, (of_run, shift, seeds))
         yield document
 
 
@@ -127,8 +121,7 @@ def _flown_now(
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
 ) -> dict[str, Any]:
     """Plan for one day with what was reported by the departure, and fly that day."""
-    city = planning.city(study.city)
-    setting = setting_for(world, city, order, drawn[1], drawn[2])
+    setting = setting_for(world, planning.city(study.city), order, drawn[1], drawn[2])
     told = reports(setting, 0, order.depart_s)
     complete = len(told) == len(setting.told)
     plan = planning.planned(study.city, order, days, world.kept_back, told if complete else None)
@@ -136,20 +129,28 @@ def _flown_now(
     if plan is None:
         return document
     promise = planning.promised(plan, study.flown_runs)
-    return document | _flown(world, order, PLANNERS[study.planner](plan), promise, drawn, city)
+    return document | _flown(study, world, order, plan, promise, drawn)
 
 
 def _flown(
+    study: Study,
     world: World,
     order: Order,
-    policy: Any,
+    plan: planning.Planned,
     promise: planning.Promise,
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
-    city: Any,
 ) -> dict[str, Any]:
     of_run, shift, seeds = drawn
-    flown = deliver(setting_for(world, city, order, shift, seeds), order, policy)
+    city, weight = planning.city(study.city), np.ones(len(seeds))
+    if study.share < 1.0:
+        setting = setting_for(world, city, order, shift, seeds)
+        runs, weight = chosen(setting, order, policies.Robust(plan), study.share, seeds)
+        of_run, seeds, shift = [of_run[k] for k in runs], [seeds[k] for k in runs], shift[runs]
+    setting = setting_for(world, city, order, shift, seeds)
+    flown = deliver(setting, order, PLANNERS[study.planner](plan)) if seeds else []
     return {
+        "weight": weight.tolist(),
+        "run": [seed[-1] for seed in seeds],
         "promised_mean_s": promise.mean_s,
         "promised_quantile_s": promise.quantile_s,
         "promised": promise.promised,
@@ -159,106 +160,6 @@ def _flown(
         "delivery_s": [round(run.time_s - order.depart_s, 1) if run.ending == DELIVERED else None for run in flown],
         "landings": [[round(soc, 5) for soc in run.landings] for run in flown],
     }
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What a world makes of a planner's promises; shares from 0 to 1, intervals over days.
-
-    Attributes
-    ----------
-    below, below_wilson, below_days
-        Deliveries with a landing below the reserve.
-    lowest : (float, float, float)
-        Lowest charge at a landing: the least of all deliveries, and what one in 1,000 and one in 100 of them is below.
-    on_time : tuple
-        (level, promised, kept, interval) at the levels of the plan's own quantiles.
-    """
-
-    world: str
-    orders: int
-    unplanned: int
-    deliveries: int
-    landings: int
-    below_landings: int
-    lowest: tuple[float, float, float]
-    below_count: int
-    below: float
-    below_wilson: tuple[float, float]
-    below_days: tuple[float, float]
-    promised_below: float
-    stranded: int
-    not_delivered: int
-    mean_min: float
-    mean_days_min: tuple[float, float]
-    promised_mean_min: float
-    on_time: tuple[tuple[float, float, float, tuple[float, float]], ...]
-
-    def line(self) -> str:
-        """One line for people."""
-        times = "  ".join(
-            f"{100 * level:.0f}%: {100 * said:.1f} -> {percent(kept, days, '{:.1f}'.format)}"
-            for level, said, kept, days in self.on_time
-        )
-        return (
-            f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries: below {percent(self.below, self.below_days)} "
-            f"(Wilson {percent(self.below, self.below_wilson)[len(f'{100 * self.below:.2f} ') :]}, "
-            f"promised {100 * self.promised_below:.3f}; of landings {100 * self.below_landings / max(self.landings, 1):.2f}, "
-            f"1 % below SoC {self.lowest[2]:.3f}) stranded {self.stranded} failed {self.not_delivered} "
-            f"mean {self.mean_min:.1f} min [{self.mean_days_min[0]:.1f}, {self.mean_days_min[1]:.1f}] "
-            f"promised {self.promised_mean_min:.1f}  on time {times}"
-        )
-
-
-def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
-    """Sum the orders of one world up."""
-    flown = [one for one in documents if one["planned"]]
-    day = np.array([value for one in flown for value in one["day"]], dtype=np.int64)
-    ending = [value for one in flown for value in one["ending"]]
-    landings = [value for one in flown for value in one["landings"]]
-    below = np.array([any(soc < RESERVE - 1e-9 for soc in socs) for socs in landings], dtype=float)
-    time_s = np.array(
-        [math.nan if value is None else value for one in flown for value in one["delivery_s"]], dtype=float
-    )
-    due = np.array([one["promised_quantile_s"] for one in flown for _ in one["day"]])
-    said = np.array([one["promised"] for one in flown for _ in one["day"]])
-    kept = np.where(np.isnan(time_s), math.inf, time_s)[:, None] <= due * (1.0 + SAME_TIME) + TENTH_S
-    weights = np.array([len(one["day"]) for one in flown], dtype=float)
-
-    def mean_of(name: str) -> float:
-        return float(np.average([one[name] for one in flown], weights=weights))
-
-    hits = int(below.sum())
-    mean_days = over_days(time_s, day)
-    return Verdict(
-        world=documents[0]["world"],
-        orders=len(flown),
-        unplanned=len(documents) - len(flown),
-        deliveries=len(ending),
-        landings=sum(len(socs) for socs in landings),
-        below_landings=sum(soc < RESERVE - 1e-9 for socs in landings for soc in socs),
-        lowest=_lowest(landings),
-        below_count=hits,
-        below=float(below.mean()),
-        below_wilson=wilson(hits, len(below)),
-        below_days=over_days(below, day),
-        promised_below=1.0 - mean_of("promised_reserve"),
-        stranded=ending.count(STRANDED),
-        not_delivered=len(ending) - ending.count(DELIVERED) - ending.count(STRANDED),
-        mean_min=float(np.nanmean(time_s)) / 60.0,
-        mean_days_min=(mean_days[0] / 60.0, mean_days[1] / 60.0),
-        promised_mean_min=mean_of("promised_mean_s") / 60.0,
-        on_time=tuple(
-            (level, float(said[:, k].mean()), float(kept[:, k].mean()), over_days(kept[:, k].astype(float), day))
-            for k, level in enumerate(planning.LEVELS)
-        ),
-    )
-
-
-def _lowest(landings: Sequence[Sequence[float]]) -> tuple[float, float, float]:
-    least = [min(socs) for socs in landings if socs] or [math.nan]
-    low, thousandth, hundredth = np.quantile(least, (0.0, 0.001, 0.01)).tolist()
-    return low, thousandth, hundredth
 
 
 def read_lines(path: Path, study: Study) -> list[dict[str, Any]]:

@@ -27,7 +27,8 @@ from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
-from benchmarks.independent.study import PAYLOADS_KG, RESERVE
+from benchmarks.independent.study import PAYLOADS_KG
+from benchmarks.independent.verdict import RESERVE
 from benchmarks.independent.worlds import worlds
 from benchmarks.tables.weather_of_now import mean_known, published, share_kept
 from skyway.models.weather.lead_error import lead_error_text

@@ -22,7 +22,8 @@ import numpy as np
 from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.product import planning, policies
-from benchmarks.independent.study import RESERVE, Study, orders
+from benchmarks.independent.study import Study, orders
+from benchmarks.independent.verdict import RESERVE
 from benchmarks.independent.worlds import worlds
 from skyway.planner.evaluation.evaluate import fly_charging, sample_realizations
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate

@@ -245,9 +245,9 @@ class Network:
         if not len(known):
             return np.full(np.shape(np.atleast_1d(lat)), math.nan)
         lowest = self.ground_m[known].min()  # so that the ground between stations of one height has that very height
-        places = zip(np.atleast_1d(lat), np.atleast_1d(lon), strict=True)
-        distance_m = [geodesy.coarse_distance_m(*place, self.lat[known], self.lon[known]) for place in places]
-        return np.asarray(lowest + weights_at(np.array(distance_m)) @ (self.ground_m[known] - lowest))
+        lats, lons = (np.atleast_1d(np.asarray(one, dtype=np.float64))[:, None] for one in (lat, lon))
+        distance_m = geodesy.coarse_distance_m(lats, lons, self.lat[known], self.lon[known])
+        return np.asarray(lowest + weights_at(distance_m) @ (self.ground_m[known] - lowest))
 
     def highest_agl_m(self, cruise_height_m: float) -> NDArray[np.float64]:
         """Greatest height above ground on each segment, flown alone at a cruise height, metres, shape (segments,)."""

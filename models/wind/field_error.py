@@ -141,4 +141,4 @@ EXACT_FIELD = FieldError(0.0)
 def _distances(
     lat: NDArray[np.float64], lon: NDArray[np.float64], lats: NDArray[np.float64], lons: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    return np.array([geodesy.coarse_distance_m(float(a), float(b), lats, lons) for a, b in zip(lat, lon, strict=True)])
+    return geodesy.coarse_distance_m(np.asarray(lat)[:, None], np.asarray(lon)[:, None], lats, lons)

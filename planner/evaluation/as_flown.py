@@ -1,8 +1,9 @@
-"""Arrival times of deliveries with `skyway fly`: the online policy simulated in the winds of the forecast.
+"""Arrival times of deliveries with `skyway fly`: the online policy simulated in the winds of the forecast, with the wind that no site measures.
 
 The truth of each simulated delivery is a member of the forecast, and the policy's information lacks that member and its neighbours, as in
-`planner.robust.out_of_sample`. At every stop, and over stations on the way, the policy gets the wind measured at the sites, the pads and its own
-energy, and decides again. Members are drawn by their probability, evenly; queues, gusts and vehicles are other ones in each delivery.
+`planner.robust.out_of_sample`. Between the sites the truth differs from the interpolated wind, where the forecast is of a record. At every stop and all along
+each flight the policy gets what is measured, and decides again (`planner.evaluation.watched`). Members are drawn by their probability, evenly; queues, gusts,
+vehicles and the wind between the sites are other ones in each delivery.
 """
 
 from __future__ import annotations
@@ -15,10 +16,9 @@ import numpy as np
 from skyway.models.base.errors import InputError
 from skyway.models.base.statistics import drawn_evenly
 from skyway.models.compute.spreading import processors, spread
-from skyway.planner.evaluation.decisions import fly_policy
 from skyway.planner.evaluation.flights import GAVE_UP, Flown, pooled
 from skyway.planner.evaluation.realizations import LEGS, Realizations
-from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.evaluation.watched import WatchedDelivery
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.out_of_sample import left_out
 from skyway.planner.schedule.outcome import Outcome, full_costs_s
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 LEAST_RUNS = 20
 """Of fewer simulated deliveries no 95 % can be told."""
 _STREAM = 0x46
+FUTURES, BETTER_EVERY_S = 5, 600.0
+"""Parameters of the online policy that are less in simulated deliveries: they are most of what one costs, and hardly change when it arrives (decision 132)."""
 _RUNS_OF_A_WORKER = 8
 """So many deliveries are worth the start of a process."""
 
@@ -100,7 +102,7 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     problem : Problem
         With the drone that flies; it stands at a station.
     runs : int
-        Deliveries, `LEAST_RUNS` or more; each takes about half a second on one processor.
+        Deliveries, `LEAST_RUNS` or more; each takes one to three seconds of a processor, where nothing is decided on the way a tenth.
     told : callable, optional
         Is told deliveries done, deliveries in all, and about how long the rest takes, s.
 
@@ -126,7 +128,12 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     seeds = rng.integers(0, 2**62, (runs, 3))
     drone = problem.drone.id
     request = replace(problem.request, drone=drone)
-    world = _World(problem.scenario, request, drone, problem.parameters, errors, forecast, left_out(forecast))
+    online = problem.parameters.online
+    looks = replace(
+        online, futures=min(online.futures, FUTURES), better_every_s=max(online.better_every_s, BETTER_EVERY_S)
+    )
+    parameters = replace(problem.parameters, online=looks)
+    world = _World(problem.scenario, request, drone, parameters, errors, forecast, left_out(forecast))
     deliveries = [
         _Delivery(one, (queues, vehicle, gusts), ratios[number])
         for number, (one, (queues, vehicle, gusts)) in enumerate(zip(member.tolist(), seeds.tolist(), strict=True))
@@ -156,7 +163,7 @@ def _fly(world: _World, one: _Delivery) -> Flown:
     drone = world.scenario.drone(world.drone)
     told = replace(world.forecast, probability=world.told[one.member]).possible()
     start = Problem(world.scenario, world.request, drone, told, parameters=world.parameters)
-    return fly_policy(realization, drone.id, RollingRobust(start, world.errors))[0]
+    return WatchedDelivery(realization, start, np.random.default_rng((gusts, _STREAM))).fly()
 
 
 def _outcome(problem: Problem, flown: Flown, member: NDArray[np.int64]) -> Outcome:

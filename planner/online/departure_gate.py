@@ -17,7 +17,7 @@ from skyway.models.base.formatting import distance_text, percent, probability, s
 from skyway.models.base.units import from_posix
 from skyway.models.base.views import counted
 from skyway.planner.online.options import along_way
-from skyway.planner.reach.diverts import DivertCover, divert_cover
+from skyway.planner.reach.diverts import DivertCover, PointFlights
 from skyway.planner.reach.reach import SOC_SD
 from skyway.planner.robust.free_capacity import no_place_probability, turned_for_room_probability
 
@@ -267,11 +267,10 @@ class DepartureGate:
         reserve = self._policy.request.reserve_soc
         floor, kept = reserve * parameters.divert_share, reserve if self._info.watched else 0.0
         full = self._without_room(reach, way, at_s)
+        flights = PointFlights(reach, way, at_s, end)
 
         def cover(soc: float) -> DivertCover:
-            return divert_cover(
-                reach, way, at_s, soc, floor_soc=floor, epsilon=self._epsilon, destination=end, full=full, reserve_soc=kept
-            )  # fmt: skip
+            return flights.cover(soc, floor_soc=floor, epsilon=self._epsilon, full=full, reserve_soc=kept)
 
         found, low, soc = cover(least), least, least
         while found.gap_m is not None:

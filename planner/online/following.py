@@ -82,6 +82,8 @@ class Following:
         self.problem = problem if belief.mean_ratio == 1.0 else problem.with_energy(belief.mean_ratio)
         self._later_margin = online.later_margin + online.later_sigmas * belief.sd_within / belief.mean_ratio
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}
+        self._arrivals: dict[tuple[Future, int, float, float], float] = {}
+        self._stays: dict[Future, float] = {}
         self._count = futures
         # The forecast of the moment is shifted and weighted by what was measured already. Where the hour was not measured, the next one is
         # no less sure than it.
@@ -248,20 +250,29 @@ class Following:
         until = self.new_wind_s
         if until == NEVER:
             return p.depart_s + self.parameters.stuck_s
-        queue = future.queues[p.origin]
-        pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
-        soc = p.soc
-        if until > pad:
-            soc = p.soc_after(p.origin, soc, p.charging_s(p.origin, pad, until))
-            queue = no_queue()
-        after = p.standing_at(p.origin, until, soc)
-        return self._best_s(after, replace(future, queues=future.queues.with_path(p.origin, queue)))
+        if future not in self._stays:
+            queue = future.queues[p.origin]
+            pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
+            soc = p.soc
+            if until > pad:
+                soc = p.soc_after(p.origin, soc, p.charging_s(p.origin, pad, until))
+                queue = no_queue()
+            after = p.standing_at(p.origin, until, soc)
+            waiting = replace(future, queues=future.queues.with_path(p.origin, queue))
+            self._stays[future] = self._best_s(after, waiting)
+        return self._stays[future]
 
     def _arrival(self, future: Future, node: int, time_s: float, soc: float) -> float:
         """Best arrival in a future of a drone that lands at a station."""
-        p = self.problem
         landed = float(future.queues[node].land_time(time_s))
-        return self._best_s(p.standing_at(node, landed, soc), future)
+        return self._kept_s(future, node, landed, soc)
+
+    def _kept_s(self, future: Future, node: int, time_s: float, soc: float) -> float:
+        """Best arrival from a station, worked out once: steps that charge for long are all weighed by staying."""
+        state = future, node, time_s, soc
+        if state not in self._arrivals:
+            self._arrivals[state] = self._best_s(self.problem.standing_at(node, time_s, soc), future)
+        return self._arrivals[state]
 
     def _best_s(self, after: Problem, future: Future) -> float:
         """Best arrival in a future from a later state."""

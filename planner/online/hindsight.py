@@ -146,6 +146,8 @@ class Hindsight(Following):
         for future in self.futures:
             future.careful.close(segment, until_s)
         self._closed.add(segment)
+        self._arrivals.clear()
+        self._stays.clear()
 
     def arrival_s(self, station: str, time_s: float, soc: float) -> float:
         """Expected arrival of the delivery by way of a landing at a station at a time with a charge, POSIX seconds."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.planner.reach.reach import Place, Reach
+    from skyway.planner.reach.reach import Flown, Place, Reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,45 +47,94 @@ def divert_cover(
     `epsilon`. `reserve_soc` is kept likewise by the destination from the start, or by another station from each point,
     in the winds in which it is flown that far.
     """
-    points = _points(way, every_m or reach.parameters.point_every_m)
-    places = [place for place, _ in points]
-    (climb_s, climb_soc), (descent_s, descent_soc) = reach.ends(way)
-    begins = time_s + climb_s
-    high = reach.flying_over(reach.cleared_on(way))
-    flown = high.along(places, begins)
-    spent, used = np.zeros((2, len(reach.wind), len(points)))
-    spent[:, 1:] = flown.time_s
-    used[:, 1:] = flown.soc
-    used += climb_soc
-    ends_at = reach.network.index[destination]
-    nodes = reach.pads_near(places, soc)
-    nodes = nodes[nodes != ends_at]
-    roomy = np.array([reach.network.stations[node].id not in full for node in nodes], dtype=bool)
-    safe = np.zeros((len(points), len(nodes)), dtype=bool)
-    nearest = np.zeros(len(points), dtype=bool)
-    at_end = used[:, -1:] + descent_soc
-    keeps = reach.p_below(soc, at_end, reserve_soc, flown.doubt[:, -1:])[0] <= epsilon
-    flown_on = reach if keeps else _not_hopeless(reach, soc, at_end, flown.doubt[:, -1:], reserve_soc)
-    mean_s = reach.expected(spent)
-    for row, place in enumerate(places):
-        if not len(nodes):
-            break
-        flight = high.to_stations(place, begins + float(mean_s[row]), nodes)
-        left_s = float(mean_s[-1] - mean_s[row]) + descent_s
-        nearest[row] = reach.network.pads[ends_at] > 0 and left_s <= float(reach.expected(flight.time_s).min())
-        cost = used[:, row, None] + flight.soc
-        sure = reach.p_below(soc, cost, floor_soc, flight.doubt) <= epsilon
-        near = np.flatnonzero(
-            sure & (keeps or roomy & (flown_on.p_below(soc, cost, reserve_soc, flight.doubt) <= epsilon))
-        )
-        near = near[np.argsort(reach.expected(cost)[near])][:12]
-        safe[row, near[high.clear(place, nodes[near], begins + float(mean_s[row]))]] = True
-    uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
-    gap = float(points[uncovered[0]][1]) if len(uncovered) else None
-    most = reach.parameters.max_diverts if most is None else most
-    chosen = _fewest(safe, most)
-    chosen += [k for k in _beside(reach, places, nodes, safe) if k not in chosen][: most - len(chosen)]
-    return DivertCover(tuple(reach.network.stations[nodes[k]].id for k in chosen), gap)
+    flights = PointFlights(reach, way, time_s, destination, every_m)
+    return flights.cover(soc, floor_soc=floor_soc, epsilon=epsilon, full=full, reserve_soc=reserve_soc, most=most)
+
+
+class PointFlights:
+    """Flights from the points of a leg to stations: they do not depend on the charge, and are worked out once for several.
+
+    The arguments are those of `divert_cover`.
+    """
+
+    def __init__(
+        self, reach: Reach, way: Sequence[Place], time_s: float, destination: str, every_m: float | None = None
+    ) -> None:
+        self._reach, self._high = reach, reach.flying_over(reach.cleared_on(way))
+        self._points = _points(way, every_m or reach.parameters.point_every_m)
+        self._places = [place for place, _ in self._points]
+        (climb_s, climb_soc), (self._descent_s, descent_soc) = reach.ends(way)
+        self._begins_s = time_s + climb_s
+        flown = self._high.along(self._places, self._begins_s)
+        spent, used = np.zeros((2, len(reach.wind), len(self._points)))
+        spent[:, 1:] = flown.time_s
+        used[:, 1:] = flown.soc
+        self._used = used + climb_soc
+        self._doubt = flown.doubt[:, -1:]
+        self._at_end = self._used[:, -1:] + descent_soc
+        self._mean_s = reach.expected(spent)
+        self._ends_at = reach.network.index[destination]
+        nodes = reach.pads_near(self._places, 1.0)
+        self._nodes = nodes[nodes != self._ends_at]
+        self._flights: dict[int, Flown] = {}
+        self._clear: dict[tuple[int, int], bool] = {}
+
+    def cover(
+        self,
+        soc: float,
+        *,
+        floor_soc: float,
+        epsilon: float,
+        full: frozenset[str] = frozenset(),
+        reserve_soc: float = 0.0,
+        most: int | None = None,
+    ) -> DivertCover:
+        """Find divert stations for every point, for a charge at the take-off; see `divert_cover`."""
+        reach, points = self._reach, self._points
+        near_enough = np.isin(self._nodes, reach.pads_near(self._places, soc))
+        nodes = self._nodes[near_enough]
+        roomy = np.array([reach.network.stations[node].id not in full for node in nodes], dtype=bool)
+        safe = np.zeros((len(points), len(nodes)), dtype=bool)
+        nearest = np.zeros(len(points), dtype=bool)
+        keeps = reach.p_below(soc, self._at_end, reserve_soc, self._doubt)[0] <= epsilon
+        flown_on = reach if keeps else _not_hopeless(reach, soc, self._at_end, self._doubt, reserve_soc)
+        for row in range(len(points)):
+            if not len(nodes):
+                break
+            flight = self._from(row)
+            time_s, taken, doubt = (one[:, near_enough] for one in flight)
+            left_s = float(self._mean_s[-1] - self._mean_s[row]) + self._descent_s
+            nearest[row] = reach.network.pads[self._ends_at] > 0 and left_s <= float(reach.expected(time_s).min())
+            cost = self._used[:, row, None] + taken
+            sure = reach.p_below(soc, cost, floor_soc, doubt) <= epsilon
+            near = np.flatnonzero(
+                sure & (keeps or roomy & (flown_on.p_below(soc, cost, reserve_soc, doubt) <= epsilon))
+            )
+            near = near[np.argsort(reach.expected(cost)[near])][:12]
+            safe[row, near[self._clear_to(row, nodes[near])]] = True
+        uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
+        gap = float(points[uncovered[0]][1]) if len(uncovered) else None
+        most = reach.parameters.max_diverts if most is None else most
+        chosen = _fewest(safe, most)
+        chosen += [k for k in _beside(reach, self._places, nodes, safe) if k not in chosen][: most - len(chosen)]
+        return DivertCover(tuple(reach.network.stations[nodes[k]].id for k in chosen), gap)
+
+    def _at_s(self, row: int) -> float:
+        return self._begins_s + float(self._mean_s[row])
+
+    def _from(self, row: int) -> Flown:
+        """Flights from a point to all stations."""
+        if row not in self._flights:
+            self._flights[row] = self._high.to_stations(self._places[row], self._at_s(row), self._nodes)
+        return self._flights[row]
+
+    def _clear_to(self, row: int, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether no zone lies before stations, from a point."""
+        asked = np.array([node for node in nodes.tolist() if (row, node) not in self._clear], dtype=np.int64)
+        if len(asked):
+            found = self._high.clear(self._places[row], asked, self._at_s(row)).tolist()
+            self._clear.update(zip(((row, node) for node in asked.tolist()), found, strict=True))
+        return np.array([self._clear[row, node] for node in nodes.tolist()], dtype=bool)
 
 
 def _not_hopeless(

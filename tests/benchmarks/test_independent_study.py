@@ -3,12 +3,15 @@
 import json
 import math
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.independent import study, worlds
+from benchmarks.independent import screening, study, worlds
 from benchmarks.independent.__main__ import main
+from benchmarks.independent.delivery import DELIVERED
+from benchmarks.independent.verdict import verdict
 
 STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
 
@@ -18,12 +21,12 @@ def document(number, landings, delivery_s, day=(1, 1, 2, 2)):
         "world": "ours", "order": {"seed": number}, "planned": True, "promised_mean_s": 600.0,
         "promised_quantile_s": [500.0, 700.0, 900.0], "promised": [0.5, 0.8, 0.95], "promised_reserve": 0.999,
         "day": list(day), "ending": ["delivered" if one is not None else "stranded" for one in delivery_s],
-        "delivery_s": delivery_s, "landings": landings,
+        "delivery_s": delivery_s, "landings": landings, "weight": [1.0] * len(day), "run": [0] * len(day),
     }  # fmt: skip
 
 
 def test_a_verdict_counts_deliveries_landings_and_promises():
-    found = study.verdict([
+    found = verdict([
         document(0, [[0.3, 0.19], [0.2], [0.5], [-0.1]], [480.0, 600.0, 800.0, None]),
         document(1, [[0.3], [0.25], [0.5], [0.4]], [400.0, 400.0, 400.0, 1000.0]),
         {"world": "ours", "order": {"seed": 2}, "planned": False},
@@ -37,6 +40,30 @@ def test_a_verdict_counts_deliveries_landings_and_promises():
     assert found.promised_below == pytest.approx(0.001)
     assert "below 25.00" in found.line()
     assert not math.isnan(found.below_days[0])
+
+
+def test_a_delivery_that_stands_for_others_counts_for_them():
+    one = document(0, [[0.19], [0.3], [0.3], [0.3]], [400.0, 600.0, 600.0, 1000.0]) | {"weight": [1.0, 9.0, 5.0, 5.0]}
+    found = verdict([one])
+    assert (found.deliveries, found.stands_for, found.below_count) == (4, 20.0, 1)
+    assert found.below == pytest.approx(1.0 / 20.0)
+    assert found.mean_min * 60.0 == pytest.approx((400.0 + 14.0 * 600.0 + 5.0 * 1000.0) / 20.0)
+    assert [kept for _, _, kept, _ in found.on_time] == pytest.approx([1 / 20, 15 / 20, 15 / 20])
+    low, high = found.below_wilson
+    assert low < 1.0 / 20.0 < high
+
+
+def test_all_deliveries_near_the_reserve_are_flown_and_a_share_of_the_others_that_stands_for_them(monkeypatch):
+    ends = [(DELIVERED, [0.5, 0.21]), ("stranded", [-1.0]), *[(DELIVERED, [0.3])] * 50]
+    flown = [SimpleNamespace(ending=ending, landings=landings) for ending, landings in ends]
+    monkeypatch.setattr(screening, "deliver", lambda *_: flown)
+    seeds = [(1, number) for number in range(len(ends))]
+    runs, weight = screening.chosen(None, None, None, 0.1, seeds)
+    assert runs[:2].tolist() == [0, 1]
+    assert weight.tolist() == [1.0, 1.0, *[10.0] * 5]
+    assert weight.sum() == len(ends)
+    few, weight = screening.chosen(None, None, None, 0.001, seeds)
+    assert (len(few), weight.sum()) == (3, len(ends))
 
 
 def test_what_was_flown_is_read_again_but_not_that_of_another_study(tmp_path):

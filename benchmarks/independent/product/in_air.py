@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 VARIANCE = 0.05
 """Of a component of the wind that the filter finds, m2/s2."""
 SURE = 1e-3
-SURE_LOOKS = 5
-"""A flight that lands below the reserve with less than that is looked at again after so many pieces."""
+SURE_S = 120.0
+"""A flight that lands below the reserve with less than that is looked at again after so long; `fly` looks every ten seconds."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 
@@ -48,14 +48,14 @@ class InAir:
         self._measured: dict[int, dict[float, WindObservation]] = {}
         self._measured_at: dict[int, Place] = {}
         self._memory: dict[tuple[int, int], FlightMemory] = {}
-        self._next_look: dict[tuple[int, int], int] = {}
+        self._next_look_s: dict[tuple[int, int], float] = {}
 
     def forget(self) -> None:
         """Drop what was noted of deliveries before."""
         self._measured.clear()
         self._measured_at.clear()
         self._memory.clear()
-        self._next_look.clear()
+        self._next_look_s.clear()
 
     def forecast(
         self,
@@ -94,8 +94,8 @@ class InAir:
 
     def turns(self, seen: Aloft, diverts: Sequence[int]) -> int | None:
         """Where to turn to, of some stations; None to fly on."""
-        key, count = (seen.run, len(seen.flights)), len(seen.pieces)
-        if count < self._next_look.get(key, 0):
+        key = (seen.run, len(seen.flights))
+        if seen.time_s < self._next_look_s.get(key, 0.0):
             return None
         self._note(seen)
         memory = self._memory.setdefault(key, FlightMemory(speed_s=math.inf))
@@ -124,7 +124,7 @@ class InAir:
         while 0 < memory.doubtful < self.policy.parameters.confirm:  # `fly` looks again after ten seconds
             decision = self.policy.in_air(info)
         sure = float(decision.figures.get("p_below_reserve", 1.0)) < SURE
-        self._next_look[key] = count + (SURE_LOOKS if sure else 1)
+        self._next_look_s[key] = seen.time_s + (SURE_S if sure else 0.0)
         if decision.action == "land":
             return HERE
         if decision.action in ("divert", "station") and decision.station is not None:

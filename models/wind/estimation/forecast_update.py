@@ -149,17 +149,45 @@ def update_forecast(
     fine = refined(ensemble, slot_s)
     begin, latest = fine.start_s + np.arange(fine.slots) * fine.slot_s, float(where[0].max())
     middle = np.where(begin <= latest, np.minimum(begin + fine.slot_s / 2.0, latest), begin + fine.slot_s / 2.0)
-    # sum over observations k of fade[t, k] reach[k, s] pressed[m, k, c], as one product of matrices
-    felt = (model.fade(middle, where[0])[:, None, :] * reach.T).reshape(-1, len(observations))
-    shift = (felt @ flat).reshape(fine.slots, -1, 2, len(fine))
-    north, east = shift.transpose(2, 3, 0, 1)
+    north, east = _expected(middle, where[0], model.tau_s, reach.T, flat)
     moved = replace(fine, north=fine.north + north, east=fine.east + east)
     if local is not None and here is not None:
-        felt_here = local.here * np.exp(-np.abs(middle[:, None] - where[0]) / field.tau_s)
-        moved = _with_site(moved, here, (felt_here @ flat).reshape(fine.slots, 2, len(fine)).transpose(1, 2, 0))
+        more = _expected(middle, where[0], field.tau_s, local.here[None], flat)
+        moved = _with_site(moved, here, more[..., 0])
     if not float((moved.probability * likelihood).sum()) > 0.0:
         return moved
     return moved.weighted(_flattened(moved.probability, likelihood, least_members))
+
+
+def _expected(
+    middle_s: NDArray[np.float64],
+    seen_s: NDArray[np.float64],
+    tau_s: float,
+    reach: NDArray[np.float64],
+    pressed: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the expected error at some sites in each slot, (north, east), shape (2, members, slots, sites).
+
+    It is sum over observations k of exp(-|t - t(k)| / tau) reach[s, k] pressed[k, c, m]. After the last observation t(n) that is its value then times
+    exp(-(t - t(n)) / tau), so that the sum is made for the slots up to it alone.
+
+    Parameters
+    ----------
+    middle_s : ndarray, shape (slots,)
+        In order.
+    seen_s : ndarray, shape (observations,)
+    reach : ndarray, shape (sites, observations)
+    pressed : ndarray, shape (observations, 2 * members)
+    """
+    latest = float(seen_s.max())
+    before = int(np.searchsorted(middle_s, latest, side="left"))
+    times = np.append(middle_s[:before], latest)
+    fade = np.exp(-np.abs(times[:, None] - seen_s) / tau_s)
+    felt = (fade[:, None, :] * reach).reshape(-1, len(seen_s))
+    found = (felt @ pressed).reshape(len(times), len(reach), 2, -1).transpose(2, 3, 0, 1)
+    after = np.exp((latest - middle_s[before:]) / tau_s)
+    later = found[:, :, -1:, :] * after[:, None]
+    return np.concatenate((found[:, :, :-1, :], later), axis=2)
 
 
 class _Local(NamedTuple):

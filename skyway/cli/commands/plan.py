@@ -61,7 +61,7 @@ def plan(
     as_flown: Annotated[
         int,
         typer.Option(
-            help="Simulate this many deliveries with the decisions of `fly`, half a second to some seconds each, and show when they arrive (planner robust).",
+            help="Simulate this many deliveries with the decisions of `fly`, in wind that no site measures, half a second to some seconds each, and show when they arrive (planner robust).",
             metavar="N",
             min=0,
         ),

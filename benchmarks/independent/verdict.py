@@ -1,0 +1,146 @@
+"""What a world makes of a planner's promises: deliveries that were flown, summed up beside what was said of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.independent.delivery import DELIVERED, STRANDED
+from benchmarks.independent.product import planning
+from benchmarks.independent.statistics import over_days, percent, wilson
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+RESERVE = 0.2
+SAME_TIME, TENTH_S = 0.002, 0.1
+"""Distances on the plane of a world are those of the ellipsoid within this share, and times are written in tenths of a second: many deliveries in light
+wind take the same time, that of the greatest speed over ground, and would be late by it."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a world makes of a planner's promises; shares from 0 to 1, intervals over days.
+
+    Attributes
+    ----------
+    deliveries
+        Flown; where some were left out (`Study.share`) each counts for as many as it stands for.
+    stands_for : float
+        Deliveries that those flown stand for.
+    below, below_wilson, below_days
+        Deliveries with a landing below the reserve.
+    lowest : (float, float, float)
+        Lowest charge at a landing: the least of all deliveries, and what one in 1,000 and one in 100 of them is below.
+    on_time : tuple
+        (level, promised, kept, interval) at the levels of the plan's own quantiles.
+    """
+
+    world: str
+    orders: int
+    unplanned: int
+    deliveries: int
+    stands_for: float
+    landings: int
+    below_landings: int
+    lowest: tuple[float, float, float]
+    below_count: int
+    below: float
+    below_wilson: tuple[float, float]
+    below_days: tuple[float, float]
+    promised_below: float
+    stranded: int
+    not_delivered: int
+    mean_min: float
+    mean_days_min: tuple[float, float]
+    promised_mean_min: float
+    on_time: tuple[tuple[float, float, float, tuple[float, float]], ...]
+
+    def line(self) -> str:
+        """One line for people."""
+        times = "  ".join(
+            f"{100 * level:.0f}%: {100 * said:.1f} -> {percent(kept, days, '{:.1f}'.format)}"
+            for level, said, kept, days in self.on_time
+        )
+        return (
+            f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries for {self.stands_for:.0f}: {self.below_count} below {percent(self.below, self.below_days)} "
+            f"(Wilson {percent(self.below, self.below_wilson)[len(f'{100 * self.below:.2f} ') :]}, "
+            f"promised {100 * self.promised_below:.3f}; of landings {100 * self.below_landings / max(self.landings, 1):.2f}, "
+            f"1 % below SoC {self.lowest[2]:.3f}) stranded {self.stranded} failed {self.not_delivered} "
+            f"mean {self.mean_min:.1f} min [{self.mean_days_min[0]:.1f}, {self.mean_days_min[1]:.1f}] "
+            f"promised {self.promised_mean_min:.1f}  on time {times}"
+        )
+
+
+def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
+    """Sum the orders of one world up."""
+    flown = [one for one in documents if one["planned"]]
+    day = np.array([value for one in flown for value in one["day"]], dtype=np.int64)
+    weight = np.array([value for one in flown for value in one["weight"]], dtype=float)
+    ending = [value for one in flown for value in one["ending"]]
+    landings = [value for one in flown for value in one["landings"]]
+    below = np.array([any(soc < RESERVE - 1e-9 for soc in socs) for socs in landings], dtype=float)
+    time_s = np.array(
+        [math.nan if value is None else value for one in flown for value in one["delivery_s"]], dtype=float
+    )
+    due = np.array([one["promised_quantile_s"] for one in flown for _ in one["day"]])
+    said = np.array([one["promised"] for one in flown for _ in one["day"]])
+    kept = np.where(np.isnan(time_s), math.inf, time_s)[:, None] <= due * (1.0 + SAME_TIME) + TENTH_S
+    of_order = np.array([sum(one["weight"]) for one in flown], dtype=float)
+
+    def mean_of(name: str) -> float:
+        return float(np.average([one[name] for one in flown], weights=of_order))
+
+    there = np.isfinite(time_s)
+    mean_days = over_days(time_s, day, weight)
+    return Verdict(
+        world=documents[0]["world"],
+        orders=len(flown),
+        unplanned=len(documents) - len(flown),
+        deliveries=len(ending),
+        stands_for=float(weight.sum()),
+        landings=sum(len(socs) for socs in landings),
+        below_landings=sum(soc < RESERVE - 1e-9 for socs in landings for soc in socs),
+        lowest=_lowest(landings),
+        below_count=int(below.sum()),
+        below=float(np.average(below, weights=weight)),
+        below_wilson=_wilson(below, weight),
+        below_days=over_days(below, day, weight),
+        promised_below=1.0 - mean_of("promised_reserve"),
+        stranded=ending.count(STRANDED),
+        not_delivered=len(ending) - ending.count(DELIVERED) - ending.count(STRANDED),
+        mean_min=float(np.average(time_s[there], weights=weight[there])) / 60.0,
+        mean_days_min=(mean_days[0] / 60.0, mean_days[1] / 60.0),
+        promised_mean_min=mean_of("promised_mean_s") / 60.0,
+        on_time=tuple(
+            (
+                level,
+                float(np.average(said[:, k], weights=weight)),
+                float(np.average(kept[:, k], weights=weight)),
+                over_days(kept[:, k].astype(float), day, weight),
+            )
+            for k, level in enumerate(planning.LEVELS)
+        ),
+    )
+
+
+def _wilson(below: NDArray[np.float64], weight: NDArray[np.float64]) -> tuple[float, float]:
+    """Interval of a share: of each of the two strata that screening makes, and their ends added up."""
+    low = high = 0.0
+    alone = weight == 1.0
+    for one in (alone, ~alone):
+        if one.any():
+            ends, part = wilson(int(below[one].sum()), int(one.sum())), weight[one].sum() / weight.sum()
+            low, high = low + part * ends[0], high + part * ends[1]
+    return float(low), float(high)
+
+
+def _lowest(landings: Sequence[Sequence[float]]) -> tuple[float, float, float]:
+    least = [min(socs) for socs in landings if socs] or [math.nan]
+    low, thousandth, hundredth = np.quantile(least, (0.0, 0.001, 0.01)).tolist()
+    return low, thousandth, hundredth
