@@ -14,12 +14,13 @@ class ToursParameters(Parameters):
     removed: float = parameter(10.0, "customers that are taken out at once, on average", 1, 1000)
     longest: int = parameter(10, "customers that are taken out of one tour at once, at most", 1, 1000)
     warm: float = parameter(
-        0.3,
-        "at the beginning a change that costs so many times the mean cost of a customer is accepted with 1/e",
+        0.12,
+        "at the beginning a change that costs this share of the mean tour with one customer is accepted with 1/e",
         1e-6,
         100,
+        measured="r208_21, 200,000 iterations: 0.00 % above the best known, 5.71 % with a temperature by the mean cost of a customer in the plan (decision 128)",
     )
-    cool: float = parameter(0.01, "the same at the end", 1e-6, 100)
+    cool: float = parameter(0.002, "the same at the end", 1e-6, 100)
     fleet_share: float = parameter(0.15, "share of the time for fewer vehicles, at most", 0, 1)
     rounds: int = parameter(2, "how often it cools and then chooses the best of all tours seen", 1, 100)
     pooled: float = parameter(1.03, "tours are kept of plans that cost less than so many times the best", 1, 10)
@@ -30,5 +31,5 @@ class ToursParameters(Parameters):
         0.8, "stations charge drones up to this, where charging is about as fast as from empty", 0.3, 1
     )
     late: float = parameter(
-        0.1, "what a unit of lateness costs while it is searched, in mean costs of a customer", 1e-6, 1e6
+        0.1, "what a unit of lateness costs when the search begins, in mean tours with one customer", 1e-6, 1e6
     )

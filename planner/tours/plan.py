@@ -59,6 +59,7 @@ def plan_tours(
     time_limit_s: float = 10.0,
     iterations: int = 10**9,
     seed: int = 0,
+    fewest_drones: bool = False,
     parameters: PlannerParameters = USUAL,
 ) -> DispatchPlan:
     """Plan tours: each drone leaves its station once, with all of its packages aboard, and is home after the last one.
@@ -81,6 +82,8 @@ def plan_tours(
         The search ends after either.
     seed : int
         Of everything random; with a limit on iterations alone the same plan comes out each time.
+    fewest_drones : bool
+        Whether fewer drones are better, whatever time and energy they take.
     parameters : PlannerParameters, optional
         Tuned numbers.
 
@@ -107,7 +110,7 @@ def plan_tours(
         if not orders:
             continue
         group = group_of(work, laid, drones, orders, depart.timestamp(), taken, parameters)
-        search = solve(group.tours, parameters.tours, seed=seed, time_limit_s=time_limit_s / len(teams), iterations=max(iterations // len(teams), 1))  # fmt: skip
+        search = solve(group.tours, parameters.tours, seed=seed, time_limit_s=time_limit_s / len(teams), iterations=max(iterations // len(teams), 1), fewest_vehicles=fewest_drones)  # fmt: skip
         cost, tried = cost + search.cost, tried + search.iterations
         for vehicle, rows in search.timetables().items():
             route, found = _told(work, laid, group, group.drones[vehicle], rows)

@@ -158,10 +158,7 @@ class Search:
 
     @property
     def mean_cost(self) -> float:
-        """Of a customer: of the best plan, or of tours with one customer each where nobody is served."""
-        served = int((self.best.route_of[1:] >= 0).sum())
-        if served:
-            return max(self.cost / served, 1e-9)
+        """Of a tour with one customer: how far apart places are, whatever the windows."""
         first, ways = self.tours.first, self.tours.ways
         alone = [
             ways.cost[first[0, node]] + ways.cost[first[node, 0]]

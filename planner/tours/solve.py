@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 CHOICES = 8
 """So often routes are chosen again where those chosen cannot all be driven together."""
+FEWER = 0.02
+"""Temperature while vehicles are saved, in mean tours with one customer."""
 BUILT = 2000
 """Iterations in which the first plan is made."""
 
@@ -106,8 +108,8 @@ def _fewer(search: Search, end_at: float, iterations: int) -> int:
         search.run(
             end_at=end_at,
             iterations=max(last - search.iterations, 1),
-            warm=0.1,
-            cool=0.1,
+            warm=FEWER,
+            cool=FEWER,
             most_routes=most,
             until_served=True,
         )

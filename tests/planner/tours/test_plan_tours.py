@@ -38,10 +38,12 @@ def forecast():
     return scenario, constant_wind(4.0, 270.0, START, 48, 40.7, -73.9, scenario.rules.cruise_height_m)
 
 
-def planned(forecast, orders, drones, *, holds=(), iterations=300):
+def planned(forecast, orders, drones, *, holds=(), iterations=300, fewest_drones=False):
     scenario, wind = forecast
     work = fit(scenario, orders, drones)
-    made = plan_tours(work, START, forecast=wind, holds=holds, time_limit_s=600.0, iterations=iterations)
+    made = plan_tours(
+        work, START, forecast=wind, holds=holds, time_limit_s=600.0, iterations=iterations, fewest_drones=fewest_drones
+    )
     check(work, wind, made)
     return work, made
 
@@ -149,3 +151,14 @@ def test_pads_that_others_have_are_left_to_them(forecast):
         for step in route.steps:
             if step.kind == "charge" and step.origin == window.station:
                 assert step.begin >= START + timedelta(minutes=90) or step.pad is None
+
+
+def test_fewest_drones_saves_a_drone_where_two_would_take_less_time(forecast):
+    orders = [order("north", "jacobi", due_min=300), order("south", "coney-island", due_min=300)]
+    drones = [drone("d1"), drone("d2")]
+    _, quick = planned(forecast, orders, drones)
+    _, few = planned(forecast, orders, drones, fewest_drones=True)
+    assert quick.served == few.served == 2
+    assert len(few.routes) == 1
+    assert len(quick.routes) == 2
+    assert quick.cost_s <= few.cost_s

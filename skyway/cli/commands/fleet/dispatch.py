@@ -102,6 +102,9 @@ def tours(
         int, typer.Option(help="Changes to try at most; with enough time the same plan comes out each time.", min=1)
     ] = 10**9,
     seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0,
+    fewest_drones: Annotated[
+        bool, typer.Option("--fewest-drones", help="Use as few drones as serve all orders, whatever time they take.")
+    ] = False,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None,
@@ -133,7 +136,7 @@ def tours(
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
         return plan_tours(
-            work, depart, forecast=known.forecast, holds=holds, reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed,
+            work, depart, forecast=known.forecast, holds=holds, reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, fewest_drones=fewest_drones,
             parameters=parameters,
         )  # fmt: skip
 
