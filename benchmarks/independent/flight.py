@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from benchmarks.independent.delivery import Run, Setting
     from benchmarks.independent.information import Leave, Policy
 
-LOOK_M, LOOK_S, LEAST_M = 300.0, 45.0, 40.0
-"""So often a drone looks whether to fly on: after the first or, at its last ground speed, the second, but not after less than the third."""
+LOOK_M, LOOK_S, LEAST_M = 300.0, 20.0, 40.0
+"""So often a drone looks whether to fly on: after the first or, at its last ground speed, the second, but not after less than the third. `fly` looks every ten
+seconds, and counts on looking again within 45."""
 HOVER_AIRSPEED_MPS = 3.0
 NOWHERE = -1.0
 """Charge counted for a landing outside any station."""

@@ -34,7 +34,7 @@ def chosen(
     flown = deliver(setting, order, route)
     close = np.array([run.ending != DELIVERED or min(run.landings) < CLOSE_SOC for run in flown])
     others = np.flatnonzero(~close)
-    draw = np.array([np.random.default_rng((*seeds[run], _STREAM)).random() for run in others])
+    draw = np.array([np.random.default_rng((*seeds[run], _STREAM)).random() for run in others.tolist()])
     drawn = others[np.argsort(draw)[: math.ceil(share * len(others))]]
     weight = np.where(close, 1.0, len(others) / max(len(drawn), 1))
     runs = np.sort(np.concatenate((np.flatnonzero(close), drawn)))

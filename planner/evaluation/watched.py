@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.reach.reach import Place
 
-PIECE_M, PIECE_S, LEAST_M = 600.0, 60.0, 60.0
+PIECE_M, PIECE_S, LEAST_M = 500.0, 25.0, 60.0
 """So often it is thought over whether to fly on: after the first or, at its last ground speed, the second, but not after less than the third. `fly` does so
-every ten seconds."""
+every ten seconds. It must be well within `OnlineParameters.ahead_s`: so far ahead it makes sure that it can still turn."""
 SURE, SURE_S = 1e-3, 150.0
 """A flight that lands below the reserve with less than that is thought over after so long."""
 FILTERED = 0.05
