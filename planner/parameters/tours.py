@@ -14,14 +14,14 @@ class ToursParameters(Parameters):
     removed: float = parameter(10.0, "customers that are taken out at once, on average", 1, 1000)
     longest: int = parameter(10, "customers that are taken out of one tour at once, at most", 1, 1000)
     warm: float = parameter(
-        0.12,
+        0.07,
         "at the beginning a change that costs this share of the mean tour with one customer is accepted with 1/e",
         1e-6,
         100,
-        measured="r208_21, 200,000 iterations: 0.00 % above the best known, 5.71 % with a temperature by the mean cost of a customer in the plan (decision 128)",
+        measured="r105_21 and r208_21: 0.12 is too warm for narrow windows, what is a third of the mean cost of a customer in the plan too cold for wide ones (decision 128)",
     )
-    cool: float = parameter(0.002, "the same at the end", 1e-6, 100)
-    fleet_share: float = parameter(0.15, "share of the time for fewer vehicles, at most", 0, 1)
+    cool: float = parameter(0.0024, "the same at the end", 1e-6, 100)
+    fleet_share: float = parameter(0.3, "share of the time for fewer vehicles, at most", 0, 1)
     rounds: int = parameter(2, "how often it cools and then chooses the best of all tours seen", 1, 100)
     pooled: float = parameter(1.03, "tours are kept of plans that cost less than so many times the best", 1, 10)
     pool: int = parameter(40_000, "tours that are kept, at most", 100, 10_000_000)
