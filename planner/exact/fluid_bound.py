@@ -46,7 +46,7 @@ def fluid_bound_s(problem: Problem) -> NDArray[np.float64]:
         inside = np.clip(np.minimum(ends_s, middle[:, None]) - np.maximum(begin_s, p.depart_s), 0.0, None)
         reached = _best(rate, inside, _flown_s(p, costs, middle - p.depart_s)) >= distance_m
         low, high = np.where(reached, low, middle), np.where(reached, middle, high)
-    return np.maximum(low, p.earliest_s)
+    return np.asarray(np.maximum(low, p.earliest_s))
 
 
 def _along(problem: Problem) -> NDArray[np.float64]:

@@ -97,11 +97,12 @@ def test_robust_composes_no_route_twice(monkeypatch):
 
 
 def test_robust_plans_the_same_with_queues_sampled_for_the_whole_horizon(monkeypatch):
-    plans = []
+    plans, quick = [], replace(USUAL, robust=replace(USUAL.robust, large_network=1, final_runs=200))
     for ahead in (charge_policy._AHEAD, 0.3, 1e9):  # as they are, for less than it takes, and for all of it
         monkeypatch.setattr(charge_policy, "_AHEAD", ahead)
-        problem = city(2, parameters=USUAL, stations=8)
-        result = plan(problem.scenario, problem.request, forecast=make_wind(np.random.default_rng(5), members=4))
+        problem = city(2, parameters=quick, stations=8)
+        wind = make_wind(np.random.default_rng(5), members=4)
+        result = plan(problem.scenario, problem.request, forecast=wind, parameters=quick)
         plans.append((result.itinerary, result.outcome.arrival_s.tolist(), result.robust.typical.schedule.tolist()))
     assert plans[0] == plans[1] == plans[2]
 

@@ -7,7 +7,7 @@ import pytest
 from worlds import best_time, make_request, make_wind, make_world
 
 from skyway.planner.baselines.ies import ExhaustiveSearch
-from skyway.planner.exact import exact
+from skyway.planner.exact import guided_search
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.exact.fluid_bound import fluid_bound_s
 from skyway.planner.parameters.exact import ExactParameters
@@ -48,11 +48,11 @@ def test_in_storms_it_equals_the_exhaustive_search(monkeypatch, target, paramete
     gates = []
 
     def counted(*how):
-        gates.append(found := LAST_GATE(*how))
+        gates.append(found := last_gate(*how))
         return found
 
-    LAST_GATE = exact.last_gate
-    monkeypatch.setattr(exact, "last_gate", counted)
+    last_gate = guided_search.last_gate
+    monkeypatch.setattr(guided_search, "last_gate", counted)
     for seed in range(10):
         problem = delayed(seed, parameters=parameters, target=target)
         queues = SampledQueues(problem, 0)
