@@ -358,12 +358,17 @@ class WatchedDelivery:
             visited=frozenset(self._ids[node] for node in now.origins),
             busy_pads={self._ids[node]: count for node, count in self._present(now, aloft=True)[0].items()},
             here=here, via=tuple(names[:-1]), destination=names[-1],
-            diverts=tuple(dict.fromkeys((*decision.diverts, self._ids[origin], *names[:-1]))), left=left, flight=memory,
+            diverts=tuple(dict.fromkeys((*decision.diverts, self._ids[origin], *self._over(decision)))), left=left, flight=memory,
         )  # fmt: skip
         answer = self.policy.in_air(info)
         while 0 < memory.doubtful < self.policy.parameters.confirm:  # `fly` looks again after ten seconds
             answer = self.policy.in_air(info)
         return answer
+
+    def _over(self, decision: Decision) -> list[str]:
+        """Stations that a leg leads over: those behind it can be turned to as well."""
+        segments = () if decision.departure is None else decision.departure.segments
+        return [self._ids[int(self.truth.network.head[one])] for one in segments[:-1]]
 
     def _land(self, now: _Under, node: int, ratio: float, pieces: Sequence[_Piece]) -> None:
         """Descend, and hover until there is a place."""
