@@ -13,8 +13,8 @@ from skyway.planner.tours.solve import solve
 
 TUNED_ON = ("r105_21", "r201_21", "r208_21", "rc201_21")
 """Instances on which the numbers of `planner.parameters.tours` were set."""
-NARROW, WIDE = 500_000, 400_000
-"""Iterations for instances with narrow and wide windows: half a minute to a minute of one processor, about."""
+NARROW, WIDE = 500_000, 250_000
+"""Iterations for instances with narrow and wide windows: half a minute of one processor, about."""
 
 
 def judge_evrptw(name: str, *, share: float, seed: int) -> float:

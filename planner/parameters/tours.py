@@ -30,6 +30,9 @@ class ToursParameters(Parameters):
     level: float = parameter(
         0.8, "stations charge drones up to this, where charging is about as fast as from empty", 0.3, 1
     )
+    absent: float = parameter(
+        0.5, "what an order that is in no tour costs when the search begins, in mean tours with one customer", 1e-6, 1e6
+    )
     late: float = parameter(
         0.1, "what a unit of lateness costs when the search begins, in mean tours with one customer", 1e-6, 1e6
     )

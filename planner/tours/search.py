@@ -95,7 +95,7 @@ class Search:
         )  # fmt: skip
         self.best_cost = float(tours.refusal[1:].sum())
         self.iterations = 0
-        self._late = parameters.late
+        self._late, self._absent = parameters.late, parameters.absent
         self._random = np.random.default_rng(seed)
         self._prices = _prices(tours)
 
@@ -122,13 +122,14 @@ class Search:
     def run(self, *, end_at: float, iterations: int, warm: float, cool: float, most_routes: int, until_served: bool = False) -> None:  # fmt: skip
         """Anneal the plan until a time or for so many iterations, or until all customers are served, if that is all that is wanted."""
         begin, first = time.perf_counter(), self.iterations
-        mean = self.mean_cost
+        mean, usual = self.mean_cost, max(float(self.tours.refusal[1:].mean()), 1e-9)
         while self.iterations - first < iterations and (now := time.perf_counter()) < end_at:
             share = max((self.iterations - first) / iterations, (now - begin) / (end_at - begin))
             hot = mean * warm * (cool / warm) ** share
             count = min(CHUNK, iterations - self.iterations + first)
             cooling = Cooling(
-                hot, hot, float(self.parameters.removed), int(self.parameters.longest), self._late * mean, float(self.parameters.pooled),
+                hot, hot, float(self.parameters.removed), int(self.parameters.longest), self._late * mean,
+                min(self._absent * mean / usual, 1.0), float(self.parameters.pooled),
                 most_routes,
             )  # fmt: skip
             done, self.best_cost, in_time = anneal(
@@ -145,7 +146,8 @@ class Search:
                 self.best_cost,
             )
             self.iterations += done
-            self._late *= STEP if in_time < WANTED[0] * done else 1.0 / STEP if in_time > WANTED[1] * done else 1.0
+            step = STEP if in_time < WANTED[0] * done else 1.0 / STEP if in_time > WANTED[1] * done else 1.0
+            self._late, self._absent = self._late * step, self._absent * step
             if until_served and not (self.plan.route_of[1:] < 0).any():
                 break
 

@@ -107,6 +107,8 @@ class Cooling(NamedTuple):
     """Customers that are taken out at once, on average, and from one route at most."""
     late: float
     """Cost of one unit of lateness."""
+    absent: float
+    """Share of its refusal that a customer costs who is in no route."""
     pooled: float
     """Routes of accepted plans that cost less than so many times the best are put into the pool."""
     most_routes: int
@@ -162,7 +164,7 @@ def anneal(
     c - T ln u, c that of the plan before, T the temperature and u uniform; while customers are absent also where those that are then were absent less often.
     """
     refused, missing = absent_cost(tours, work, plan)
-    cost = total_cost(plan) + refused + cooling.late * lateness(tours, plan, chargers)
+    cost = total_cost(plan) + cooling.absent * refused + cooling.late * lateness(tours, plan, chargers)
     began, punctual, in_time = refused > 0.0, lateness(tours, plan, chargers) == 0.0, 0
     for iteration in range(iterations):
         temperature = cooling.warm * (cooling.cool / cooling.warm) ** (iteration / iterations)
@@ -175,7 +177,8 @@ def anneal(
         ruin(tours, trial, work, space, cooling.removed, cooling.longest)
         recreate(tours, trial, work, space, cooling.most_routes)
         left, lack = absent_cost(tours, work, trial)
-        total, most, late = total_cost(trial) + left, cost - temperature * np.log(1.0 - uniform(work.random)), 0.0
+        driven = total_cost(trial)
+        total, most, late = driven + cooling.absent * left, cost - temperature * np.log(1.0 - uniform(work.random)), 0.0
         rarer = refused > 0.0 and lack < missing
         if total < most or rarer:  # lateness is not worked out where the plan costs too much anyway
             late = lateness(tours, trial, chargers)
@@ -184,11 +187,11 @@ def anneal(
         for one in range(work.absent[-1]):
             work.absences[work.absent[one]] += 1.0
         settle(tours, plan, trial, work, pool, taken, total < cooling.pooled * best_cost + cooling.late * late)
-        in_time += punctual
+        in_time += punctual and refused == 0.0
         if taken:
             cost, punctual = total, late == 0.0
-            if late == 0.0 and total < best_cost - GAIN:
-                best_cost = total
+            if late == 0.0 and driven + left < best_cost - GAIN:
+                best_cost = driven + left
                 copy_plan(plan, best)
         if refused > 0.0 or left > 0.0:
             refused, missing = absent_cost(tours, work, plan)
