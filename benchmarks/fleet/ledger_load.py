@@ -69,7 +69,11 @@ def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
             for pid in (begun, *children):
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
-            written.unlink()
+            for lock in (
+                written,
+                *Path(folder).glob(".s.PGSQL.*.lock"),
+            ):  # who was killed may stay a zombie, which counts as alive
+                lock.unlink(missing_ok=True)
             for _ in range(20):  # until the last of its processes has left their common memory
                 with contextlib.suppress(subprocess.CalledProcessError):
                     server.start()
