@@ -42,7 +42,10 @@ class Cells(NamedTuple):
 
 @compiled
 def cell_of(cells: Cells, shift_s: float, time_s: float) -> int:
-    """Cell of a time on the grid moved by `shift_s`; `cells.length` for times beyond it or never."""
+    """Cell of a time on the grid moved by `shift_s`; `cells.length` for times beyond it or never.
+
+    Takes cells from none up, and any time.
+    """
     x = (time_s - cells.over_s - shift_s) / cells.step_s
     if x >= cells.length:
         return cells.length

@@ -68,6 +68,8 @@ def drive(tours: Tours, plan: Plan, route: int, calendar: Calendar, rows: NDArra
 
     At a station with the energy s it charges max(0, b - s), b the least energy with which the rest of the route is feasible: more would make
     nothing possible, since what is charged takes the same time anywhere.
+
+    Takes a route of the plan, labelled by `relabel`, and rows for each of its stops.
     """
     ways = tours.ways
     time, energy = start_of(tours, plan, route), tours.vehicles.energy[route]
@@ -111,7 +113,10 @@ def drive(tours: Tours, plan: Plan, route: int, calendar: Calendar, rows: NDArra
 
 @compiled_lean
 def clear(tours: Tours, calendar: Calendar) -> None:
-    """Leave only what others have in a calendar."""
+    """Leave only what others have in a calendar.
+
+    Takes a calendar of the chargers of the tours.
+    """
     taken = tours.pads.taken
     for pad in range(len(taken.filled)):
         calendar.filled[pad] = taken.filled[pad]
@@ -133,7 +138,10 @@ def late_tours(tours: Tours, plan: Plan, calendar: Calendar, silent: NDArray[np.
 
 @compiled_lean
 def lateness(tours: Tours, plan: Plan, space: Space) -> float:
-    """Return by how much tours are late in sum, since chargers are few."""
+    """Return by how much tours are late in sum, since chargers are few.
+
+    Takes a plan whose routes are labelled, and the room that it needs.
+    """
     late = late_jobs(tours, plan, space.queue) if tours.depot.chargers else 0.0
     if len(tours.pads.number):
         late += late_tours(tours, plan, space.calendar, space.silent)

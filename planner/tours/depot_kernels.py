@@ -38,7 +38,10 @@ class Queue(NamedTuple):
 
 @compiled_lean
 def job(tours: Tours, plan: Plan, route: int) -> tuple[int, int]:
-    """Return the periods that a tour charges, and by which it must have."""
+    """Return the periods that a tour charges, and by which it must have.
+
+    Takes a route of the plan, labelled by `relabel`.
+    """
     energy = 0.0
     for position in range(plan.length[route] + 1):
         way = plan.way[route, position]
@@ -50,7 +53,10 @@ def job(tours: Tours, plan: Plan, route: int) -> tuple[int, int]:
 
 @compiled_lean
 def queue_up(tours: Tours, plan: Plan, queue: Queue) -> int:
-    """Write the jobs of all tours by deadline; returns how many there are."""
+    """Write the jobs of all tours by deadline; returns how many there are.
+
+    Takes a plan whose routes are labelled, and a queue with room for all of them.
+    """
     count = 0
     for route in range(len(plan.length)):
         if plan.length[route]:
@@ -105,7 +111,10 @@ def offer(queue: Queue, side: int, states: int, number: int, before: int, charge
 
 @compiled_lean
 def schedule(queue: Queue, count: int) -> tuple[int, int]:
-    """Schedule the jobs; returns how late they are in sum, and the number of the last state (`Queue.came` leads back from it)."""
+    """Schedule the jobs; returns how late they are in sum, and the number of the last state (`Queue.came` leads back from it).
+
+    Takes the jobs that `queue_up` wrote, and their number.
+    """
     chargers = queue.free.shape[2]
     side, states = 0, 1
     queue.late[0, 0] = queue.uneven[0, 0] = 0

@@ -70,7 +70,10 @@ def start_of(tours: Tours, plan: Plan, route: int) -> float:
 
 @compiled_lean
 def relabel(tours: Tours, plan: Plan, route: int) -> bool:
-    """Compute labels, loads and cost of a route from its customers and ways; false where it is infeasible."""
+    """Compute labels, loads and cost of a route from its customers and ways; false where it is infeasible.
+
+    Takes a route of the plan, of customers and ways of the problem.
+    """
     length, vehicles = plan.length[route], tours.vehicles
     load = 0.0
     for position in range(length):
@@ -116,6 +119,8 @@ def insertion(tours: Tours, plan: Plan, route: int, position: int, node: int, mo
 
     Ways are tried by cost, and left from where they cost more than the best so far. What the
     customer's load takes before its position, and what waiting for it delays there, is told by `relabel` only.
+
+    Takes a labelled route of the plan, a position from 0 to its length, and a customer that is in no route.
     """
     ways, first = tours.ways, tours.first
     before, after = node_at(plan, route, position - 1), node_at(plan, route, position)

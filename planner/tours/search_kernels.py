@@ -61,7 +61,10 @@ def copy_route(source: Plan, target: Plan, route: int) -> None:
 
 @compiled_lean
 def copy_plan(source: Plan, target: Plan) -> None:
-    """Make one plan another."""
+    """Make one plan another.
+
+    Takes two plans of one problem.
+    """
     for route in range(len(source.length)):
         copy_route(source, target, route)
     for node in range(len(source.route_of)):
@@ -116,7 +119,10 @@ class Cooling(NamedTuple):
 
 @compiled_lean
 def absent_cost(tours: Tours, work: Work, plan: Plan) -> tuple[float, float]:
-    """Return what the customers that are in no route cost, and in sum how often they were in none, weighed by that."""
+    """Return what the customers that are in no route cost, and in sum how often they were in none, weighed by that.
+
+    Takes a plan of the problem, and how often each customer was absent.
+    """
     cost, lack = 0.0, 0.0
     for node in range(1, len(plan.route_of)):
         if plan.route_of[node] < 0:
@@ -127,7 +133,10 @@ def absent_cost(tours: Tours, work: Work, plan: Plan) -> tuple[float, float]:
 
 @compiled_lean
 def total_cost(plan: Plan) -> float:
-    """Return the cost of all routes."""
+    """Return the cost of all routes.
+
+    Takes a plan whose routes are labelled.
+    """
     total = 0.0
     for route in range(len(plan.length)):
         if plan.length[route]:
@@ -162,6 +171,8 @@ def anneal(
 
     `plan` and `trial` begin and end equal. It ends at once when the last absent customer is served. A plan is accepted if its cost is below
     c - T ln u, c that of the plan before, T the temperature and u uniform; while customers are absent also where those that are then were absent less often.
+
+    Takes three plans of one problem, the first two equal, and any number of iterations.
     """
     refused, missing = absent_cost(tours, work, plan)
     cost = total_cost(plan) + cooling.absent * refused + cooling.late * lateness(tours, plan, chargers)

@@ -97,7 +97,10 @@ def ways_of(
     level: float,
     most_load: float,
 ) -> NDArray[np.float64]:
-    """Ways of a pair by cost, shape (ways, 15), none of them beaten by another."""
+    """Ways of a pair by cost, shape (ways, 15), none of them beaten by another.
+
+    Takes two nodes of the arcs, and stations of them, any number.
+    """
     parallel, count = arcs.cost.shape[0], len(stations)
     table = np.empty((parallel + parallel**2 * count + parallel**3 * count * count + 1, TABLE))
     filled = candidates(arcs, stations, tail, head, spare, battery, level, table)
