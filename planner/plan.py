@@ -18,8 +18,8 @@ from skyway.models.scenario.air import air_notes, fleet_in_air
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.drone_choice import candidates
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.exact.fluid_bound import fluid_bound_s
 from skyway.planner.explain import alternatives
+from skyway.planner.fluid_bound import fluid_bound_s
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import gust_notes
 from skyway.planner.problem.objective import Objective
