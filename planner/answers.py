@@ -17,7 +17,7 @@ from skyway.models.flight.weather_closures import closures_told
 from skyway.models.scenario.air import air_notes
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.exact.fluid_bound import fluid_bound_s
+from skyway.planner.fluid_bound import fluid_bound_s
 from skyway.planner.problem.error_model import gust_notes
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.sampled_queues import SampledQueues

@@ -12,7 +12,7 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.base.statistics import weighted_quantile
 from skyway.models.drones.energy_belief import LEAST_RATIO
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.exact.fluid_bound import fluid_bound_s
+from skyway.planner.fluid_bound import fluid_bound_s
 from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.robust import RobustSearch
@@ -242,7 +242,7 @@ def _keeping_reserve(problem: Problem) -> list[tuple[Problem, float]]:
 
 
 def mean_bound_s(problem: Problem) -> float:
-    """Bound from below, at once, how long a delivery takes on average, s; see `planner.exact.fluid_bound`."""
+    """Bound from below, at once, how long a delivery takes on average, s; see `planner.fluid_bound`."""
     return float(np.average(fluid_bound_s(problem) - problem.depart_s, weights=problem.probability))
 
 

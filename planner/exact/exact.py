@@ -143,11 +143,6 @@ class ExactSearch(GuidedSearch):
         if self._answer is not None and near is not None and self._most_labels == math.inf and self._time_is_left:
             self._prove()
 
-    @property
-    def _dense(self) -> bool:
-        """Whether the network is dense as a whole."""
-        return len(self.problem.network.head) > self.parameters.dense_segments
-
     def _bound(self) -> tuple[Subnetwork, Forward]:
         """Bound arrivals from below in the whole network, as if pads were always free.
 

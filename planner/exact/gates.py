@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.exact.relaxation import Forward
-from skyway.planner.exact.relaxation_grid_kernels import cell_of
 from skyway.planner.exact.stop_labels import StopLabel
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def last_gate(part: Subnetwork, forward: Forward, before_s: float, longest_s: fl
     edges = np.flatnonzero(np.diff(np.concatenate(([False], shut, [False])).astype(np.int8)))
     for first, end in reversed(list(pairwise(edges.tolist()))[::2]):
         time_s = table.start_s + end * table.slot_s
-        cell = cell_of(cells, -table.climb_s, time_s)
+        cell = int((time_s + table.climb_s - cells.over_s) / cells.step_s + 1e-9)
         if time_s < before_s and (end - first) * table.slot_s >= longest_s and 0 < cell < cells.length:
             later = cells._replace(over_s=cells.over_s + cell * cells.step_s, length=cells.length - cell)
             kept = Forward(later, forward.over[cell:], forward.leave[cell:], forward.arrive_s, forward.least_s)

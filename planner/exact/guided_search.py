@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.planner.exact.extent import Extent
 from skyway.planner.exact.gates import last_gate
 from skyway.planner.exact.label_search import GAIN_S, Round
 from skyway.planner.exact.relaxation import Start, only_nodes, run_backward, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
-from skyway.planner.exact.subnetwork import narrowed
+from skyway.planner.exact.subnetwork import Extent, narrowed
 from skyway.planner.problem.kernel_inputs import check_shape, check_speeds
 from skyway.planner.problem.speeds import GivenSpeeds, TrueSpeeds
 
@@ -111,6 +110,11 @@ class GuidedSearch:
         return max(self.best_s - self.lower_bound_s, 0.0) / least if least > 0.0 else math.inf
 
     @property
+    def _dense(self) -> bool:
+        """Whether the network is dense as a whole."""
+        return len(self.problem.network.head) > self.parameters.dense_segments
+
+    @property
     def _given_up(self) -> bool:
         return self.labels_expanded >= self._most_labels or time.perf_counter() >= self._end_at
 
@@ -182,7 +186,8 @@ class GuidedSearch:
         if self._proved():
             return
         least = max(least, self.lower_bound_s if part.whole else self._near_bound_s)
-        gate = last_gate(part, forward, least, longest_s(self.problem))
+        gated = near or (self._dense and self._most_labels == math.inf)
+        gate = last_gate(part, forward, least, longest_s(self.problem)) if gated else None
         for beyond in steps[-1:] if at_once else steps:
             until = min(
                 least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),

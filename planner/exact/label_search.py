@@ -98,7 +98,8 @@ class Round:
         """Labels continued."""
         self.best: tuple[list[StopLabel], float] | None = None
         """Stays and last take-off of the best composition found, which arrives at ``stop_labels.best_s``."""
-        self._settled = Settled(len(stop_labels.subnetwork.nodes))
+        nodes = len(stop_labels.subnetwork.nodes)
+        self._settled, self._nothing = Settled(nodes), Settled(nodes).offered
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
@@ -196,7 +197,8 @@ class Round:
             subnetwork.table.climb_s,
             guide.window,
             guide.leave,
-            self._settled.offered,
+            # Before there is an answer a covered label with the most to spare ends the way that is followed.
+            self._settled.offered if self.answered or self.best is not None else self._nothing,
         )
         best: Label | None = None
         for node, spare, z, h, g in found:
