@@ -26,12 +26,14 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     say(f"From {date_clock(plan.depart, zone)}: {plan.served} of {len(plan.answers)} orders served, {plan.late} late, {refused} refused; "
         f"{len(plan.routes)} of {len(work.vehicles)} drones used.")  # fmt: skip
     say("")
+    simulated = plan.below_reserve is not None
+    promises = [Column("in time"), Column("by 95 %")] if simulated else []
     columns = [Column("order", justify="left"), Column("from", justify="left"), Column("to", justify="left"), Column("due"), Column("drone", justify="left"),
-               Column("fetched"), Column("delivered"), Column("spare"), Column("in time"), Column("by 95 %"), Column("why not", justify="left")]  # fmt: skip
+               Column("fetched"), Column("delivered"), Column("spare"), *promises, Column("why not", justify="left")]  # fmt: skip
     sheet = Sheet(columns, names=1)
     for answer in plan.answers[:SHOWN]:
         order = orders[answer.order]
-        times, spare, chance = [UNKNOWN, UNKNOWN], UNKNOWN, [UNKNOWN, UNKNOWN]
+        times, spare, chance = [UNKNOWN, UNKNOWN], UNKNOWN, [UNKNOWN] * len(promises)
         if answer.fetched is not None and answer.delivered is not None:
             times = [clock(one, zone, plan.depart) for one in (answer.fetched, answer.delivered)]
             spare = duration((order.due - answer.delivered).total_seconds(), signed=True)
