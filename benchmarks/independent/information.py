@@ -150,6 +150,8 @@ class Aloft:
     pieces: tuple[Piece, ...]
 
 
+LEVELS = (0.5, 0.8, 0.95)
+"""Of the promised times of arrival that are compared with what happens."""
 HERE = -1
 """Instead of a node: to land where it is, outside any station."""
 

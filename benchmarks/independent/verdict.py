@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.independent.delivery import DELIVERED, STRANDED
-from benchmarks.independent.product import planning
+from benchmarks.independent.information import LEVELS
 from benchmarks.independent.statistics import over_days, percent, wilson
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
                 float(np.average(kept[:, k], weights=weight)),
                 over_days(kept[:, k].astype(float), day, weight),
             )
-            for k, level in enumerate(planning.LEVELS)
+            for k, level in enumerate(LEVELS)
         ),
     )
 

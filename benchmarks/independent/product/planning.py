@@ -19,6 +19,7 @@ from benchmarks.cases.melbourne import melbourne as melbourne_scenario
 from benchmarks.cases.networks import new_york as new_york_scenario
 from benchmarks.independent.build import City
 from benchmarks.independent.ground import Ground, Plane
+from benchmarks.independent.information import LEVELS
 from benchmarks.independent.vehicle.craft import Flying
 from benchmarks.independent.vehicle.energy import DataSheet, Tabulated
 from benchmarks.independent.weather import reports
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
     from skyway.planner.result import PlanResult
     from skyway.planner.schedule.outcome import Outcome
 
-LEVELS = (0.5, 0.8, 0.95)
 GRAVITY = 9.806_65
 CITIES = {"new-york": new_york_scenario, "melbourne": melbourne_scenario, "london": london_scenario}
 REPORTS: dict[str, Callable[[], tuple[Site, ...]]] = {
