@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).resolve().parents[4] / "shared" / "data" / "evrp" / "evrptw"
 BIG = tuple(f"{name}_21" for name in ("c101", "c103", "c201", "c204", "r101", "r105", "r201", "r208", "rc101", "rc105", "rc201", "rc208"))  # fmt: skip
-SMALL = ("c101C5", "c103C5", "r104C5", "rc105C5", "c101C10", "r102C10", "rc108C10", "c103C15", "r105C15", "rc202C15")
+SMALL = ("c101C5", "c103C5", "r104C5", "rc105C5", "c101C10", "r102C10", "rc108C10")
 
 
 REFUSAL = 1e6

@@ -118,7 +118,7 @@ def test_few_chargers_at_the_depot_are_shared_as_in_the_published_solution(share
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", evrptw.SMALL[:8])
+@pytest.mark.parametrize("name", evrptw.SMALL)
 def test_small_published_instances_are_at_the_proved_optimum(name, shared_data):
     instance = evrptw.read(name)
     _, routes = solved(instance, iterations=20_000)
