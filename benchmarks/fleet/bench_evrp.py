@@ -11,7 +11,7 @@ from benchmarks.fleet.evrp import checker, evrptw, optimum, overnight
 from skyway.planner.parameters.tours import ToursParameters
 from skyway.planner.tours.solve import solve
 
-TUNED_ON = ("r105_21", "r201_21", "r208_21", "rc201_21")
+TUNED_ON = ("r105_21", "r201_21", "r208_21", "rc105_21", "rc201_21")
 """Instances on which the numbers of `planner.parameters.tours` were set."""
 NARROW, WIDE = 500_000, 250_000
 """Iterations for instances with narrow and wide windows: half a minute of one processor, about."""
