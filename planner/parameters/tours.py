@@ -18,7 +18,7 @@ class ToursParameters(Parameters):
         "at the beginning a change that costs this share of the mean tour with one customer is accepted with 1/e",
         1e-6,
         100,
-        measured="r105_21 and r208_21: 0.12 is too warm for narrow windows, what is a third of the mean cost of a customer in the plan too cold for wide ones (decision 128)",
+        measured="single runs of r105_21 and r208_21: 0.12 seemed too warm for narrow windows, a third of the mean cost of a customer in the plan too cold for wide ones (decision 128)",
     )
     cool: float = parameter(0.0024, "the same at the end", 1e-6, 100)
     fleet_share: float = parameter(0.3, "share of the time for fewer vehicles, at most", 0, 1)
