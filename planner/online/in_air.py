@@ -98,8 +98,9 @@ class FlightDecision:
         info, parameters = self._info, self._parameters
         if self._memory.turned or info.sudden:
             return False
-        on_the_way = self._on_the_way(here, reach) if now.p_below > parameters.p_hopeless else []
-        if now.p_below > parameters.p_hopeless and all(one.p_below > parameters.p_begin for one in on_the_way):
+        if now.p_below > parameters.p_hopeless and not any(
+            one.p_below <= parameters.p_begin for one in self._on_the_way(here, reach)
+        ):
             return False
         way = reach.way(here, info.via, info.destination)
         mean_s = float(reach.expected(reach.along(way, info.time_s).time_s[:, -1]))

@@ -64,9 +64,7 @@ def plan(
     from skyway.planner.promises.booked import plan_fleet
 
     options.refuse_overwriting(output, force=force)
-    if conditions.truth is not None:
-        remedy = "remove it: fleets are planned with a forecast"
-        raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
+    _refuse_truth(conditions)
     parameters = typed_values.planner_parameters(settings)
     least = typed_values.percent(reserve, "--reserve", high=95.0)
     scenario = conditions.loaded()
@@ -125,9 +123,7 @@ def tours(
     from skyway.planner.tours.plan import plan_tours
 
     options.refuse_overwriting(output, force=force)
-    if conditions.truth is not None:
-        remedy = "leave it out: fleets are planned with a forecast"
-        raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
+    _refuse_truth(conditions)
     parameters = typed_values.planner_parameters(settings)
     least = typed_values.percent(reserve, "--reserve", high=75.0)
     work = fit(conditions.loaded(), read_orders(orders), read_vehicles(fleet))
@@ -142,6 +138,13 @@ def tours(
 
     made = booked(planned, work, depart, ledger=ledger, holder=holder, time_limit_s=time_limit)
     _show(work, made, as_json=as_json, output=output, force=force)
+
+
+def _refuse_truth(conditions: ConditionOptions) -> None:
+    """Refuse the wind of a day: fleets are planned with what is forecast."""
+    if conditions.truth is not None:
+        remedy = "remove it: fleets are planned with a forecast"
+        raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
 
 
 def _show(work: Work, made: DispatchPlan, *, as_json: bool, output: Path | None, force: bool) -> None:
