@@ -26,7 +26,6 @@ from skyway.models.ledger.records import (
 from skyway.models.ledger.window import (
     FOLLOWING,
     MAX_TEXT,
-    SPAN,
     State,
     Window,
     check_windows,
@@ -284,36 +283,32 @@ class Ledger(ABC):
 
     def _near(self, windows: Sequence[Window], keys: dict[tuple[str, int], int]) -> tuple[list[Hold], list[int]]:
         """Bookings of the pads of some windows about their time, and the ids of those that nobody keeps any more."""
-        marks = ", ".join("?" * len(keys))
-        if not any(one.epsilon for one in windows):  # whatever touches one is in its way
-            where = " OR ".join(
-                ["(pad_key = ? AND state <> 'released' AND closes > ? AND closes < ? AND opens < ?)"] * len(windows)
-            )
-            values = [
-                value
-                for one in windows
-                for value in (
-                    keys[one.station, one.pad],
-                    self._to_db(one.opens),
-                    self._to_db(one.closes + SPAN),
-                    self._to_db(one.closes),
-                )
-            ]
-        else:
-            begin, end = min(one.opens for one in windows), max(one.closes for one in windows)
-            # what others have promised to third ones counts, too
-            sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE pad_key IN ({marks}) AND state <> 'released' AND closes > ? AND opens < ?"
-            (first, last), = self.rows(sql, (*keys.values(), self._to_db(begin), self._to_db(end)))  # fmt: skip
-            begin = begin if first is None else min(begin, self.from_db(first))
-            end = end if last is None else max(end, self.from_db(last))
-            where = f"pad_key IN ({marks}) AND closes > ? AND opens < ?"
-            values = [*keys.values(), self._to_db(begin), self._to_db(end)]
+        times = [(keys[one.station, one.pad], self._to_db(one.opens), self._to_db(one.closes)) for one in windows]
+        if any(one.epsilon for one in windows):  # what others have promised to third ones counts, too
+            begin, end = min(opens for _, opens, _ in times), max(closes for _, _, closes in times)
+            where, values = self._touching([(key, begin, end) for key in keys.values()])
+            sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE state <> 'released' AND ({where})"
+            (first, last), = self.rows(sql, values)  # fmt: skip
+            if first is not None:
+                begin, end = min(begin, first), max(end, last)
+            times = [(key, begin, end) for key in keys.values()]
+        where, values = self._touching(times)
         sql = (
             f"SELECT {HELD}, id, state = 'tentative' AND NOT EXISTS (SELECT 1 FROM lease WHERE lease.holder = booking.holder "
             f"AND lease.expires > {self.NOW}) FROM booking WHERE state <> 'released' AND ({where})"
         )
         rows = self.rows(sql, values)
         return [self._hold(row) for row in rows if not row[-1]], [int(row[-2]) for row in rows if row[-1]]
+
+    @staticmethod
+    def _touching(times: Sequence[tuple[int, Any, Any]]) -> tuple[str, list[Any]]:
+        """Condition, and its values, of bookings of pads (by key) that count at any time between two.
+
+        They are found by the time at which they close: after the first, and within the longest window of the pad from the second.
+        """
+        one = "(pad_key = ? AND state <> 'released' AND closes > ? AND closes < ? + (SELECT longest FROM pad WHERE key = ?) AND opens < ?)"
+        values = [value for key, begin, end in times for value in (key, begin, end, key, end)]
+        return " OR ".join([one] * len(times)), values
 
     def mark(self, lease: Lease, itinerary: str, state: State, *, number: int | None = None) -> int:
         """Move the windows of an itinerary that are not released, or one of them, to another state; returns how many.

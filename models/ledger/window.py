@@ -37,8 +37,6 @@ two that overlap there both want it with 0.47 or more, which no epsilon allows. 
 MAX_EPSILON = 0.4
 MAX_SD_S = 6 * 3600.0
 LONGEST_S = 7 * 86_400.0
-SPAN = timedelta(seconds=LONGEST_S + 2.0 * REACH_SD * MAX_SD_S)
-"""No window counts for longer: what touches one closes within so much of its end. The migrations know it, too."""
 MAX_PAD = 10_000
 MAX_TEXT = 200
 

@@ -2,11 +2,12 @@
 
 import threading
 import time
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ledgers import name_of, opened, window
+from ledgers import START, name_of, opened, window
 
 from skyway.models.base.errors import InputError
 from skyway.models.ledger.audit import audit
@@ -230,3 +231,21 @@ def test_threads_that_want_the_same_pads_never_overlap(store, tmp_path):
         assert audit(ledger) == []
         assert {hold.itinerary for hold in ledger.holds()} == set(booked)
         assert len(ledger.holds()) == 2 * len(booked)
+
+
+@pytest.mark.parametrize("chance", [{}, {"start_sd_s": 60.0, "end_sd_s": 60.0, "epsilon": 0.01}])
+def test_a_window_of_days_is_met_at_its_beginning_and_end_whatever_the_clocks_do(store, tmp_path, chance):
+    name = name_of(store, tmp_path)
+    if store == "postgresql":
+        name += "%20-ctimezone%3DAmerica/New_York"  # 8 March has 23 hours
+    days = 4 * 24 * 60
+    first = (datetime(2026, 3, 7, tzinfo=UTC) - START) / timedelta(minutes=1)
+    with open_ledger(name) as ledger:
+        lease = ledger.acquire("operator", "process 1")
+        ledger.book(lease, "days", [window(begin_min=first, length_min=days, **chance)])
+        for begin_min in (first + 5, first + days / 2, first + days - 35):
+            with pytest.raises(TakenError, match="days"):
+                ledger.book(lease, "meets it", [window(begin_min=begin_min, **chance)])
+        ledger.book(lease, "before", [window(begin_min=first - 60, **chance)])
+        ledger.book(lease, "after", [window(begin_min=first + days + 30, **chance)])
+        assert audit(ledger) == []

@@ -3,13 +3,14 @@
 import re
 import sqlite3
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from ledgers import opened, postgresql_name, server_address, window
 
 from skyway.models.base.errors import InputError
 from skyway.models.ledger.audit import audit
-from skyway.models.ledger.ledger import Event, LedgerError
+from skyway.models.ledger.ledger import Event, LedgerError, TakenError
 from skyway.models.ledger.migrating import scripts
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.ledger.postgresql import PostgresqlLedger
@@ -51,6 +52,40 @@ def test_an_older_ledger_is_migrated_and_a_newer_one_refused(store, tmp_path, on
         InputError, match=f"the ledger has version {newest + 1}, this skyway knows {newest}; update skyway"
     ):
         open_ledger(name)
+
+
+@pytest.mark.parametrize("store", ["sqlite", "postgresql"])
+def test_windows_of_an_older_ledger_are_found_after_its_migration(store, tmp_path):
+    folder = tmp_path / "migrations"
+    folder.mkdir()
+    for number, sql in enumerate(scripts(store)[:3], 1):
+        (folder / f"{store}-{number:04d}.sql").write_text(sql, encoding="utf-8")
+    name = str(tmp_path / "ledger.db") if store == "sqlite" else postgresql_name()
+    older = (
+        SqliteLedger(Path(name), migrations=folder) if store == "sqlite" else PostgresqlLedger(name, migrations=folder)
+    )
+    one = window(length_min=5 * 24 * 60)
+    times = "(timestamptz '2026-07-10 12:00+00', timestamptz '2026-07-15 12:00+00')"
+    if store == "sqlite":
+        times = str((int(one.start.timestamp()) * 10**6, int(one.end.timestamp()) * 10**6))
+    with older, older.transaction():
+        older.rows(
+            "INSERT INTO lease (holder, token, owner, expires) SELECT 'operator', 1, 'process', column2 FROM (VALUES "
+            + times
+            + ") AS found"
+        )
+        older.rows("INSERT INTO pad (station, number) VALUES ('a', 1)")
+        older.rows("INSERT INTO itinerary (id, version, holder) VALUES ('days', 1, 'operator')")
+        older.rows(
+            "INSERT INTO booking (itinerary, version, number, station, pad, pad_key, starts, ends, opens, closes, core_from, core_until, "
+            "start_sd_s, end_sd_s, epsilon, state, holder, token) SELECT 'days', 1, 1, 'a', 1, (SELECT key FROM pad), column1, column2, "
+            "column1, column2, column1, column2, 0, 0, 0, 'firm', 'operator', 1 FROM (VALUES " + times + ") AS found"
+        )
+    with open_ledger(name) as ledger:
+        lease = ledger.acquire("another", "process")
+        with pytest.raises(TakenError, match="days"):
+            ledger.book(lease, "one", [window(begin_min=10)])
+        assert [hold.window for hold in ledger.holds()] == [one]
 
 
 def test_every_version_of_one_store_is_one_of_the_other():
