@@ -7,6 +7,7 @@ import sqlite3
 import time
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError
@@ -15,18 +16,20 @@ from skyway.models.ledger.migrating import FOLDER, missing, scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 APPLICATION = 0x5C79_1ED6
 """Mark of our files, as SQLite's ``application_id``."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
-PAGES = 10_000
-"""Of the log before it goes into the file, for which the disk is waited for: 40 MB."""
+LOG_BYTES = 40_000_000
+"""Size of the log at which it is put into the file, for which the disk is waited for."""
+LOG_WAIT_MS = 1000
+"""How long that waits for the others to be between two transactions."""
 BUSY_S = 60.0
 """How long a transaction waits for those of others."""
-RETRY_S = 0.004
-"""Longest time between two attempts to begin one."""
+RETRY_S, RETRY_GROWTH, MAX_RETRY_S = 0.004, 1.2, 0.016
+"""Longest time between the first two attempts to begin one, by how much it grows with each, and its limit: who tries often takes the processor from whom it
+waits for, where there are few of them."""
 
 
 class SqliteLedger(Ledger):
@@ -38,6 +41,7 @@ class SqliteLedger(Ledger):
     def __init__(self, path: Path, *, migrations: Path = FOLDER) -> None:
         super().__init__()
         self._name = str(path)
+        self._log, self._log_limit = Path(f"{path}-wal"), LOG_BYTES
         if not path.parent.is_dir():
             raise InputError("no such folder", str(path.parent), remedy="create it first")
         try:
@@ -62,7 +66,7 @@ class SqliteLedger(Ledger):
         run(
             "PRAGMA synchronous = NORMAL"
         )  # no killed process loses anything; a power failure may lose the last moments
-        run(f"PRAGMA wal_autocheckpoint = {PAGES}")
+        run("PRAGMA wal_autocheckpoint = 0")  # `_put_log_away` does it
         run("PRAGMA foreign_keys = ON")
         run("PRAGMA busy_timeout = 0")  # `_begin` waits
         if version < len(known) or version > len(known):
@@ -91,6 +95,7 @@ class SqliteLedger(Ledger):
             self._begin()
             yield
             self._connection.execute("COMMIT")
+            self._put_log_away()
         except BaseException as error:
             self._pads = pads
             with suppress(sqlite3.Error):
@@ -107,16 +112,36 @@ class SqliteLedger(Ledger):
 
         SQLite's own waiting sleeps up to 0.1 s at a time, in which hundreds of others could have booked.
         """
-        end = time.monotonic() + BUSY_S
+        end, longest_s = time.monotonic() + BUSY_S, RETRY_S
         while True:
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
             except sqlite3.OperationalError as error:
                 if "locked" not in str(error) or time.monotonic() >= end:
                     raise
-                time.sleep(RETRY_S * random.random())  # noqa: S311  no secret
+                time.sleep(longest_s * random.random())  # noqa: S311  no secret
+                longest_s = min(RETRY_GROWTH * longest_s, MAX_RETRY_S)
             else:
                 return
+
+    def _put_log_away(self) -> None:
+        """Put a log that has grown into the file, and begin it anew.
+
+        SQLite's own checkpoints do not wait for others. Where somebody always writes, none of them reaches the end of the log: it grows without bound, each
+        commit beyond the limit tries again and waits for the disk, and each read searches the whole of it.
+        """
+        try:
+            size = self._log.stat().st_size
+        except FileNotFoundError:
+            return
+        if size < self._log_limit:
+            return
+        run, unfinished = self._connection.execute, 1
+        run(f"PRAGMA busy_timeout = {LOG_WAIT_MS}")
+        with suppress(sqlite3.OperationalError):
+            unfinished = run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+        run("PRAGMA busy_timeout = 0")
+        self._log_limit = LOG_BYTES + (size if unfinished else 0)
 
     def _to_db(self, instant: datetime) -> int:
         return (instant - EPOCH) // MICROSECOND

@@ -2,6 +2,8 @@
 
 import re
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pytest
 from ledgers import opened, postgresql_name, server_address, window
 
 from skyway.models.base.errors import InputError
+from skyway.models.ledger import sqlite as sqlite_module
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.ledger import Event, LedgerError, TakenError
 from skyway.models.ledger.migrating import scripts
@@ -222,3 +225,24 @@ def test_the_audit_finds_what_touches_days_after_it_began(tmp_path):
     found = audit(Forged([*events, Event(9, events[0].at, inside)], [*holds, inside]))
     assert len(found) == 1
     assert "inside version 1 window 1: overlaps another" in found[0]
+
+
+def test_the_log_of_a_busy_ledger_does_not_grow_without_bound(tmp_path, monkeypatch):
+    monkeypatch.setattr(sqlite_module, "LOG_BYTES", 300_000)
+    path, largest = tmp_path / "ledger.db", []
+    open_ledger(str(path)).close()
+
+    def work(thread):
+        with open_ledger(str(path)) as mine:
+            lease = mine.acquire(f"operator {thread}", "process")
+            for number in range(60):
+                mine.book(lease, f"{thread}-{number}", [window(pad=thread, begin_min=40.0 * number)])
+                with suppress(FileNotFoundError):
+                    largest.append(path.with_name("ledger.db-wal").stat().st_size)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, range(1, 5)))
+    assert max(largest) < 4 * 300_000
+    with open_ledger(str(path)) as ledger:
+        assert len(ledger.holds()) == 240
+        assert audit(ledger) == []
