@@ -19,10 +19,10 @@ from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.network import Station
 from skyway.models.wind.forecast import constant_wind
-from skyway.recharge.cutting import recharged
 from skyway.recharge.flying.work_job import job_of
 from skyway.recharge.output import parameters_of
 from skyway.recharge.problem import RechargeOptions
+from skyway.recharge.recharged import recharged
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.physics import offset_m

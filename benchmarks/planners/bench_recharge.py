@@ -27,8 +27,8 @@ from skyway.models.flight.kernels import Slots
 from skyway.models.network.network import Station
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.way_kernels import Hops
-from skyway.recharge.cutting import recharged
 from skyway.recharge.problem import RechargeOptions
+from skyway.recharge.recharged import recharged
 
 if TYPE_CHECKING:
     from collections.abc import Callable

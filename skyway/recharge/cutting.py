@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ from skyway.missions.recharge.parts import PartBuilder
 from skyway.missions.recharge.spans import Cut
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration, probability
-from skyway.recharge.preparing import prepared
 from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of, surer
 from skyway.recharge.reasons import no_plan
 
@@ -24,9 +22,8 @@ if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.checks.report import CheckReport
     from skyway.missions.items.finding import Finding
-    from skyway.models.network.network import Station
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
-    from skyway.recharge.ordering import OrderTold
+    from skyway.recharge.order.ordering import OrderTold
     from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeProblem
 
@@ -35,8 +32,6 @@ MAX_ROUNDS = 6
 ROUNDED = 1.003
 """What flights as they are written may take over what the hops say: places and heights of files are rounded."""
 LATE_S = 1.0
-SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""So long before a pad is gone stops may have to end, for what is unknown of charging."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,56 +66,8 @@ class Recharged:
         return next(iter(self.flights.values()))
 
 
-def recharged(
-    document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
-) -> Recharged:
-    """Cut a mission so that it can be flown with charges on pads on the way, and check every flight.
-
-    An `InputError` says what hinders it: a home that is unknown, no pad in reach and what is lacking, an item that cannot be cut, a
-    flight that an autopilot does not fly.
-    """
-    ready = prepared(document, pads, families, options)
-    if not options.reorder:
-        return cut(ready, options)
-    from skyway.recharge.ordering import with_best_order
-
-    return with_best_order(ready, options)
-
-
-def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
-    """Cut a mission as `recharged` does.
-
-    Who charges may come later, and take longer, than by the plan: where a pad is there for a while only, stops end earlier by a slack with
-    which the simulated flights keep the reserve, too; a note says where none does.
-    """
-    from skyway.recharge.simulated import RUNS, simulated
-
-    found = _cut(ready, options)
-    if not options.windows or options.swap_s is not None:
-        return found
-    epsilon = options.epsilon
-    enough = 1.0 - epsilon - 3.0 * math.sqrt(epsilon / RUNS)
-    most = min(simulated(found).each_p_reserve)
-    for slack_s in SLACKS_S:
-        if most >= enough:
-            return found
-        try:
-            other = _cut(ready, replace(options, window_slack_s=slack_s))
-        except InputError:
-            continue
-        least = min(simulated(other).each_p_reserve)
-        if least > most:
-            found, most = other, least
-    if most >= enough:
-        return found
-    note = (
-        f"pads are not available long enough to charge for all uncertainty: as planned a landing keeps the reserve with {probability(most, 1)};"
-        " if necessary, skyway fly leaves the work earlier"
-    )
-    return replace(found, notes=(*found.notes, note))
-
-
-def _cut(ready: Prepared, options: RechargeOptions) -> Recharged:
+def cut_as_planned(ready: Prepared, options: RechargeOptions) -> Recharged:
+    """Cut a mission as `recharged` does, but for pads that are there for a while only (`skyway.recharge.pad_slack`)."""
     document, families, notes, left_out = ready.document, ready.families, ready.notes, [*ready.left_out]
     work = ready.work(options)
     ways = ready.ways(work, options)

@@ -21,8 +21,8 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes, read_text
 from skyway.models.base.json_text import json_text, plain
 from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
-from skyway.recharge.cutting import recharged
 from skyway.recharge.output import SUMMARY, identity_of, mission_texts
+from skyway.recharge.recharged import recharged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

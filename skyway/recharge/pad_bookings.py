@@ -18,7 +18,7 @@ from skyway.models.ledger.opening import open_ledger
 from skyway.models.ledger.window import Window as Booking
 from skyway.planner.fixed_route.pad_windows import ALWAYS
 from skyway.planner.fixed_route.sharing import Stay, number_of, window_of, windows_left
-from skyway.recharge.cutting import recharged
+from skyway.recharge.recharged import recharged
 from skyway.recharge.several import in_windows
 
 if TYPE_CHECKING:

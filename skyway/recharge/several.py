@@ -21,9 +21,10 @@ from skyway.planner.fixed_route.order_search import best_order
 from skyway.planner.fixed_route.pad_shares import shares_of
 from skyway.planner.fixed_route.pad_windows import ALWAYS
 from skyway.planner.fixed_route.sharing import Stay, number_of, window_of, windows_left
-from skyway.recharge.cutting import ROUNDED, cut
-from skyway.recharge.order_tables import tables_of
-from skyway.recharge.ordering import SAME_M, pictures_off_m, told
+from skyway.recharge.cutting import ROUNDED
+from skyway.recharge.order.ordering import SAME_M, pictures_off_m, told
+from skyway.recharge.order.tables import tables_of
+from skyway.recharge.pad_slack import cut
 from skyway.recharge.preparing import prepared
 from skyway.recharge.problem import sure_ratio_of
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
     from skyway.planner.fixed_route.pad_windows import Window
     from skyway.recharge.cutting import Recharged
-    from skyway.recharge.order_tables import OrderTables
+    from skyway.recharge.order.tables import OrderTables
     from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeOptions
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.models.base.units import J_PER_WH
-from skyway.recharge.picture_audit import PictureAudit, kept_pictures
+from skyway.recharge.order.picture_audit import PictureAudit, kept_pictures
 
 if TYPE_CHECKING:
     from skyway.missions.recharge.work import WorkPoint
     from skyway.planner.fixed_route.charging_stops import ChargingStop
     from skyway.recharge.cutting import Recharged
-    from skyway.recharge.ordering import OrderTold
+    from skyway.recharge.order.ordering import OrderTold
     from skyway.recharge.problem import RechargeOptions
     from skyway.recharge.simulated import SimulatedFlights
 

@@ -15,9 +15,9 @@ from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.network import Station as Pad
-from skyway.recharge.cutting import recharged
 from skyway.recharge.output import parameters_of
 from skyway.recharge.problem import RechargeOptions
+from skyway.recharge.recharged import recharged
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.plant.physics import offset_m
 from skyway.sim_stub.plant.wind_truth import ConstantWind

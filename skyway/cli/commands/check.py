@@ -236,10 +236,10 @@ def recharge(
     from skyway.missions.autopilots import NAMES
     from skyway.models.drones.time_belief import GROUND_S
     from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
-    from skyway.recharge.cutting import recharged
     from skyway.recharge.made_of import MadeOf, texts_of
     from skyway.recharge.output import names_of, refuse_folder, write_folder
     from skyway.recharge.pad_bookings import desk_of, with_windows
+    from skyway.recharge.recharged import recharged
     from skyway.recharge.several import shared_among
     from skyway.recharge.simulated import simulated
     from skyway.recharge.summary import summary_of

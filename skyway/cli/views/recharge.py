@@ -8,8 +8,8 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import duration, percent, probability, with_unit
 
 if TYPE_CHECKING:
-    from skyway.recharge.ordering import OrderTold
-    from skyway.recharge.picture_audit import PictureAudit
+    from skyway.recharge.order.ordering import OrderTold
+    from skyway.recharge.order.picture_audit import PictureAudit
     from skyway.recharge.summary import FlightTold, RechargeSummary
 
 COLUMNS = (

@@ -19,15 +19,16 @@ from skyway.models.base.files import write_atomically
 from skyway.models.network.files import read_stations, stations_csv
 from skyway.models.network.network import Station
 from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
-from skyway.recharge.cutting import Recharged, recharged
 from skyway.recharge.made_of import MadeOf, texts_of
 from skyway.recharge.output import names_of, write_folder
+from skyway.recharge.recharged import recharged
 from skyway.recharge.simulated import simulated
 from skyway.recharge.summary import RechargeSummary, summary_of
 from skyway.web.work.question import OF_SCENARIO, Cut, number
 
 if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
+    from skyway.recharge.cutting import Recharged
 
 MOST_PADS = 2000
 """That are drawn."""

@@ -13,7 +13,7 @@ from skyway.missions.items.geofence import FencePolygon, Geofence
 from skyway.missions.recharge.bent_ways import BentWays
 from skyway.models.airspace.airspace import Airspace
 from skyway.models.base.errors import InputError
-from skyway.recharge.cutting import recharged
+from skyway.recharge.recharged import recharged
 
 
 def polygon(*corners, inclusion=False):

@@ -27,9 +27,9 @@ from skyway.models.base.errors import InputError
 from skyway.models.drones import time_belief
 from skyway.models.drones.energy_belief import EXACT
 from skyway.models.network.network import Station
-from skyway.recharge.cutting import recharged
-from skyway.recharge.picture_audit import audited, kept_pictures
+from skyway.recharge.order.picture_audit import audited, kept_pictures
 from skyway.recharge.problem import RechargeOptions
+from skyway.recharge.recharged import recharged
 from skyway.recharge.simulated import Taught, simulated
 
 HOME = MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION)

@@ -7,8 +7,8 @@ from mission_interpreter import Vehicle, assert_same_work, fly
 from mission_worlds import FAMILIES, at, do, mission_of, options, pad
 
 from skyway.missions import Command, Frame, MissionDocument, MissionItem
-from skyway.recharge.cutting import recharged
-from skyway.recharge.picture_audit import audited
+from skyway.recharge.order.picture_audit import audited
+from skyway.recharge.recharged import recharged
 
 PADS = [pad("barn", -50, 0), pad("shed", 500, 950, 415.0)]
 HOME = MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.MISSION)

@@ -13,8 +13,9 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.planner.fixed_route.order_bound import bound_of_orders
 from skyway.planner.fixed_route.order_search import best_order
-from skyway.recharge.cutting import ROUNDED, cut
-from skyway.recharge.order_tables import tables_of
+from skyway.recharge.cutting import ROUNDED
+from skyway.recharge.order.tables import tables_of
+from skyway.recharge.pad_slack import cut
 from skyway.recharge.problem import sure_ratio_of
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.recharge.work import Work
     from skyway.recharge.cutting import Recharged
-    from skyway.recharge.order_tables import OrderTables
+    from skyway.recharge.order.tables import OrderTables
     from skyway.recharge.preparing import Prepared
     from skyway.recharge.problem import RechargeOptions
 
