@@ -29,18 +29,18 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
     simulated = plan.below_reserve is not None
     promises = [Column("in time"), Column("by 95 %")] if simulated else []
     columns = [Column("order", justify="left"), Column("from", justify="left"), Column("to", justify="left"), Column("due"), Column("drone", justify="left"),
-               Column("fetched"), Column("delivered"), Column("spare"), *promises, Column("why not", justify="left")]  # fmt: skip
+               Column("fetched"), Column("delivered"), Column("spare"), *promises, Column("reason", justify="left")]  # fmt: skip
     sheet = Sheet(columns, names=1)
     for answer in plan.answers[:SHOWN]:
         order = orders[answer.order]
-        times, spare, chance = [UNKNOWN, UNKNOWN], UNKNOWN, [UNKNOWN] * len(promises)
+        times, spare, chance = ["", ""], "", [""] * len(promises)  # a refused order has none of them
         if answer.fetched is not None and answer.delivered is not None:
             times = [clock(one, zone, plan.depart) for one in (answer.fetched, answer.delivered)]
             spare = duration((order.due - answer.delivered).total_seconds(), signed=True)
         if answer.outlook is not None:
             late = answer.outlook.p95
             chance = [percent(answer.outlook.chance), UNKNOWN if late is None else clock(late, zone, plan.depart)]
-        sheet.add(order.id, order.origin, order.destination, _due(order.due, zone, plan.depart), answer.drone or UNKNOWN, *times, spare, *chance, answer.reason or "")  # fmt: skip
+        sheet.add(order.id, order.origin, order.destination, _due(order.due, zone, plan.depart), answer.drone or "", *times, spare, *chance, answer.reason or "")  # fmt: skip
     sheet.show()
     if len(plan.answers) > SHOWN:
         say(f"… and {len(plan.answers) - SHOWN} more orders: --json has them all")

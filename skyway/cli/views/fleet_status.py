@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import UNKNOWN, clock, date_clock, duration, percent
+from skyway.models.base.formatting import clock, date_clock, duration, percent
 from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def print_orders(status: Status, timezone: str) -> None:
     begin = from_posix(status.service.begin_s)
     for name, (state, one) in list(status.orders.items())[:SHOWN]:
         due = clock(one.order.due, zone, begin) if one.order.due >= begin else date_clock(one.order.due, zone)
-        promised = UNKNOWN if one.promise is None else clock(from_posix(one.promise.delivered_s), zone, begin)
-        done = UNKNOWN if one.delivered_s is None else clock(from_posix(one.delivered_s), zone, begin)
+        promised = "" if one.promise is None else clock(from_posix(one.promise.delivered_s), zone, begin)
+        done = "" if one.delivered_s is None else clock(from_posix(one.delivered_s), zone, begin)
         sheet.add(
             name,
             state,
@@ -100,4 +100,4 @@ def print_orders(status: Status, timezone: str) -> None:
 
 
 def _drone(record: OrderRecord) -> str:
-    return record.drone or (UNKNOWN if record.promise is None else record.promise.drone)
+    return record.drone or ("" if record.promise is None else record.promise.drone)
