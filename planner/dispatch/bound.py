@@ -1,4 +1,4 @@
-"""A bound of the cost that no plan of a fleet is below: an assignment of orders to what a drone did before.
+"""Lower bound of the cost of any plan of a fleet: an assignment of orders to predecessors.
 
 Each order that is served was fetched by a drone that came from its first place or from another order, and each of those has one next
 order at most. So the cheapest assignment of orders to predecessors bounds the cost from below, when each pair costs no more than in
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.problem import DispatchProblem
 
 MAX_CELLS = 40_000_000
-"""Pairs that are assigned, and worked out at once; above, each order takes its cheapest predecessor."""
+"""Largest numbers of pairs that are assigned, and that are computed at once; above, each order takes its cheapest predecessor."""
 
 
 def lower_bound(problem: DispatchProblem) -> float:
-    """Return a cost that no plan is below."""
+    """Return a lower bound of the cost of any plan."""
     orders, count = problem.orders, len(problem.orders.origin)
     if not count:
         return 0.0
@@ -40,7 +40,7 @@ def lower_bound(problem: DispatchProblem) -> float:
 
 
 def _costs(problem: DispatchProblem, which: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Least cost of some orders after each drone's first place and each other order, shape (drones + orders, which); no more than refusing them."""
+    """Least cost of some orders after each drone's first place and each other order, shape (drones + orders, which); at most the cost of refusing them."""
     fleet, orders, weights = problem.fleet, problem.orders, problem.weights
     empty, loaded = (
         _ways(problem, np.unique(fleet.empty_mode)),
@@ -63,7 +63,7 @@ def _costs(problem: DispatchProblem, which: NDArray[np.int64]) -> NDArray[np.flo
 
 
 def _ways(problem: DispatchProblem, modes: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least time, and least charge, from each place to each, in the best mode and slot; charge beyond a full battery takes time."""
+    """Least time, and least charge, between all places, in the best mode and slot; charge beyond a full battery costs time."""
     flights = problem.flights
     time_s = flights.time_s[modes].min(axis=(0, 1))
     need = flights.need[modes].min(axis=(0, 1)) * float(problem.fleet.scale.min())

@@ -1,4 +1,4 @@
-"""Flights of a fleet's routes as compositions, so that they are flown, watched and told like those of one delivery.
+"""Flights of a fleet's routes as compositions, so that they are flown, supervised and shown like those of one delivery.
 
 A flight here is one part of a route: to the package, with it, or home, with the stops on its way.
 """
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 CHARGE_MORE = 0.01
-"""Charge beyond that of the plan, so that rounding never makes it too little."""
+"""Extra charge beyond that of the plan, against rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,32 +48,32 @@ class PlannedFlight:
 
     @property
     def begin(self) -> datetime:
-        """When it begins, with a charge or a take-off."""
+        """Beginning, with a charge or a take-off."""
         return self.steps[0].begin
 
     @property
     def end(self) -> datetime:
-        """When it has landed."""
+        """Time of the last landing."""
         return self.steps[-1].end
 
     @property
     def origin(self) -> str:
-        """Where it begins."""
+        """First place."""
         return self.steps[0].origin
 
     @property
     def destination(self) -> str:
-        """Where it lands in the end."""
+        """Place of the last landing."""
         return self.steps[-1].destination
 
     @property
     def flies(self) -> bool:
-        """Whether it has a flight at all: a drone that charges where the package is flies nowhere to fetch it."""
+        """Whether it has a flight: a drone that is already at the package need not fly to it."""
         return any(one.kind == "fly" for one in self.steps)
 
 
 def flights_of(route: Route) -> list[PlannedFlight]:
-    """Return the parts of a route; a charge before a part that has no flight is a part of the next one."""
+    """Return the parts of a route; charges of a part without a flight belong to the next part."""
     found: list[PlannedFlight] = []
     waiting: tuple[Step, ...] = ()
     for (order, phase), steps in groupby(route.steps, key=lambda one: (one.order, one.phase)):
@@ -94,9 +94,9 @@ def composed(
     *,
     reserve: float,
 ) -> Composition:
-    """Compose one part of a route: over which stations, in which winds, with which charges; leaving each stop when it was planned to.
+    """Compose one part of a route, with its stations, winds and charges; each stop is left at the planned time.
 
-    An `InfeasibleError` says that no wind of the forecast lets it be flown.
+    Raises an `InfeasibleError` if it is infeasible in all winds of the forecast.
     """
     first = flight.steps[0]
     state = State(flight.begin, flight.origin, None, min(max(first.soc_begin, 0.0), 1.0))
@@ -119,7 +119,7 @@ def composed(
 
 
 def _way(problem: Problem, step: Step, hours: float) -> tuple[int, ...]:
-    """Segments of the fastest way of the hour in which a flight begins, as the dispatcher's tables have it."""
+    """Segments of the fastest path in the hour in which a flight begins, as in the dispatcher's tables."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 MAX_BYTES = 3e9
 """Of the tables of flights."""
 AFTER_S = 4 * S_PER_H
-"""So long after the last order is due winds are worked out."""
+"""Time after the last due time for which winds are computed."""
 
 
 Leg = tuple[str, str, str]
@@ -52,7 +52,7 @@ Leg = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Laid:
-    """A dispatch problem, and what its numbers stand for."""
+    """A dispatch problem, and the meaning of its numbers."""
 
     problem: DispatchProblem
     places: tuple[int, ...]
@@ -76,10 +76,10 @@ def lay_out_problem(
     seen: PadsSeen = NOTHING_SEEN,
     loads_kg: Sequence[float] = (),
 ) -> Laid:
-    """Make arrays of what is to be done from a time on, in a forecast; `holds` are bookings of others, `promised` orders that were promised once.
+    """Build the arrays of a dispatch problem from a time on, in a forecast; `holds` are bookings of others, `promised` are orders promised before.
 
-    Without margins flights need what the model says of them, not what keeps the reserve of all but few; `margin_of` gives those of
-    types of drones in place of the usual one (`planner.dispatch.departure_margin`). `closed` has legs that are not flown before a time, POSIX seconds.
+    Without margins flights need the charge of the model, not the charge that keeps the reserve in all but few cases; `margin_of` gives the margins of
+    drone types instead of the usual one (`planner.dispatch.departure_margin`). `closed` has legs that are closed until a time, POSIX seconds.
     Waits for pads are expected from what is `seen` of them on; `loads_kg` has masses that are carried beside those of the orders.
 
     An `InputError` refuses what is too far ahead for the forecast, or too large.
@@ -170,12 +170,12 @@ def lay_out_problem(
 
 
 def latest_s(order: Order, weigh: DispatchParameters, *, promised: bool) -> float:
-    """Return when an order is delivered at the latest, POSIX seconds: who was promised it gets it late rather than never."""
+    """Return the latest delivery time of an order, POSIX seconds: a promised order is delivered late rather than never."""
     return order.due.timestamp() + (weigh.promised_late_s if promised else weigh.max_late_s)
 
 
 def _modes(types: Sequence[Drone], masses: Sequence[float], classes: int) -> list[tuple[Drone, float]]:
-    """Each drone empty, and with the packages that it may carry, by class."""
+    """Modes: each drone type empty, and with each class of packages that it may carry."""
     found = []
     for drone in types:
         steps = np.linspace(0.0, drone.max_payload_kg, classes + 1)[1:] if drone.max_payload_kg > 0.0 else np.empty(0)
@@ -192,7 +192,7 @@ def mode_problem(
     work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters, drone: Drone, mass_kg: float, members: int | None = None,
     seen: PadsSeen = NOTHING_SEEN,
 ) -> Problem:  # fmt: skip
-    """Return the problem of one drone with a package, in a forecast thinned to so many members, by default as `robust` thins it."""
+    """Return the problem of one drone with a package, in a forecast reduced to a number of members, by default that of `robust`."""
     stations = work.scenario.network.stations
     start = work.vehicles[0].place
     other = next((one.id for one in stations if one.id != start and not one.flyover), start)
@@ -228,7 +228,7 @@ def _times(problem: Problem, places: Sequence[int], slots: int, hours: float) ->
 
 
 def _speeds(problem: Problem, places: Sequence[int], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean ground speed of flights between places, m/s, the shape of their times: over the shortest way, climb and descent left out."""
+    """Mean ground speed of flights between places, m/s, in the shape of their times: over the shortest path, without climb and descent."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -241,7 +241,7 @@ def _speeds(problem: Problem, places: Sequence[int], time_s: NDArray[np.float64]
 
 
 def _pace_s(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> float:
-    """Seconds that a whole battery takes at the fastest rate of the usual pad."""
+    """Time to charge a whole battery at the fastest rate of the median pad, s."""
     slopes = [time[1] / soc[1] for time, soc in (problem.curve(places[number]) for number in where)]
     return float(np.median(slopes))
 
@@ -249,7 +249,7 @@ def _pace_s(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -
 def _charging(
     curves: Sequence[Problem], places: Sequence[int]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Which charging curve each type of drone has at each place, and the curves: times and charges."""
+    """Charging curve of each drone type at each place, and the curves: times and charges."""
     points = max(problem.padded_curves[0].shape[1] for problem in curves)
     times, levels, of, first = [], [], [], 0
     for problem in curves:
@@ -263,7 +263,7 @@ def _charging(
 
 
 def _strangers(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Mean waits for pads that other drones have, shape (places, times), from the beginning of the forecast on."""
+    """Mean waits for pads because of strangers, shape (places, times), from the beginning of the forecast."""
     nodes = [places[number] for number in where]
     waits = problem.waits
     waits.need(nodes)
@@ -303,7 +303,7 @@ def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequenc
 
 
 def _usable(problem: Problem, places: Sequence[int], begin_s: float, end_s: float, busy: float) -> NDArray[np.int64]:
-    """How many pads of each place the fleet plans with, shape (places,): what strangers leave of a share of them, one at least."""
+    """Number of pads of each place with which the fleet plans, shape (places,): those that strangers leave free of a share of them, at least one."""
     hours = int(np.ceil((end_s - begin_s) / S_PER_H)) + 1
     found, rest = [], 0.5
     for node in places:
@@ -320,9 +320,9 @@ def _usable(problem: Problem, places: Sequence[int], begin_s: float, end_s: floa
 def _taken(
     holds: Sequence[Hold], work: Work, place_of: dict[int, int], flights: Flights, closed: Mapping[int, Closures]
 ) -> tuple[tuple[int, float, float], ...]:
-    """Windows in which pads are held by others, or closed, by the number of the pad among all; apart from each other.
+    """Windows in which pads are held by others, or closed, by the number of the pad among all; disjoint.
 
-    Those of stations or pads that the scenario has not are left out.
+    Stations or pads that the scenario does not have are ignored.
     """
     index = work.scenario.network.index
     found: dict[int, list[tuple[float, float]]] = {}
@@ -340,7 +340,7 @@ def _taken(
 
 
 def _merged(windows: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Windows that overlap as one."""
+    """Overlapping windows merged."""
     merged: list[tuple[float, float]] = []
     for begin, end in sorted(windows):
         if merged and begin <= merged[-1][1]:

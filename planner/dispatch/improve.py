@@ -1,4 +1,4 @@
-"""Adaptive large neighbourhood search: orders are taken out of the routes of a fleet and put in elsewhere, over and over."""
+"""Adaptive large neighbourhood search: orders are repeatedly removed from the routes of a fleet and inserted elsewhere."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.dispatch import DispatchParameters
 
 CHARGED_WAITING = (1.0, 1.0, 0.8, 0.6, 0.4, 0.0)
-"""Up to which charge drones charge while they wait: tried at random, since a pad that one leaves another may need."""
+"""Charges to which drones charge while they wait, chosen at random: another drone may need the pad."""
 NOISES = (0.0, 0.0, 0.1, 0.3, 1.0)
-"""How the cost of an insertion is blurred, as the standard deviation of its logarithm: each is tried at random."""
+"""Noise on the cost of an insertion, as the standard deviation of its logarithm; chosen at random."""
 REGRETTED = 12
-"""Up to so many orders are put in with regret."""
+"""Largest number of orders that are inserted with regret."""
 KEEPS_BEST = 200
-"""Up to so many drones worse routes are accepted for a while, and the best ones kept apart."""
+"""Largest number of drones for which worse routes are accepted for a while; the best ones are kept separately."""
 HALTED = 1
-"""Up to so many orders whose drones fly again get another stop to charge at, on the way to the package or with it, or lose it."""
+"""Largest number of changed orders that get or lose a charging stop, on the way to the package or with it."""
 HALTED_HOME = 0.1
 """Chance that it is one on the way home. With a third, and drones that try all stops in a fifth of the changes (`ELSEWHERE`), 11 of 90 small problems came out worse, with these 2, as many as without either."""
 NEAREST = 6
-"""Such a stop is one of so many."""
+"""Number of nearby stations from which such a stop is chosen."""
 LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-"""Charges with which they are left."""
+"""Charges with which drones leave such stops."""
 ELSEWHERE = 0.05
 """Chance that only one drone is flown again, with each of the stops tried for one order and phase, or for its way home."""
 ELSEWHERE_OF = 2
-"""It is the costliest of so many, drawn at random."""
+"""That drone is the most expensive of so many random ones."""
 AGAIN = 0.1
-"""Chance that drones are only flown again, in another order: who is first has the pads."""
+"""Probability that some drones are only scheduled again, in another sequence: the first one gets the pads."""
 RESTYLED = 0.3
-"""Share of the drones whose routes change that try another charge to wait for."""
+"""Share of the changing drones that try another charge while waiting."""
 GAINS = (3.0, 1.0, 0.2)
-"""What the way of taking orders out earns: for the best routes so far, for better ones, and for others."""
+"""Score of the removal method: for the best routes so far, for better ones, and for others."""
 MEMORY = 0.95
 TOLERATED_S = 300.0
-"""A delivery that is later than promised by no more than this is no changed promise."""
+"""A delivery later than promised by at most this does not count as a changed promise."""
 
 
 class Improver:
-    """Betters the routes of a search."""
+    """Improves the routes of a search."""
 
     def __init__(self, search: Search) -> None:
         self.search, self.random = search, search.random
@@ -62,7 +62,7 @@ class Improver:
         self._ways = (self._at_random, self._near_one, self._costly, self._of_drones)
 
     def improve(self, *, end_at: float, iterations: int) -> None:
-        """Search until a time, or for so many iterations; the best routes stay."""
+        """Search until a time, or for a number of iterations, and keep the best routes."""
         search, count = self.search, self.parameters
         if not search.orders:
             return
@@ -104,7 +104,7 @@ class Improver:
             search.all_back(best)
 
     def _again(self) -> bool:
-        """Fly some drones again with other stops, in another order; false where one is not flown."""
+        """Schedule some drones again with other stops, in another sequence; false if one becomes infeasible."""
         drones = [
             int(one)
             for one in self.random.permutation(np.flatnonzero(self.search.routes.length))[: self.random.integers(1, 4)]
@@ -115,7 +115,7 @@ class Improver:
         return self.search.again(drones)
 
     def _elsewhere(self) -> bool:
-        """Let one drone charge where its route costs least, for one order and phase or on its way home; false where it has none."""
+        """Move a charge of one drone to the stop where its route costs least, for one order and phase or on its way home; false if there is none."""
         search = self.search
         flown = np.flatnonzero(search.routes.length)
         if not len(flown):
@@ -129,7 +129,7 @@ class Improver:
         return search.settle(drone, order, phase)
 
     def _changed(self, chosen: list[int], most: int) -> bool:
-        """Take orders out and put them in again, with some that are not served; false where a route does not fly without them."""
+        """Remove orders and insert them again, with some that are not served; false if a route is infeasible without them."""
         search = self.search
         outside = np.flatnonzero(search.drone_of < 0)
         outside = self.random.permutation(outside)[:most]
@@ -151,7 +151,7 @@ class Improver:
         return True
 
     def _restyle(self, changing: set[int]) -> None:
-        """Let some drones wait for another charge: of those that are about to change, and of those without orders."""
+        """Change the charge at which some drones wait: changing ones, and ones without orders."""
         search = self.search
         idle = self.random.permutation(np.flatnonzero(search.routes.length == 0))[:8]
         for drone in sorted(changing | {int(one) for one in idle}):
@@ -161,7 +161,7 @@ class Improver:
                 search.routes.most[drone] = self.random.choice(CHARGED_WAITING)
 
     def _halted(self, chosen: Sequence[int]) -> None:
-        """Give a few orders that are about to be flown other stops to charge at, or none."""
+        """Give a few of the changing orders other charging stops, or none."""
         halts = self.search.routes.halts
         for one in self.random.permutation(np.array(chosen, dtype=np.int64))[: self.random.integers(0, HALTED + 1)]:
             phase = HOME if self.random.random() < HALTED_HOME else int(self.random.integers(0, 2))
@@ -177,7 +177,7 @@ class Improver:
         return [int(one) for one in self.random.permutation(self._served())[:count]]
 
     def _near_one(self, count: int) -> list[int]:
-        """Orders that are near to one in time and place."""
+        """Orders close to a random one in time and place."""
         served = self._served()
         if not len(served):
             return []
@@ -213,19 +213,19 @@ class Improver:
 
 @dataclass(frozen=True)
 class Before:
-    """What was planned before, by numbers."""
+    """The previous plan, by numbers of drones, orders and places."""
 
     routes: Mapping[int, Sequence[int]]
-    """Orders of each drone, in their order."""
+    """Orders of each drone, in sequence."""
     halts: Mapping[tuple[int, int], tuple[int, float]]
-    """Where its drone charged last for an order and phase, and with which charge it left."""
+    """Last charging stop for an order and phase, and the charge at departure."""
     promised_s: Mapping[int, float]
-    """When orders were promised, POSIX seconds."""
+    """Promised delivery times, POSIX seconds."""
     rows: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
-    """What each drone was to do, as a trace: nobody takes its pads before it is flown, and it is done again where it still can be."""
+    """Planned steps of each drone. Its pads are reserved until it is scheduled, and the steps are kept where that is still possible."""
 
     def hold_to(self, search: Search) -> None:
-        """Let no order that comes, and no betterment, make a promised order later than it is anyway, or than an order may be that is promised now."""
+        """Prevent new orders and improvements from delaying a promised order beyond its present time, or beyond the limit for new promises."""
         orders = search.problem.orders
         for order in self.promised_s:
             usual_s = orders.due_s[order] + search.parameters.max_late_s

@@ -1,4 +1,4 @@
-"""Plans that are gone on with: what was planned for a drone is done as it was planned where it still can be, and flown again where it cannot."""
+"""Continuing a previous plan: the steps of a drone are kept where they are still possible, and scheduled again where they are not."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     Stops = Mapping[tuple[int, int], tuple[int, float]]
 
 LATE_S, SPARE, OVERLAP_S = 90.0, 0.005, 1.0
-"""It is done as it was planned while the drone is no later than this, flights take no more charge, and windows overlap no more."""
+"""Steps are kept while the drone is no later than this, flights take at most this much more charge, and windows overlap by at most this."""
 CHARGED_WAITING = (1.0, 0.6, 0.0)
-"""Up to which charge a drone charges while it waits, where it is flown again: the first with which it can be flown."""
+"""Charges to which a drone charges while it waits, when it is scheduled again: the first feasible one is used."""
 
 
 def hold(search: Search, drone: int, rows: NDArray[np.float64]) -> None:
-    """Keep the pads of some steps for a drone that has none, until it is flown."""
+    """Reserve the pads of some steps for a drone that holds none, until it is scheduled."""
     routes = search.routes
     charges = rows[(rows[:, KIND] == CHARGE) & (rows[:, PAD] >= 0)]
     kept = charges[:, [PAD, BEGIN, END]][: routes.window.shape[1]]
@@ -50,7 +50,7 @@ def hold(search: Search, drone: int, rows: NDArray[np.float64]) -> None:
 
 
 def keep(search: Search, drone: int, route: Sequence[int], rows: NDArray[np.float64] | None, stops: Stops) -> bool:
-    """Let a drone whose pads are held do what was planned; false, and nothing is changed, where it cannot any more.
+    """Keep the planned steps of a drone whose pads are reserved; false, with nothing changed, if that is no longer possible.
 
     `stops` has a place and a charge by order and phase.
     """
@@ -77,7 +77,7 @@ def keep(search: Search, drone: int, route: Sequence[int], rows: NDArray[np.floa
 
 
 def _possible(search: Search, drone: int, route: Sequence[int], rows: NDArray[np.float64]) -> bool:
-    """Whether a drone can do what was planned."""
+    """Whether the planned steps of a drone are still possible."""
     fleet = search.problem.fleet
     if (
         not route
@@ -101,7 +101,7 @@ def _possible(search: Search, drone: int, route: Sequence[int], rows: NDArray[np
 
 
 def _flown(search: Search, drone: int, flown: NDArray[np.float64]) -> bool:
-    """Whether flights take no more charge and time than was thought."""
+    """Whether flights take no more charge and time than planned."""
     flights, fleet = search.problem.flights, search.problem.fleet
     loaded = search.problem.orders.mode[fleet.type[drone], np.maximum(flown[:, ORDER].astype(int), 0)]
     mode = np.where(flown[:, PHASE] == LOADED, loaded, fleet.empty_mode[drone])
@@ -113,7 +113,7 @@ def _flown(search: Search, drone: int, flown: NDArray[np.float64]) -> bool:
 
 
 def _served(search: Search, order: int, flown: NDArray[np.float64]) -> bool:
-    """Whether an order is fetched where and when it is ready, and delivered before it is too late."""
+    """Whether an order is fetched at its origin after it is ready, and delivered before its latest time."""
     orders = search.problem.orders
     own = flown[(flown[:, ORDER] == order) & (flown[:, PHASE] == LOADED)]
     if not len(own):
@@ -123,7 +123,7 @@ def _served(search: Search, order: int, flown: NDArray[np.float64]) -> bool:
 
 
 def _on_free_pads(search: Search, drone: int, charged: NDArray[np.float64]) -> bool:
-    """Whether the pads of all charges are held, and taken by nobody else."""
+    """Whether the pads of all charges are reserved for the drone and free of others."""
     calendar = search.calendar
     if search.routes.windows[drone] != len(charged):
         return False
@@ -139,7 +139,7 @@ def _on_free_pads(search: Search, drone: int, charged: NDArray[np.float64]) -> b
 
 
 def take(search: Search, drone: int, route: Sequence[int], stops: Stops) -> None:
-    """Give a drone without orders a route, as far from its beginning on as it can fly it, with the stops that it had or without, as costs less."""
+    """Give a drone without orders the longest feasible beginning of a route, with its previous stops or without, whichever costs less."""
     wanted = [one for one in route if search.drone_of[one] < 0][: search.routes.order.shape[1]]
     while wanted:
         costs: dict[float, tuple[Stops, float]] = {}
@@ -170,6 +170,6 @@ def _stop(search: Search, orders: Sequence[int], stops: Stops) -> None:
 
 
 def _as_needed(orders: Sequence[int], stops: Stops) -> Stops:
-    """The stops of some orders, left with no more charge than the next flight needs."""
+    """Stops of some orders, with no more charge at departure than the next flight needs."""
     keys = ((one, phase) for one in orders for phase in (EMPTY, LOADED, HOME))
     return {key: (stops[key][0], 0.0) for key in keys if key in stops}

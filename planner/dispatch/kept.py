@@ -1,4 +1,4 @@
-"""What was planned before, as the search begins with it: routes, stops, pads, and all that can be done as it was planned."""
+"""The previous plan as input of the search: routes, stops, pads and steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def before(
     work: Work, laid: Laid, kept: Mapping[str, Sequence[Step]], promised: Mapping[str, datetime]
 ) -> Before | None:
-    """Return what was planned before by the numbers of drones, orders and places; None where nothing was."""
+    """Return the previous plan by numbers of drones, orders and places; None if there is none."""
     if not kept and not promised:
         return None
     order = {one.id: number for number, one in enumerate(work.orders)}

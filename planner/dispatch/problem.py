@@ -1,4 +1,4 @@
-"""A dispatch problem as arrays: flights between places, drones, orders, pads and what is weighed."""
+"""A dispatch problem as arrays: flights between places, drones, orders, pads and weights."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ class Flights(NamedTuple):
     """Flights between places without a landing, by mode (a drone with a class of packages) and slot of time."""
 
     time_s: NDArray[np.float64]
-    """Shape (modes, slots, places, places); infinite where it cannot be flown."""
+    """Shape (modes, slots, places, places); infinite where infeasible."""
     need: NDArray[np.float64]
-    """The same shape: charge that it takes, with the margin that keeps the reserve."""
+    """Same shape: charge of the flight, with the margin that keeps the reserve."""
     to_go_s: NDArray[np.float64]
-    """The same shape: least time from one place to another with all charging that the energy costs."""
+    """Same shape: least time from one place to another, with the charging time of its energy."""
     escape: NDArray[np.float64]
     """Shape (modes, places): charge that takes a drone from a place to one with pads, in any slot; 0 where there are some."""
     start_s: float
     slot_s: float
-    """When the first slot begins, POSIX seconds, and how long each is; the last one holds on."""
+    """Beginning of the first slot, POSIX seconds, and the length of each; the last one has no end."""
     pads: NDArray[np.int64]
     first_pad: NDArray[np.int64]
-    """Shape (places,) each: how many pads a place has, and the number of its first one among all pads."""
+    """Shape (places,) each: number of pads of a place, and the index of its first pad among all pads."""
     stops: NDArray[np.int64]
     """Places with pads."""
     curve_of: NDArray[np.int64]
@@ -38,7 +38,7 @@ class Flights(NamedTuple):
     pace_s: NDArray[np.float64]
     """Shape (types,): seconds of charging for the whole battery at the fastest rate."""
     wait_s: NDArray[np.float64]
-    """Shape (places, times): mean wait for a pad that strangers have, at steps from the start."""
+    """Shape (places, times): mean wait for a pad because of strangers, at steps from the start."""
     wait_step_s: float
     reserve: float
 
@@ -54,9 +54,9 @@ class Fleet(NamedTuple):
     soc: NDArray[np.float64]
     from_s: NDArray[np.float64]
     to_s: NDArray[np.float64]
-    """When it is available, POSIX seconds; infinite where nothing ends it."""
+    """Availability, POSIX seconds; infinite if it has no end."""
     scale: NDArray[np.float64]
-    """What a charge of a new battery is of this one: 1 / health."""
+    """Ratio of the capacity of a new battery to that of this one: 1 / health."""
 
 
 class Orders(NamedTuple):
@@ -67,20 +67,20 @@ class Orders(NamedTuple):
     ready_s: NDArray[np.float64]
     due_s: NDArray[np.float64]
     refusal_s: NDArray[np.float64]
-    """What it costs not to serve it."""
+    """Cost of refusing the order."""
     mode: NDArray[np.int64]
     """Shape (types, orders): mode of a type of drone that carries it; -1 where it is too heavy."""
     latest_s: NDArray[np.float64]
-    """When it is delivered at the latest, POSIX seconds; a plan that would be later refuses it."""
+    """Latest delivery, POSIX seconds; an order that would be later is refused."""
 
 
 class Weights(NamedTuple):
-    """What is weighed, see `planner.parameters.dispatch`."""
+    """Weights of the cost, see `planner.parameters.dispatch`."""
 
     lateness: float
     energy_s: float
     home: float = 0.0
-    """Of a second from the last delivery of a drone until it is home."""
+    """Weight of a second between the last delivery of a drone and its arrival at home."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class DispatchProblem:
 
 
 def to_go(time_s: NDArray[np.float64], need: NDArray[np.float64], stops: NDArray[np.int64], pace_s: float, budget: float) -> NDArray[np.float64]:  # fmt: skip
-    """Least time between places with the charging for all energy, landing only at `stops`; shape (..., places, places).
+    """Least time between places including charging for all energy, with landings only at `stops`; shape (..., places, places).
 
     Floyd and Warshall's recurrence over the stops: w_ij = min(w_ij, w_ik + w_kj), with w_ij = T_ij + pace E_ij for flights that a full
     battery can make.

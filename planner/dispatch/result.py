@@ -1,4 +1,4 @@
-"""What a dispatcher answers: what each drone does when, and what becomes of each order."""
+"""Plan of a dispatcher: the steps of each drone, and the outcome of each order."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Route:
-    """What one drone does."""
+    """Route of one drone."""
 
     drone: str
     type: str
@@ -49,36 +49,36 @@ class Route:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """What is to be expected of an order, as its plan was flown in many worlds (`planner.promises`)."""
+    """Expected outcome of an order, from simulating the plan in many worlds (`planner.promises`)."""
 
     by: datetime
-    """When it is promised."""
+    """Promised delivery time."""
     chance: float
     """Probability that it is delivered by then."""
     p50: datetime | None
     p95: datetime | None
-    """With these probabilities it is delivered by then; None where it is not in so many worlds."""
+    """Quantiles of the delivery time; None if it is delivered in fewer worlds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What becomes of one order."""
+    """Outcome of one order."""
 
     order: str
     status: Literal["served", "refused"]
     drone: str | None = None
     fetched: datetime | None = None
     delivered: datetime | None = None
-    """Take-off with the package, and touch-down with it."""
+    """Take-off and landing with the package."""
     late_s: float = 0.0
     reason: str | None = None
-    """Why it is refused."""
+    """Reason of a refusal."""
     hopeless: bool = False
-    """It could not be served even if it were the only one."""
+    """Whether it could not be served even as the only order."""
     windows: tuple[Window, ...] = ()
-    """Pads that its flights hold, those of the way home after it included."""
+    """Pads of its flights, including those on the way home after it."""
     outlook: Outlook | None = None
-    """Where the plan was flown in worlds."""
+    """Available if the plan was simulated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The routes of a fleet as they are searched: orders put into them, with regret, and taken out."""
+"""Routes of a fleet during the search: orders are inserted, with regret, and removed."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
 """Orders, windows of pads, and flights and charges of one drone."""
 TAKEN_WAITING = (1.0, 0.6, 0.0)
-"""Up to which charge drones charge while they wait, where a route is taken as it was: the first with which it is flown."""
+"""Charges to which drones charge while they wait, when a route is kept: the first one with which the route is feasible is used."""
 STOPS_TRIED = 12
-"""Stops that are tried where a drone looks for the best one."""
+"""Number of stops tried when a drone looks for the best one."""
 PARTS = ("order", "length", "time_s", "soc", "cost", "total", "window", "windows", "most")
 
 
 @dataclass(frozen=True)
 class Flown:
-    """All that there is of one drone."""
+    """State of one drone in the search."""
 
     parts: tuple[NDArray[np.float64], ...]
     """Its rows of the `Routes`."""
@@ -43,7 +43,7 @@ class Flown:
 
 @dataclass
 class Known:
-    """What some drones were, so that they can be made that again."""
+    """Earlier states of some drones, to restore them."""
 
     drone_of: NDArray[np.int64]
     halts: Halts
@@ -51,7 +51,7 @@ class Known:
 
 
 class Search:
-    """The routes of a fleet, as they are bettered; everything random comes from a seed."""
+    """Routes of a fleet while they are improved; all randomness comes from one seed."""
 
     def __init__(self, problem: DispatchProblem, parameters: DispatchParameters, seed: int = 0) -> None:
         self.problem, self.parameters = problem, parameters
@@ -85,22 +85,22 @@ class Search:
         self.trace = Trace(np.zeros((MAX_ROWS, 10)), np.zeros(1, dtype=np.int64))
         self._silent = Trace(np.zeros((0, 10)), np.zeros(1, dtype=np.int64))
         self.steps = [np.zeros((0, 10))] * self.drones
-        """Flights and charges of each drone; they are never flown again to be told, since others have changed their pads since."""
+        """Flights and charges of each drone. They are kept, because laying the route out again could give other pads."""
         self.drone_of = np.full(self.orders, -1, dtype=np.int64)
         """Which drone serves each order; -1: none."""
         self._wanted = [int(one) for one in np.lexsort((orders.due_s, -orders.refusal_s))]
         self._least: dict[int, NDArray[np.float64]] = {}
         self.iterations = 0
         self.undo: Known | None = None
-        """Remembers what drones were before they change, where that may be taken back."""
+        """States of drones before their first change since `watch`; None if changes are not watched."""
 
     @property
     def cost(self) -> float:
-        """What is weighed, of all routes and of the orders that are not served."""
+        """Cost of all routes and of the orders that are not served."""
         return float(self.routes.total.sum() + self.problem.orders.refusal_s[self.drone_of < 0].sum())
 
     def _least_arrivals(self, order: int) -> NDArray[np.float64]:
-        """When each drone could be at the origin of an order from where it stands: the guide to drones that are tried."""
+        """Earliest arrival of each drone at the origin of an order from its first place; selects the drones to try."""
         if order not in self._least:
             flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
             slot = ((fleet.from_s - flights.start_s) / flights.slot_s).astype(int)
@@ -110,7 +110,7 @@ class Search:
         return self._least[order]
 
     def candidates(self, order: int) -> NDArray[np.int64]:
-        """Return the drones that an order is tried with: those that could fetch it first, as their routes are now."""
+        """Return the drones to try for an order: those that could fetch it first with their present routes."""
         count = self.parameters.vehicles_tried
         if self.drones <= count:
             return np.arange(self.drones)
@@ -132,7 +132,7 @@ class Search:
         return found
 
     def tried(self, order: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-        """Return drones, what an order adds to the cost of each, and where in its route."""
+        """Return drones, the cost that an order adds to each, and its position in the route."""
         drones = self.candidates(order)
         added, position = np.empty(len(drones)), np.empty(len(drones), dtype=np.int64)
         p = self.problem
@@ -140,7 +140,7 @@ class Search:
         return drones, added, position
 
     def lay_out(self, drone: int) -> bool:
-        """Fly a route again; what the drone does is in `steps`."""
+        """Lay a route out again; the result is in `steps`."""
         p = self.problem
         if not lay_out(p.flights, p.fleet, p.orders, p.weights, self.calendar, self.routes, self.trace, drone):
             return False
@@ -148,7 +148,7 @@ class Search:
         return True
 
     def change(self, drone: int, route: Sequence[int]) -> bool:
-        """Give a drone another route; false, and all as before, where it cannot fly it."""
+        """Give a drone another route; false, with nothing changed, if the route is infeasible."""
         before = self.saved(drone)
         if self.undo is not None:
             self.undo.saved.setdefault(drone, before)
@@ -160,28 +160,28 @@ class Search:
         return False
 
     def saved(self, drone: int) -> Flown:
-        """Return all that there is of a drone, for `restore`."""
+        """Return the state of a drone, for `restore`."""
         return Flown(tuple(getattr(self.routes, name)[drone].copy() for name in PARTS), self.steps[drone])
 
     def restore(self, drone: int, saved: Flown) -> None:
-        """Make a drone what it was."""
+        """Restore the state of a drone."""
         unbook(self.calendar, self.routes, drone)
         self.put(drone, saved)
 
     def put(self, drone: int, saved: Flown) -> None:
-        """Make a drone that has nothing booked what it was."""
+        """Restore the state of a drone that holds no pads."""
         for name, value in zip(PARTS, saved.parts, strict=True):
             getattr(self.routes, name)[drone] = value
         self.steps[drone] = saved.steps
         rebook(self.calendar, self.routes, drone)
 
     def delivered_s(self, order: int) -> float:
-        """Return when an order is delivered, POSIX seconds; infinite where it is not served."""
+        """Return the delivery time of an order, POSIX seconds; infinite if it is not served."""
         drone = int(self.drone_of[order])
         return math.inf if drone < 0 else float(self.routes.time_s[drone, self.route(drone).index(order) + 1])
 
     def all(self) -> Known:
-        """Return all that there is of all drones, for `all_back`."""
+        """Return the states of all drones, for `all_back`."""
         found = self._known()
         found.saved.update({drone: self.saved(drone) for drone in range(self.drones)})
         return found
@@ -191,11 +191,11 @@ class Search:
         return Known(self.drone_of.copy(), Halts(halts.place.copy(), halts.soc.copy()))
 
     def watch(self) -> None:
-        """Remember from now on what drones were."""
+        """Record the states of drones before changes, from now on."""
         self.undo = self._known()
 
     def back(self) -> None:
-        """Take back what has changed since `watch`."""
+        """Undo all changes since `watch`."""
         undo, self.undo = self.undo, None
         if undo is not None:
             self.all_back(undo)
