@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Vehicle
 
 TOLD_S = 20.0
-"""How far a transfer is, is told so far apart."""
+"""Interval between progress reports of a transfer."""
 _QUIET_HZ = 0.5
 """Telemetry while logs come."""
 _LONG_S = 60.0

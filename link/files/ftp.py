@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ANSWER_S = 6.0
 """Without an answer for so long, there is none."""
 CRC_S, CRC_BYTEPS = 10.0, 500_000.0
-"""A checksum of a file may take so long, and as long again for so many bytes each second: a card is slow."""
+"""Time limit of a checksum, and bytes per second that extend it: a card is slow."""
 _MAX_ENTRIES = 20_000
 _MESSAGE = "FILE_TRANSFER_PROTOCOL"
 

@@ -32,9 +32,9 @@ LEAST_WINDOW, MOST_WINDOW = 2, 16
 QUEUE_LOW, QUEUE_HIGH = 1.5, 4.0
 """Reads that wait in the link's queue: with fewer the window grows, with more it shrinks."""
 PASSED = 3
-"""A read is lost when so many that were sent later have been answered."""
+"""A read counts as lost when this many later ones have been answered."""
 UNFILLED = 1.6
-"""Answers that take no longer than so many times the shortest, with the most reads under way, do not fill the link."""
+"""Round trips up to this multiple of the shortest, with most reads under way, show that the link is not full."""
 SLOWER = 0.9
 """Bursts that bring less than this share of what reads brought are not requested again."""
 PER_ANSWER, PER_TICK = 2, 4

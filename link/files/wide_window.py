@@ -13,15 +13,15 @@ MOST = 512
 GROWS, GAINS = 1.4, 1.07
 """It grows by so much, and must bring so much more."""
 ROUNDS, LEAST_S = 4.0, 0.15
-"""A number is judged by so many round trips, and so much time."""
+"""A window size is judged over this many round trips, and this long."""
 TRIES = 2
 """A greater number that brought no more so often is too great."""
 WORSE, HOLD = 0.8, 40
-"""Less than this share of the best, so often, and the link has changed; after so many looks it is tried whether more would do now."""
+"""If the rate is below this share of the best this often, the link has changed; after this many checks a larger window is tried again."""
 CROWDED = 0.2
 """A greater share of reads lost at the best number: they come bundled, and the vehicle lets too few wait."""
 LOSSY, LATER = 0.02, 1.25
-"""A greater share of reads lost, or answers that take longer than so many times the shortest, show that vehicle or link have no room for more."""
+"""A larger share of lost reads, or round trips above this multiple of the shortest, show that the vehicle or link is full."""
 
 
 class WideWindow:

@@ -37,7 +37,7 @@ _STUCK_S = 10.0
 RATE_BYTES, BURST_BYTES = 25_000.0, 65_536.0
 """What a client may say: bytes a second, and at once. A telemetry radio carries less."""
 RATE_PACKETS = 200.0
-"""And so many packets a second: a short packet costs a vehicle as much work as a long one."""
+"""Packets per second: a short packet costs a vehicle as much work as a long one."""
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ class Allowance:
     since_s: float = 0.0
 
     def takes(self, size: int, now_s: float) -> bool:
-        """Whether a packet of so many bytes is within it, and take it from it."""
+        """Whether a packet of a number of bytes is within the budget; if so, subtract it."""
         size = max(size, round(RATE_BYTES / RATE_PACKETS))
         self.left_bytes = min(BURST_BYTES, self.left_bytes + RATE_BYTES * max(0.0, now_s - self.since_s))
         self.since_s = now_s
@@ -176,7 +176,7 @@ class UdpClients:
         self.clients: list[Client] = []
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
-        """Yield what has come; who has been silent for long makes room."""
+        """Yield received packets; a client that has been silent for long gives up its place."""
         for _ in range(_POLLED):
             try:
                 data, there = self._socket.recvfrom(_READ_BYTES)

@@ -15,7 +15,7 @@ _FOLD_S = 5.0
 """What a client says again within so long is not told again."""
 _MAX_NOTES, _MAX_TOLD = 200, 256
 _MANY, _MANY_S = 8, 10.0
-"""So much that is refused, or joins, is told of one client within so long; then it is told that there is more, until it has been quiet for as long."""
+"""Largest number of notes about one client within a time; after that one note says that there are more, until the client has been quiet for as long."""
 
 
 @dataclass(frozen=True, slots=True)

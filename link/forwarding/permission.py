@@ -103,7 +103,7 @@ def passes(does: Effect, allowed: Permission) -> bool:
 
 
 def order(message: Message) -> str:
-    """Return the name of an order, as MAVLink has it, with what it is about."""
+    """Return the MAVLink name of a command, with its subject."""
     name = message.name
     if name in _COMMANDS:
         return command_name(message["command"])

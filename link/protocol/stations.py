@@ -56,7 +56,7 @@ class Stations:
         return True
 
     def supervisor_of(self, vehicle: int, now_s: float) -> Supervisor | None:
-        """Return who else supervises a vehicle at this time; who has commanded it already goes before who has not."""
+        """Return the other stations that supervise a vehicle at this time; those that have commanded it come first."""
         found = [
             Supervisor(*who, under_way)
             for who, (system, under_way, at_s) in self._supervises.items()

@@ -18,7 +18,7 @@ STUCK_SOC_S, STUCK_SOC_W = 180.0, 100.0
 STUCK_S = 5.0
 """The same for attitude and position in flight."""
 KEPT_S = 60.0
-"""How long a jump is told."""
+"""How long a jump is reported."""
 _MOVING_MPS = 1.0
 _M_PER_DEG = 111_045.0
 _MIN_STEP_S = 0.2

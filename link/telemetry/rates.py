@@ -17,7 +17,7 @@ CHECK_S = 10.0
 NEAR = 0.2
 """A rate that is lower by no more than this share will do."""
 _MANY = 2.5
-"""Higher, it may be so many times: some tell of each of two batteries, or whenever something changes."""
+"""A rate may be higher by this factor: some vehicles report each of two batteries, or every change."""
 _MAX_HZ = 50.0
 _MAX_LOST = 0.9
 _FEW = 2.0

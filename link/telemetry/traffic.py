@@ -27,7 +27,7 @@ class TrafficLimits:
     """`away_m`, `height_m`: within both it is near."""
 
     def hold(self, one: Aircraft, margin: float = 1.0) -> bool:
-        """Whether an aircraft is near, within so many times the limits."""
+        """Whether an aircraft is near, within a multiple of the limits."""
         return one.away_m <= margin * self.away_m and not abs(one.above_m) > margin * self.height_m
 
 
@@ -102,7 +102,7 @@ class Traffic:
         return found
 
     def near(self, now_s: float, margin: float = 1.0) -> list[Aircraft]:
-        """Return those that are within so many times the limits at this time, the nearest first."""
+        """Return those within a multiple of the limits at this time, the nearest first."""
         known = [one for one in self.known.values() if now_s <= one.heard_s + _OLD_S]
         found = [one for one in known if self.limits.hold(one, margin)]
         return sorted(found, key=lambda one: one.away_m)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ARRIVED_M, ARRIVED_HEIGHT_M, ARRIVED_MPS = 4.0, 3.0, 1.5
 """So near and so slow, it is there and may land."""
 STALLED_S, STALLED_M = 20.0, 5.0
-"""One that has not come closer by so much in so long is told again where to go."""
+"""A vehicle that has not come closer by this distance in this time is sent there again."""
 _ORDERS = 4
 _SLOWEST_MPS, _LANDING_S = 3.0, 240.0
 _SETTLE_S = 15.0

@@ -20,7 +20,7 @@ _CONNECT_S = 2.0
 _MAX_ROUTES = 255
 _MAX_BACKLOG_BYTES = 1_000_000
 _SILENT_S = 5.0
-"""Who has said nothing for so long may be replaced by somebody else."""
+"""A peer that has been silent for this long may be replaced by another one."""
 _DEAD_MS = 10_000
 """A TCP peer that acknowledges nothing for so long is gone: its power was cut, and it could not say good-bye."""
 _NOBODY = frozenset(

@@ -28,7 +28,7 @@ class LinkLoss:
     words: Mapping[int, str]
     """What each action is, for a person."""
     timeout: str = ""
-    """Key of the time that it waits; empty where none is told."""
+    """Key of the time that it waits; empty where there is none."""
 
 
 class Failsafes(ABC):

@@ -40,7 +40,7 @@ class Family(ABC):
     home_items: ClassVar[int] = 0
     """Items that it counts before the first of a mission: 1 where item 0 is home."""
     stays_in_mission_after_landing: ClassVar[bool]
-    """Whether a mission goes on after a landing that disarms."""
+    """Whether a mission continues after a landing that disarms."""
     zero_means_as_it_is: ClassVar[bool]
     """Whether a TAKEOFF climbs where the vehicle stands, whatever its place, and an altitude of 0 keeps the height."""
     open_yaw_deg: ClassVar[float]
@@ -92,7 +92,7 @@ class Family(ABC):
     vibration_mps2: ClassVar[tuple[float, float]] = (30.0, 60.0)
     """From where on vibration is raised, and where it is too much, m/s²."""
     log_folders: ClassVar[tuple[str, ...]]
-    """Where its logs may lie, by MAVLink FTP: the first that there is."""
+    """Folders of its logs by MAVLink FTP; the first that exists counts."""
     log_endings: ClassVar[tuple[str, ...]]
     """How their names end, in small letters; the first is the usual one."""
     taken_text: ClassVar[str] = ""

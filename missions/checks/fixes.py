@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import MissionItem
 
 CERTAIN = ("parameter-not-given", "fraction-lost")
-"""Codes of such findings. Whatever leaves a choice (a missing landing, a wrong jump) is left to a person."""
+"""Codes of such findings. Findings that allow several remedies (a missing landing, a wrong jump) are left to a person."""
 _E7 = 10_000_000
 
 

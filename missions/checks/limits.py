@@ -30,7 +30,7 @@ AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0
 """PX4 refuses a first position farther away (MIS_DIST_1WP)."""
 FAR_RALLY_M = 5_000.0
-"""A rally point farther from the whole route is told."""
+"""A rally point farther than this from the whole route is reported."""
 USUAL_CEILING_M = 120.0
 """Height above ground that most countries allow without a permit."""
 LOW_TAKEOFF_M = 3.0

@@ -101,9 +101,9 @@ class Route:
 
 
 def fly(mission: Mission, *, autopilot: Family | None = None, laps: int = 1) -> Route:
-    """Follow a mission from its first item to its end; endless jumps are followed so many times.
+    """Follow a mission from its first item to its end; endless jumps are followed a number of times.
 
-    Who flies it counts: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
+    The autopilot matters: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
     """
     return _Walk(mission, autopilot, laps).run()
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
 
 DIFFER_M = 15.0
-"""Heights of home and of the terrain there that differ by more are told."""
+"""A larger difference between the height of home and that of the terrain there is reported."""
 SLACK_M = 1.0
 """Heights are rounded, and so are terrain models."""
 MAX_SAMPLES = 200_000

@@ -1,6 +1,6 @@
 """The missions that a mission is cut into: one for each battery.
 
-Each but the first begins on a pad: it climbs, flies to where the work was left, orders again what held there, and goes on. Each but the
+Each but the first begins on a pad: it climbs, flies to where the work was left, repeats the commands in force there, and continues. Each but the
 last stops what runs on the way (pictures, video, spraying) and lands on a pad. Between, the items are those of the mission, jumps
 unrolled; heights above home count from the pad, since home moves there when it is armed.
 """
@@ -68,7 +68,7 @@ class PartBuilder:
     def whole(self, flights: list[Mission]) -> tuple[Mission, tuple[int, ...]]:
         """Join flights to one mission that lands and disarms on every pad; return it and the item that each flight begins with.
 
-        Heights count from the pad that it was armed on. An autopilot that stays in its mission goes on when it is armed again, without
+        Heights count from the pad that it was armed on. An autopilot that stays in its mission continues when it is armed again, without
         a TAKEOFF; another one begins each flight with its TAKEOFF, when that was made the current item before it was armed.
         """
         items, begins = list(flights[0].items), [0]
@@ -137,7 +137,7 @@ class PartBuilder:
         )
 
     def _departure(self, point: int, pad: int) -> Iterator[MissionItem]:
-        """Climb above the pad and fly to above where the work goes on."""
+        """Climb above the pad and fly to above the point where the work continues."""
         level, ground = float(self.ways.back_level_m[point, pad]), self.ground_m(pad)
         here = self.work.points[point]
         lat, lon, _ = self.work.at(here.step, here.resume_share)

@@ -18,7 +18,7 @@ Datum = Literal["AGL", "AMSL", "FL", "WGS84"]
 
 M_PER_FT = 0.3048
 UNLIMITED = 99_999.0
-"""Feet or metres from which on a published ceiling means that there is none."""
+"""Feet or metres at and above which a published ceiling means that there is none."""
 GEOID_M = (-107.0, 86.0)
 """Least and greatest height of the geoid (EGM2008) above the ellipsoid."""
 _DATUMS: dict[str, Datum] = {

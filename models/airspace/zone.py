@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["prohibited", "authorization", "conditional", "information"]
 KINDS: tuple[Kind, ...] = ("prohibited", "authorization", "conditional", "information")
-"""From the strictest on. The first is closed, the second unless an authorization is given; the others are told."""
+"""From the strictest. The first is closed, the second is closed without an authorization; the others are reported."""
 CLOSING: tuple[Kind, ...] = KINDS[:2]
 
 

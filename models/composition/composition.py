@@ -317,7 +317,7 @@ class Composition:
     costs : DeliveryCosts or None
         Where the scenario has prices.
     way_back : WayBack or None
-        What becomes of the drone after the delivery; None is unknown. Times, distances and energies of a composition are
+        Plan of the drone after the delivery; None is unknown. Times, distances and energies of a composition are
         those of the delivery alone.
     """
 
@@ -359,7 +359,7 @@ class Composition:
     way_back: WayBack | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an answer with a figure that is not a number, whoever made it."""
+        """Refuse a composition with a figure that is not a number."""
         for where, value in _figures(self, ""):
             if not math.isfinite(value):
                 raise AuditError(self.planner, None, where, value, "a finite figure")
@@ -466,7 +466,7 @@ class Composition:
 
 @dataclass(frozen=True, slots=True)
 class WayBack:
-    """What becomes of the drone after the delivery, on the typical schedule.
+    """Plan of the drone after the delivery, on the typical schedule.
 
     Attributes
     ----------

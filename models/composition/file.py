@@ -170,7 +170,7 @@ def _composition(raw: schema.Composition, file: str, where: str) -> Composition:
 
 
 def _way_back(raw: schema.Composition, services: tuple[DroneService, ...], file: str, where: str) -> WayBack | None:
-    """Return what becomes of the drone; an `InputError` refuses a way back that does not go on from the delivery."""
+    """Return the plan of the drone after the delivery; an `InputError` refuses a way back that does not begin at the delivery."""
     back = raw.way_back
     if back is None:
         return None

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.models.terrain.terrain import Terrain
 
 MOST = 240
-"""Points of a leg that a plan keeps; of those between the highest is told."""
+"""Points of a leg that a plan keeps; between them it keeps the highest."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,7 +198,7 @@ class DeliveryCosts(msgspec.Struct, kw_only=True):
 
 
 class WayBack(msgspec.Struct, kw_only=True, rename={"station": "to"}):
-    """What becomes of the drone after the delivery."""
+    """Plan of the drone after the delivery."""
 
     asked: str
     station: str

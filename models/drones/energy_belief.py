@@ -121,7 +121,7 @@ class EnergyBelief:
         return math.copysign(math.sqrt(nu * math.expm1(z * z / nu)), z)
 
     def normal_deviate(self, sigmas: ArrayLike) -> NDArray[np.float64]:
-        """Return the normal deviate as probable as so many standard deviations of this belief: the inverse of `sigmas`.
+        """Return the normal deviate as probable as a number of standard deviations of this belief: the inverse of `sigmas`.
 
         Source: D. L. Wallace, "Bounds on normal approximations to Student's and the chi-square distributions", Annals of
         Mathematical Statistics 30 (1959).

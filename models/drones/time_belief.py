@@ -35,7 +35,7 @@ class TimeBelief:
     """Standard deviations of times, as shares of the expected times; log-normal."""
 
     flights_sd: float = 0.015
-    """Of all flights together: how fast this aircraft flies a speed that it is told."""
+    """Common to all flights: how fast this aircraft flies at a commanded speed."""
     each_flight_sd: float = 0.015
     """Of each flight by itself: gusts, and winds that are unlike the hour's."""
     manoeuvres_sd: float = 0.3

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 MINUTE_S = 60.0
 PARTS = (1, 2, 3, 4, 6, 12)
-"""Into so many parts slots are divided, so that zones become active or end as one begins."""
+"""Number of parts into which slots are divided, so that zones begin and end at the start of a part."""
 LEAST_SLOT_S = 300.0
 AFTERWARDS_S = 86_400.0
 """The last slot holds on; what is active so long after it closes it."""

@@ -180,7 +180,7 @@ def air_between(
 ) -> SegmentWind:
     """Lay the wind over straight ways of one's own choice; without climb, descent and limits of the wind.
 
-    The wind is that at cruise height; `factor` tells what it is as high as each way is flown
+    The wind is that at cruise height; `factor` converts it to the height at which each way is flown
     (`models.flight.heights.wind_factors`). Middles of the ways (lat, lon), degrees, their courses, lengths and factors
     have the shape (ways,) each.
     """

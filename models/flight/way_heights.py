@@ -4,7 +4,7 @@ Without a terrain model it is the rule of `models.flight.heights`: the cruise he
 station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
 nowhere lower than the clearance over anything in the corridor, and no higher above the ground than the clearance's greatest height as
 far as that lets it. The vehicle climbs and descends straight up and down at the steps, so that what a step costs does not depend on
-the wind. Steps are as few as can be: each level goes on as long as one height serves, and is the nearest to the level before.
+the wind. There are as few steps as possible: each level continues as long as one height is possible, and is the nearest to the level before.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ ZERO_C_K = 273.15
 SUNSET_DEG = -0.833
 """Height of the sun's centre at sunrise and sunset: its radius and the refraction at the horizon."""
 MOST_TOLD = 4
-"""Closures that are told one by one."""
+"""Largest number of closures that are listed individually."""
 ICING_SHARE = 0.1
 """Of the members."""
 

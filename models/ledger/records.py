@@ -59,7 +59,7 @@ class Lease:
     """The right to book and change in the name of a holder, until it runs out."""
 
     holder: str
-    """Of bookings: a dispatcher, or one of its workers, whoever runs it."""
+    """Name under which bookings are made: a dispatcher or one of its workers."""
     owner: str
     """The process that has it now."""
     token: int

@@ -30,9 +30,9 @@ FOLLOWING: dict[State, tuple[State, ...]] = {
 }
 """What each state may become."""
 REACH_SD = 4.0
-"""A chance window ends so many standard deviations beyond its expected times: 3 in 100,000 come earlier, or stay longer."""
+"""A chance window extends this many standard deviations beyond its expected times: 3 in 100,000 arrive earlier, or stay longer."""
 CORE_SD = 1.0
-"""Between its start and end, by so many standard deviations within, a drone wants its pad with a probability of 0.68 or more:
+"""In its core, whose ends are this many standard deviations inside its start and end, a drone needs its pad with a probability of 0.68 or more:
 two that overlap there both want it with 0.47 or more, which no epsilon allows. Databases refuse that by themselves."""
 MAX_EPSILON = 0.4
 MAX_SD_S = 6 * 3600.0

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
 FEW = 150
-"""Up to so many places all pairs are looked at; beyond, a tree is worth the time that importing it takes."""
+"""Largest number of places for which all pairs are compared; above it, a tree is worth its import time."""
 DECIMALS = 9
-"""Places are told apart by so many decimals of a degree, 0.1 mm."""
+"""Decimals of a degree by which places are distinguished, 0.1 mm."""
 
 
 def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: Airspace | None = None) -> Network:

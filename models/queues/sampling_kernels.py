@@ -66,13 +66,13 @@ def lived(
     pads, spots : int
         Pads, and holding spots beside them.
     rates : (arrivals_per_s, services_per_s)
-        By the hour; after the last hour its rates go on.
+        By the hour; the rates of the last hour hold afterwards.
     times : (first_s, start_s, end_s)
         When the first hour of the rates begins, and the horizon, POSIX seconds.
     present : int
         Others at the start, those beyond the pads in line.
     known_s : ndarray, shape (known,)
-        When the first so many of the busy pads become free, POSIX seconds, ascending; one that is past is free at the start.
+        When the first of the busy pads become free, POSIX seconds, ascending; a pad with a past time is free at the start.
 
     Returns
     -------

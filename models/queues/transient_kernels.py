@@ -161,7 +161,7 @@ def transient_distributions(
     pads : int
         c, at least 1.
     arrivals, services : ndarray, shape (slots,)
-        Rates a and b, per s, constant within a slot; after the last slot they go on.
+        Rates a and b, per s, constant within a slot; the last slot has no end.
     slot_s : float
         Length of a slot, s.
     begin_s, times_s : float, ndarray of shape (times,)

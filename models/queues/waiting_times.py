@@ -102,7 +102,7 @@ class PadQueue:
     """When the first hour of the rates begins, POSIX seconds."""
     arrivals_per_s: NDArray[np.float64]
     mean_charging_s: NDArray[np.float64]
-    """Shape (hours,) each. Rates of other drones, hour after hour; after the last hour its rates go on."""
+    """Shape (hours,) each. Rates of other drones, hour after hour; the rates of the last hour hold afterwards."""
     busy: int | None = None
     """Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads. None: nobody
     looked, so the station begins as `unseen` at `first_s` and lives through the hours until `start_s`."""

@@ -21,7 +21,7 @@ LOW_M = 500.0
 HIGH_SHARE = 0.9
 """Of the stations: one in ten may stand higher than the air is taken at."""
 TOLD_SHARE = 0.005
-"""A power that differs by more from that at sea level is told."""
+"""A power that differs by more from that at sea level is reported."""
 AHEAD_S = 6 * 3600.0
 """Temperatures count from the departure so far ahead."""
 ZERO_C_K = 273.15

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0
-"""Whatever is farther than this from all it belongs to, but near it with lat and lon swapped, has them swapped."""
+"""A point farther than this from all others, but near them with lat and lon swapped, has them swapped."""
 WIND_FAR_M = 300_000.0
 """Wind measured farther away than this says little of the wind at a station."""
 FEW_ZONES = 20

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skyway.models.terrain.terrain import Terrain
 
 DIFFER_M = 15.0
-"""Grounds of a station and of the terrain model that differ by more are told: a roof, or another datum or unit."""
+"""A larger difference between the ground of a station and that of the terrain model is reported: a roof, or another datum or unit."""
 FEW = 4
 """So many stations at least must differ alike before their unit is doubted."""
 
@@ -32,7 +32,7 @@ FEW = 4
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
     """Return a scenario with a terrain model. Raises an `InputError` if the model covers another region.
 
-    Grounds that stations lack are filled in. What differs, what is unknown, and segments that are omitted for it are told in
+    Grounds that stations lack are filled in. Differences, unknown values, and segments omitted because of them are reported in
     its warnings.
     """
     ground_m = terrain.ground_m(scenario.network.lat, scenario.network.lon)

@@ -46,7 +46,7 @@ class RemoteId:
 
 
 NOBODY = RemoteId()
-"""Nothing is told of who flies."""
+"""Nothing is broadcast about the operator."""
 
 
 def broadcast_id(text: str, field: str) -> str:

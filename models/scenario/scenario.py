@@ -75,7 +75,7 @@ class Scenario:
     observed_pads : str or None
         Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
     remote_id : RemoteId
-        Who flies, as drones broadcast it.
+        The operator, as drones broadcast it.
     path, sha256 : str or None
         Where it was read from, and the digest of all its files.
     warnings : tuple of str
@@ -157,7 +157,7 @@ class Scenario:
     ) -> WindEnsemble:
         """Ensemble for a departure from weather files of any form; a folder means all its files.
 
-        `error` names a file with the error of such forecasts by lead time. Where they end, the record goes on. One file of our own (CSV) is for the
+        `error` names a file with the error of such forecasts by lead time. Where they end, the record continues them. One file of our own (CSV) is for the
         scenario's wind sites, at the height of their instruments.
         """
         from skyway.models.weather.region_files import read_region

@@ -74,7 +74,7 @@ class Tariff:
         return min(float(self.energy_per_kwh.min(initial=math.inf)), self.refill_per_kwh)
 
     def of_length(self, stations: int) -> Tariff:
-        """Return the same for so many stations: cut, or extended by some where the refill's price counts."""
+        """Return the same for a number of stations: cut, or extended by some where the refill's price counts."""
         more = max(stations - len(self), 0)
         prices = np.vstack((self.energy_per_kwh[:stations], np.full((more, WEEK_H), self.refill_per_kwh)))
         fees = np.concatenate((self.pad_fee[:stations], np.zeros(more)))

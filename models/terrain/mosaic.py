@@ -21,7 +21,7 @@ Box = tuple[float, float, float, float]
 _ALIGNED = 1e-3
 """Grids whose heights lie within this of each other's, in steps, are one grid."""
 _GEOID_EVERY = 32
-"""The geoid is computed at every so many nodes, and is linear between."""
+"""The geoid is computed at nodes this many apart, and is linear between them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,7 +35,7 @@ TAU_H = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 12.0, 18.0, 24.0, 36.0)
 LENGTH_KM = (10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0, 140.0, 200.0, 300.0, 500.0)
 MOST_BRIEF, MOST_SEVERITY = 0.6, 0.6
 FEW_PLACES = 12
-"""Of an issue, so many places at most are compared with each other: the first ones."""
+"""Largest number of places of an issue that are compared with each other: the first ones."""
 _USUAL = ResidualModel()
 
 

@@ -27,11 +27,11 @@ KINDS = {
     "gust": (GUST, True), "rain": ("rain", True), "visibility": ("visibility", False), "warmest": ("temperature", True),
     "coldest": ("temperature", False),
 }  # fmt: skip
-"""What is told, of which quantity, and whether more is worse."""
+"""What is reported, of which quantity, and whether more is worse."""
 ICING_K = 273.15 - 15.0, 273.15 + 2.0
 ICING_RAIN_MM_H, ICING_HUMIDITY = 0.1, 95.0
 GUST_M = 10.0
-"""Gusts are told for this height where no other is said."""
+"""Height of gusts where a forecast names none."""
 GAP_S = 6.5 * 3600.0
 
 

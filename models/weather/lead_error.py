@@ -179,7 +179,7 @@ def with_errors(
     slot_s : float
         Length of a slot.
     members : int
-        About so many courses are made, of each member as many; never fewer than there are.
+        Approximate number of courses, the same number for each member; never fewer than there are members.
     seed : int
         Of the random numbers.
     lattice : tuple of int, optional

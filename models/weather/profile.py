@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_EXPONENT = 0.6
-"""Beyond the heights given: steeper profiles (a nocturnal jet) do not go on."""
+"""Beyond the heights given: steeper profiles (a nocturnal jet) do not continue."""
 LIGHT_MPS = 0.5
 """A weaker wind has no profile."""
 

@@ -28,4 +28,4 @@ class Region:
     """Of the profile, where a forecast has one height."""
     seed: int = 0
     later: Callable[[float, int], WindEnsemble] | None = field(default=None, compare=False)
-    """Winds of the record from an instant on for so many hours, for what comes after the forecast."""
+    """Winds of the record from an instant for a number of hours, for the time after the forecast."""

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 LEAST_PAIRS = 20
 """Of a lead: fewer are put together with the next one."""
 PRIOR_PAIRS = 10.0
-"""What is learnt is averaged with the published figures as if these were so many pairs."""
+"""The published figures count as this many pairs in the average with what is learnt."""
 STRETCH_COST = 0.01
 """Where c and d do as well as each other, as they do where the spread hardly varies, members are stretched less and given more."""
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
 
 LOW, HIGH = 0.1, 0.9
-"""Quantiles of the speed that are told beside its mean."""
+"""Quantiles of the speed that are shown beside its mean."""
 SECTOR_DEG = 90.0
 """Width of the sector within which winds count as blowing from one direction."""
 PREVAILS = 0.5

@@ -51,7 +51,7 @@ class Outcome:
     waited_s: dict[str, float]
     """How long its drone waited for pads on the way to it and with it, beside charging."""
     lowest: list[float] = field(default_factory=list)
-    """Charge at each landing, where the truth is told."""
+    """Charge at each landing, if a truth is given."""
 
 
 @dataclass

@@ -26,7 +26,7 @@ SCHEMA = "skyway.capacity/1"
 NEW_STATIONS = 8
 """Places that are tried for a station."""
 APART_M = 4000.0
-"""They are so far from each other and from the stations that there are, at least."""
+"""Least distance from each other and from existing stations."""
 REPLICATES = 200
 SURE = 1.96
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.orders import FreeOrder
 
 MANY = 150
-"""Beyond so many units ways are not told apart by where they come from."""
+"""Number of units above which ways are not distinguished by their origin."""
 ROUNDS = 12
 NEAREST = 6
 """Ways to and from a unit that are considered first."""

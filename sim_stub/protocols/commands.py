@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.sim_stub.wire.ports import Port
 
 _TELLS = 4
-"""How often progress is told on the way, where it is known."""
+"""Interval between progress reports, where progress is known."""
 _UNKNOWN_PROGRESS = 255
 
 

@@ -22,7 +22,7 @@ _NAMES = {
     "OPEN_DRONE_ID_OPERATOR_ID": ("OP_ID", _SLOW_S),
     "OPEN_DRONE_ID_SYSTEM": ("SYS", _FAST_S),
 }
-"""What must be heard, what it is called where it lacks, and how often it must come."""
+"""Required messages, their names in errors, and their longest intervals."""
 
 
 class RemoteIdModule:

@@ -33,7 +33,7 @@ class Impairment:
     rate_byteps: float = 0.0
     """What each direction carries, bytes a second, as a radio on a serial port does; 0 is as much as is sent."""
     flow_control: bool = False
-    """Whether a sender is told when such a link is full."""
+    """Whether a sender notices that such a link is full."""
 
     def __post_init__(self) -> None:
         faults = []

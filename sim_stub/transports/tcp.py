@@ -39,7 +39,7 @@ class TcpPeer(ABC):
         self.heard_s = time.monotonic()
         connection.settimeout(0.0)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):  # a peer that is gone without a word does not keep its place
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # a peer that disappeared silently does not keep its place
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _GONE_AFTER_MS)
         selector.register(connection, selectors.EVENT_READ, self)
 

@@ -105,7 +105,7 @@ def message_id(name: str) -> int:
 
 
 def message_name(number: int) -> str | None:
-    """Name of a message; None for one that there is not."""
+    """Name of a message; None for an unknown one."""
     known = dialect.mavlink_map.get(number) or _newer_by_id().get(number)
     return None if known is None else str(known.msgname)
 

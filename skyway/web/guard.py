@@ -35,7 +35,7 @@ BODY_S = 120.0
 """A browser that takes longer to send a request is cut off."""
 COOKIE = "skyway_session"
 BROWSER = "skyway_browser"
-"""Cookie by which one browser is told from another: command of a flight is one browser's."""
+"""Cookie that identifies a browser: only one browser commands a flight."""
 SIGN_IN = "/sign-in"
 WRONG_S = 1.0
 """After a wrong token the answer waits so long, one at a time: nobody tries many."""
@@ -240,7 +240,7 @@ def _session(token: str) -> str:
 
 
 def _bounded(receive: Receive, most: int, until: float) -> Receive:
-    """Return what receives no more than so many bytes and no later than a time; then the browser counts as gone."""
+    """Return a receiver with a limit of bytes and time; beyond it the browser counts as disconnected."""
     left, whole = most, False
 
     async def bounded() -> Message:

@@ -44,7 +44,7 @@ class ServeOptions:
     demo: bool = False
     """A simulated delivery is flown from the start on."""
     begins_at: str = ""
-    """Path of the page that is told to open; empty is the first one."""
+    """Path of the page that the printed address opens; empty is the first one."""
     ends: str = "the page, not a flight"
     """What Ctrl-C ends."""
     given: Given = field(default_factory=Given)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 FRESH_S = 2.0
 """A quantity of motion older than this is unknown any more."""
 SLOW_FRESH_S = 15.0
-"""The same for what is told rarely."""
+"""The same for values that are sent rarely."""
 SLOW = frozenset(
     (
         "soc",

@@ -286,7 +286,7 @@ def hovering(mode: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 ESTIMATES = ("EKF1", "NKF1", "XKF1")
-"""Messages that tell the velocity better than the receiver does."""
+"""Messages with a better velocity than the receiver's."""
 SPOKEN: dict[str, tuple[Callable[[Fields], Columns], Callable[[Fields], NDArray[np.bool_]] | None]] = {
     "ATT": (_attitude, None),
     "GPS": (_gps, _receiver),

@@ -182,7 +182,7 @@ def _record(
 
 @compiled
 def _bad(state: NDArray[np.int64], count: int) -> None:
-    """Count a bad record of so many bytes."""
+    """Count a bad record of a number of bytes."""
     state[LAST_BAD] = 1
     state[BAD] += 1
     state[BAD_BYTES] += count

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 """Topics that know UTC."""
 MAX_FIXES = 100_000
-"""The clock is set by so many of the receiver's messages."""
+"""Number of messages of the receiver by which the clock is set."""
 LASTING = frozenset(("armed", "mode", "landed", "fixed_wing"))
 """Told when they change, and seldom besides."""
 

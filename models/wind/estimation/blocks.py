@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MIN_SPEED_MPS = 3.0
 MIN_SPREAD_DEG = 60.0
-"""On courses that differ by less, drag and wind are told apart by nothing but take-off and landing."""
+"""On courses that differ by less, drag and wind can be separated only by take-off and landing."""
 MIN_HEIGHT_M = 2.0
 STUCK_S = 5.0
 """A sensor that has given exactly the same, and not 0, for so long is stuck; held values are at most 2 s old."""

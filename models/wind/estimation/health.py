@@ -10,7 +10,7 @@ import math
 HEALTH_WINDOW, HEALTH_CORRELATION = 120, 5.0
 """Innovations that the filter's health is judged by, and how many neighbours of them are as good as one."""
 CALM_COUNT, CALM_MEAN = 20, 3.0
-"""After it was found wrong the filter is trusted again when the mean of so many innovations is below this."""
+"""After it was found wrong the filter is trusted again when the mean of this many innovations is below the second figure."""
 
 
 class ConsistencyMonitor:

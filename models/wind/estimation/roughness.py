@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.field_error import FieldError
 
 PRIOR_COUNT = 6.0
-"""What is usual counts as so many changes of one component."""
+"""Weight of the usual value, as a number of changes of one component."""
 ONE_FLIGHT_S = 2.0 * MEASURED_S
 """Observations no further apart are of one flight."""
 

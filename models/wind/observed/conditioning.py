@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 OLDEST_S = 6 * 3600.0
 """Before the departure. By then half of what a fresh report tells is gone."""
 FUTURE_S = 60.0
-"""So much after the departure is the same instant: departures are told to the minute."""
+"""A report this long after the departure counts as simultaneous: departures are given to the minute."""
 FAR_M = 80_000.0
 """From the nearest wind site: two lengths over which residuals are alike."""
 LEAST_MEMBERS = 30.0
@@ -127,7 +127,7 @@ def conditioned(
     Parameters
     ----------
     forecast : callable
-        Gives the forecast from an instant on, for so many hours.
+        Return the forecast from an instant on, for a number of hours.
     winds : sequence of ObservedWind
         See `counted`.
     depart, hours

@@ -97,7 +97,7 @@ class Fleet:
                     self._take((connection, row["system"]), row)
 
     def _take(self, key: tuple[str, int], row: dict[str, Any]) -> None:
-        """Keep what a vehicle has told; where it has moved, browsers are told."""
+        """Store the state that a vehicle has sent; if it has moved, notify the browsers."""
         before = self._vehicles.get(key)
         moved = before is None or any(row.get(name) != before.get(name) for name in ("lat", "lon"))
         if moved:

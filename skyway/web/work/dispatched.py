@@ -20,7 +20,7 @@ MOST_ROWS = 200
 LATE_S = 60.0
 """A flight that is later behind its plan is an alarm."""
 SHOWN = 1.645
-"""Nine of ten drones come and leave within so many standard deviations."""
+"""Standard deviations within which nine of ten drones arrive and leave."""
 
 
 def told(ledger: str, holder: str) -> dict[str, Any]:

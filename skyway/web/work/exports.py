@@ -20,7 +20,7 @@ KINDS = {
     "kml": "KML",
     "html": "Briefing",
 }
-"""Ending of each, and what it is called."""
+"""File name extension and label of each."""
 
 
 def export(

@@ -51,7 +51,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     wind: str = ""
     """One constant wind, m/s@degrees FROM; empty is the forecast."""
     return_to: str = ""
-    """What becomes of the drone: home, none, a station; empty is the nearest pad."""
+    """Destination of the drone after the delivery: home, none, a station; empty is the nearest pad."""
     dwell: str = ""
     """Time at the target: 5min."""
     if_undelivered: str = ""
