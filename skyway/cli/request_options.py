@@ -56,7 +56,7 @@ class RequestOptions(Delivery):
         str,
         typer.Option(
             "--return",
-            help="What becomes of the drone after the delivery: home, nearest-pad (where the target has pads: it stays), a station, none.",
+            help="Destination of the drone after the delivery: home, nearest-pad (where the target has pads: it stays), a station, none.",
             autocompletion=completion.stations,
         ),
     ] = "nearest-pad"

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeProblem
 
 MAX_ROUNDS = 6
-"""So often flights are given more charge where the winds of a forecast, or their turns, ask for more."""
+"""Largest number of rounds in which flights get more charge because of the winds of a forecast, or of turns."""
 ROUNDED = 1.003
-"""What flights as they are written may take over what the hops say: places and heights of files are rounded."""
+"""Allowance for rounded places and heights in files, as a factor on the energy."""
 LATE_S = 1.0
 
 
@@ -67,7 +67,7 @@ class Recharged:
 
 
 def cut_as_planned(ready: Prepared, options: RechargeOptions) -> Recharged:
-    """Cut a mission as `recharged` does, but for pads that are there for a while only (`skyway.recharge.pad_slack`)."""
+    """Cut a mission as `recharged` does, without a slack at pads that are available for a limited time (`skyway.recharge.pad_slack`)."""
     document, families, notes, left_out = ready.document, ready.families, ready.notes, [*ready.left_out]
     work = ready.work(options)
     ways = ready.ways(work, options)

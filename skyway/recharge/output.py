@@ -35,7 +35,7 @@ SUMMARY = "recharge.json"
 
 
 REORDERED = "reordered.plan"
-"""The whole mission in the order that it is flown, where that is another one: items are told by their numbers in it."""
+"""The whole mission in its new order, if that differs: reports use its item numbers."""
 WHOLE = "all-batteries.plan"
 """All flights in one mission, where an autopilot stays in it after a landing that disarms."""
 

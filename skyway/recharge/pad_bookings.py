@@ -1,6 +1,6 @@
 """Pads in a ledger (`models.ledger`): bookings of others are respected, and the stays of a cut mission are booked.
 
-What was booked are the windows of the set: a drone that replans on its way stays within them, whoever books beside it later.
+The bookings are the windows of the set: a drone that replans on its way stays within them, whatever is booked later.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Missions that are cut at pads which are there for a while only: stops end before by a slack, for what is unknown of charging."""
+"""Cutting at pads that are available for a limited time: stops end earlier by a slack, for the uncertainty of charging."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""So long before a pad is gone stops may have to end, for what is unknown of charging."""
+"""Slacks that are tried: stops end this long before the pad is gone, for the uncertainty of charging."""
 
 
 def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     """Cut a mission as `recharged` does.
 
-    Who charges may come later, and take longer, than by the plan: where a pad is there for a while only, stops end earlier by a slack with
-    which the simulated flights keep the reserve, too; a note says where none does.
+    A drone may arrive later, and charge longer, than planned. If a pad is available for a limited time, stops end earlier by a slack with
+    which the simulated flights keep the reserve; a note says if no slack does.
     """
     found = cut_as_planned(ready, options)
     if not options.windows or options.swap_s is not None:

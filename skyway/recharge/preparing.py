@@ -108,7 +108,7 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
 
 
 def _added(number: int, document: MissionDocument, given: int) -> str:
-    """Return the name of an item in brackets where its number is not that of the file, which had so many items."""
+    """Return the name of an item in brackets if its number is not that of the file; `given` is the number of items of the file."""
     items = document.mission.items
     return "" if len(items) == given or number >= len(items) else f" ({items[number].name}; what was added is counted)"
 
@@ -116,7 +116,7 @@ def _added(number: int, document: MissionDocument, given: int) -> str:
 def _that_fly(
     document: MissionDocument, families: Sequence[Family], options: RechargeOptions, given: int
 ) -> tuple[list[Family], list[str]]:
-    """Return the autopilots that fly a mission but for its battery, and what is said of the others; it had so many items before it was completed.
+    """Return the autopilots that fly a mission apart from its battery, and the notes on the others; `given` is the number of items before completion.
 
     An `InputError` says why none does.
     """

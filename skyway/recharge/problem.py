@@ -70,7 +70,7 @@ class RechargeOptions:
     epsilon: float = EPSILON
     level_ground: bool = False
     laps: int = 1
-    """Endless jumps are followed so many times."""
+    """Number of times that endless jumps are followed."""
     swap_s: float | None = None
     """Batteries are changed, which takes so long, instead of charged."""
     packs: int | None = None
@@ -120,7 +120,7 @@ class RechargeProblem:
         return found or ((0, NEVER),)
 
     def route(self, sure_ratio: float) -> FixedRoute:
-        """Return the route with so many times the modelled charge of each flight.
+        """Return the route with a multiple of the modelled charge of each flight.
 
         Its pads are those of `usable`.
         """
@@ -220,7 +220,7 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
     )
     curves = tuple(conditions.drone.charging_curve(pad.recharge_power_w).piecewise() for pad in ways.pads)
     waits, free = _waits(ways.pads, options.queues)
-    if options.swap_s is not None:  # whoever has waited so long has a full battery at once
+    if options.swap_s is not None:  # after such a wait a full battery is ready
         curves = tuple((np.array([0.0, AT_ONCE_S]), np.array([0.0, 1.0])) for _ in ways.pads)
         waits = tuple(wait + np.array([0.0, options.swap_s]) for wait in waits)
     return RechargeProblem(work, ways, options, found, slots, curves, waits, free)

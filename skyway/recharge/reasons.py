@@ -89,7 +89,7 @@ def _nearest(problem: RechargeProblem, point: int) -> tuple[str, float]:
 
 
 def _reach(problem: RechargeProblem, sure_ratio: float, can_leave: NDArray[np.bool_]) -> tuple[int, float, int]:
-    """Return the last point that full batteries get to and land from, what is lacking to go on, SoC, and where to."""
+    """Return the last point that full batteries reach with a landing after it, the charge lacking to continue, SoC, and the next point."""
     hops, conditions = problem.hops, problem.options.conditions
     work = hops.work_soc.min(axis=0)
     done = np.concatenate(([0.0], np.cumsum(work)))

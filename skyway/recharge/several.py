@@ -204,7 +204,7 @@ def _begun(tables: OrderTables, drones: int) -> list[list[int]]:
 
 
 def _mission_of(ready: Prepared, tables: OrderTables, tour: Sequence[int], number: int) -> MissionDocument:
-    """Return the mission of one drone, read from what is written of it, so that whoever reads the file cuts the same."""
+    """Return the mission of one drone, read back from its written form, so that a reader of the file gets the same cuts."""
     turns = [Turn(turn // 2, turn % 2 == 1) for turn in tour]
     written = tables.writer.reordered(turns, events=number == 0)
     mission = _beside(written.mission, BESIDE_M * number)

@@ -89,7 +89,7 @@ class RechargeSummary:
     end_p50_s: float
     """Half of the simulated flights have ended by then; 95 % by the last of `ends_s`."""
     decided_on_the_way: tuple[str, ...]
-    """What `skyway fly` decides again, and what it is promised with until then."""
+    """What `skyway fly` decides in flight, and the assumption until then."""
     p_reserve: float
     """Probability that every landing keeps the reserve."""
     runs: int

@@ -73,7 +73,7 @@ def serve(
         str | None,
         typer.Option(
             envvar="SKYWAY_TOKEN",
-            help="What each browser is asked for once; better in SKYWAY_TOKEN, which no list of processes shows.",
+            help="Token that each browser must give once; safer in SKYWAY_TOKEN, which no list of processes shows.",
         ),
     ] = None,
     folder: Annotated[

@@ -207,7 +207,7 @@ def _go_through(
 
 
 def _pace(factor: float) -> Callable[[float], None]:
-    """Wait so that the log goes by so many times as fast as the wall clock."""
+    """Wait so that the log is replayed at a multiple of real time."""
     begun: list[tuple[float, float]] = []
 
     def wait_until(time_s: float) -> None:

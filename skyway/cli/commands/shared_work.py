@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 SAID_EVERY_S = 20.0
-"""How often progress is told where nobody watches a terminal."""
+"""Interval between progress reports without a terminal."""
 
 Workers = Annotated[
     int | None, typer.Option(help="Processes. Default: one for each processor.", min=1, max=1024)

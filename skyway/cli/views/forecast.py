@@ -58,7 +58,7 @@ class SlotWind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HourWind(msgspec.Struct, frozen=True, kw_only=True):
-    """Wind at the centre of the network, at cruise height, so many hours after the departure."""
+    """Wind at the centre of the network, at cruise height, by hours after the departure."""
 
     hours: int
     before: SlotWind

@@ -178,7 +178,7 @@ def _segment_cells(segment: LegSegment) -> tuple[str, ...]:
 
 
 def _kept(p_reserve: float | None, runs: int | None) -> str:
-    """Probability to land above the reserve; in so many runs nobody sees more than three in their number."""
+    """Probability of landing above the reserve; a number of runs cannot show fewer than three failures in that number."""
     if p_reserve is not None and runs and p_reserve >= 1.0 - 0.5 / runs:
         return f">{100.0 - int(3000.0 / runs + 0.999) / 10.0:g} %"
     return probability(p_reserve)

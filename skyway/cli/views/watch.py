@@ -234,7 +234,7 @@ class Watched:
 def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LINE_EVERY_S) -> None:
     """Show the vehicles until a time: as a live table on a terminal, else line by line.
 
-    Line by line each vehicle is told once a second; where `every_s` is less, what is new of it is told so often besides.
+    Line by line each vehicle is printed once a second; with a smaller `every_s` its changes are printed at that interval as well.
     """
     from rich.console import Console
     from rich.live import Live

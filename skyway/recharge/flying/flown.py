@@ -369,7 +369,7 @@ class SetPlanner:
     def _told(
         self, family: Family, problem: RechargeProblem, begin: tuple[int, int] | None, planned: RestPlan, known: Known
     ) -> WorkPlan:
-        """Return a plan with what is told of it."""
+        """Return a plan and the report on it."""
         flights = self._checked(family, problem, begin, planned)
         conditions = replace(problem.options.conditions, soc_start=planned.soc_leave)
         problem = replace(problem, options=replace(problem.options, conditions=conditions))

@@ -100,7 +100,7 @@ def from_pad(
 
 
 def from_start(problem: RechargeProblem, soc: float, ratios: tuple[float, float]) -> RestPlan | None:
-    """Plan the whole, with the charge that there is."""
+    """Plan the whole rest with the present charge."""
     plan = charging_stops(replace(problem.route(ratios[1]), soc_start=soc, mean_ratio=ratios[0]))
     if plan is None:
         return None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 SAME_M = 0.1
-"""A picture is where it was within this."""
+"""Tolerance for the place of a picture."""
 MOST_TOLD = 3
 NOTHING_FREE = (
     "order kept: no parts of the mission are certainly independent (lines of pictures, places with a picture or a stay)"

@@ -43,7 +43,7 @@ def capacity(
     ] = None,
     more: Annotated[bool, typer.Option(help="Try one pad, one station and one drone more, too.")] = True,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    iterations: Annotated[int, typer.Option(help="Changes tried to better the plan of each day.", min=0)] = 0,
+    iterations: Annotated[int, typer.Option(help="Iterations of the search for the plan of each day.", min=0)] = 0,
     workers: Workers = None,
     cluster: Cluster = None,
     seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**31 - 1)] = 0,
