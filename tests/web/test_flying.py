@@ -79,7 +79,7 @@ def test_a_delivery_with_a_charge_on_the_way_is_planned_and_flown_by_clicks_alon
         tab.get_by_role("button", name="Pause").click()
         state(tab, "paused")
         tab.get_by_text("still supervised").first.wait_for()
-        tab.get_by_role("button", name="Go on").click()
+        tab.get_by_role("button", name="Resume").click()
         state(tab, "flying", *ENDS)
         state(tab, "charging", *ENDS)
         assert tab.inner_text(".flight .state") == "charging"
@@ -187,7 +187,7 @@ def test_of_two_browsers_one_commands_the_other_asks_and_is_given_it(browser, si
             anna.get_by_text("Ben has command; you watch.").wait_for()
             ben.get_by_role("button", name="Pause").click()
             state(anna, "paused")
-            ben.get_by_role("button", name="Go on").click()
+            ben.get_by_role("button", name="Resume").click()
             state(ben, "delivered")
             state(anna, "delivered")
     records = the_journal(tmp_path)
@@ -296,7 +296,7 @@ def test_the_demonstration_is_flown_by_itself_and_by_a_diverting_person(browser,
         state(tab, "flying")
         tab.get_by_role("button", name="Take command").click()
         tab.get_by_text("You have command.").wait_for()
-        hold(tab, "Return to where it came from")
+        hold(tab, "Return to the last stop")
         state(tab, "diverting")
         state(tab, "stopped-safe")
         tab.wait_for_function("window.skywayFlights.flight.live.ended")  # it has restored the parameters

@@ -192,8 +192,8 @@ def _flown(tab, simulation, folder):
         if tab.evaluate(f"{shown} === 'paused'"):
             break
     state(tab, "paused")
-    tab.get_by_role("button", name="Go on").wait_for()
-    pressed(tab, "Go on")
+    tab.get_by_role("button", name="Resume").wait_for()
+    pressed(tab, "Resume")
     state(tab, "delivered", "stopped-safe", "left-to-itself", "landed-elsewhere", "crashed")
     assert tab.inner_text(".flight .state") == "delivered"
     records = the_journal(folder)

@@ -71,7 +71,7 @@ def test_what_is_certain_is_mended_as_a_new_file(page):
     with chromium() as browser, person(browser, page.address, "/missions?file=fraction.plan") as tab:
         tab.get_by_text("(can be corrected automatically)").first.wait_for()
         tab.locator("table [data-item]").first.click()
-        tab.get_by_role("button", name="Mend what is certain").click()
+        tab.get_by_role("button", name="Fix what is certain").click()
         tab.locator(".answer .status").filter(has_text="saved fraction-2.plan").wait_for()
         assert tab.get_by_text("(can be corrected automatically)").count() == 0
     assert read(page.folder / "fraction-2.plan").mission.items[2].param2 == 0.0

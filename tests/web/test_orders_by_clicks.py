@@ -27,7 +27,7 @@ def browser():
     ("button", "held", "word", "on_the_way", "end"),
     [
         ("Stay at the next landing", False, "stay", "flying", "delivered"),
-        ("Return to where it came from", True, "return", "diverting", "stopped-safe"),
+        ("Return to the last stop", True, "return", "diverting", "stopped-safe"),
         ("Land here", True, "land", "diverting", "landed-elsewhere"),
         ("Divert to", True, "divert jersey-city", "diverting", "asks"),
         (

@@ -102,7 +102,7 @@ class MissionsPage:
         self.findings = ui.html("")
         self.findings.on("click", self.at_item, js_handler=_ITEM_OF_CLICK)
         with ui.element("div").classes("line"):
-            self.fix = Button("Mend what is certain, as a new file", self.mend)
+            self.fix = Button("Fix what is certain, as a new file", self.mend)
             self.conversions = [
                 Button(f"Convert to {suffix}", partial(self.convert, suffix)) for suffix in (".plan", ".waypoints")
             ]

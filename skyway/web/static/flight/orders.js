@@ -3,7 +3,7 @@ import { h } from "vue";
 import Hold from "skyway-flight/hold.js";
 
 const WORDS = {
-  pause: "Pause", go: "Go on", stay: "Stay at the next landing", return: "Return to where it came from", land: "Land here", leave: "Leave it alone",
+  pause: "Pause", go: "Resume", stay: "Stay at the next landing", return: "Return to the last stop", land: "Land here", leave: "Leave it alone",
   take: "Take command", give: "Give command", keep: "Keep command", yes: "Start: take off", y: "", no: "Do not take off", n: "", done: "The package is off", undelivered: "Not handed over: take it back",
 };
 const HELD = new Set(["land", "return", "leave", "divert", "yes", "done", "undelivered"]);
