@@ -75,14 +75,16 @@ class World:
         """Simulated instant of the next scheduled event."""
         due = math.inf if self.pads is None else self.pads.next_due_s()
         for vehicle in self.vehicles.values():
-            due = min(due, vehicle.next_due_s())
+            rests_s = vehicle.rests_until_s
+            due = min(due, vehicle.next_due_s() if rests_s <= self.sim_s else rests_s)
         return due
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer of a vehicle runs out."""
         due = math.inf
         for vehicle in self.vehicles.values():
-            due = min(due, vehicle.next_wall_s())
+            if vehicle.rests_until_s <= self.sim_s:
+                due = min(due, vehicle.next_wall_s())
         return due
 
     def advance(self, sim_s: float, wall_s: float) -> None:
@@ -112,6 +114,7 @@ class World:
         for system, vehicle in self.vehicles.items():
             if asked.system in (None, system):
                 vehicle.faults.add(now, vehicle.sim_s)
+                vehicle.wake()
 
     @property
     def anyone_active(self) -> bool:

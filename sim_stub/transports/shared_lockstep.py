@@ -33,11 +33,11 @@ LENGTH, TIME = struct.Struct("<I"), struct.Struct("<d")
 BEAT_S, HEARD_S = 0.2, 1.0
 """Bytes reach a participant at multiples of the first where it has sent some, and else of the second: so many vehicles are heard at once, and
 their programs run side by side."""
-ABSENT_WALL_S = 20.0
+ABSENT_WALL_S = 90.0
 """So long, of the wall's time, the world waits for somebody in the place of one that was killed."""
 IDLE_WALL_S = 600.0
 """A world in which nobody takes part for so long ends."""
-AWAITED_WALL_S = 120.0
+AWAITED_WALL_S = 300.0
 """So long it stands still until somebody comes who was announced."""
 MAX_FRAME = 1 << 20
 _BACKLOG = 512
