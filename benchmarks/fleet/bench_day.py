@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 DAY = "2013-04-18T06:00"
 """Where the day begins, local time; its wind is in no forecast."""
 NAMES = ("north", "south")
-LOOK_WALL_S, TELL_WALL_S = 1.0, 60.0
+LOOK_WALL_S, TELL_WALL_S = 5.0, 60.0
 
 
 class Day:
@@ -177,6 +177,9 @@ class Day:
             rows.writerow(("operator", "order", "state", "due", "delivered", "reason"))
             for one in self.operators:
                 with open_ledger(self.uri) as book:
+                    if Desk(book, one.name).get("service", "service") is None:
+                        print(f"{one.name} had not begun")
+                        continue
                     status = status_of(Desk(book, one.name))
                 for name, (state, order) in sorted(status.orders.items()):
                     delivered = None if order.delivered_s is None else round(order.delivered_s)

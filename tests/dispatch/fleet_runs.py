@@ -52,12 +52,16 @@ class FleetRun:
         files = (
             ["--orders", str(self.folder / "orders.csv"), "--fleet", str(self.folder / "fleet.csv")] if orders else []
         )
-        out = (self.folder / "run.out").open("a")
+        self.process = self._started([*words, *files, *self.more])
+
+    def start_worker(self):
+        """Start one more worker of the first one's name, as a dispatcher does that knows of none."""
+        self._started(["dispatch", "worker", "--ledger", self.ledger, "--holder", self.holder, "--number", "1"])
+
+    def _started(self, words):
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "skyway", *words, *files, *self.more], stdout=out, stderr=out, env=environment
-        )
-        out.close()
+        with (self.folder / "run.out").open("a") as out:
+            return subprocess.Popen([sys.executable, "-m", "skyway", *words], stdout=out, stderr=out, env=environment)
 
     def look(self, condition, longest_s=LONGEST_S):
         """Wait until a condition of the desk holds; returns what it returned."""
