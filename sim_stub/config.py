@@ -10,6 +10,7 @@ from skyway.models.base.ranges import range_faults
 from skyway.sim_stub.autopilot import NAMES
 from skyway.sim_stub.autopilot.registry import FAMILIES
 from skyway.sim_stub.plant.airframe import Airframe
+from skyway.sim_stub.plant.physics import STEP_S
 
 _MAIN = (1, 19)
 
@@ -48,6 +49,8 @@ class VehicleConfig:
     airframe: Airframe = field(default_factory=Airframe)
     parameters: tuple[tuple[str, float], ...] = ()
     """Names and values set before the start."""
+    step_s: float = STEP_S
+    """Longest step of its physics; a longer one takes less time."""
     logs: tuple[int, ...] = ()
     """Bytes of the logs of earlier flights on its card, an hour apart."""
     log_room_bytes: int = 0
@@ -62,6 +65,7 @@ class VehicleConfig:
             known = f"{self.autopilot} is simulated as {', '.join(FAMILIES[self.autopilot].FIRMWARES)}"
             faults.append(Wrong("no such version", field="firmware", value=self.firmware, remedy=known))
         faults += range_faults("soc", self.soc, 0.0, 1.0, "0 to 1")
+        faults += range_faults("step_s", self.step_s, 0.01, 0.2, "0.01 to 0.2 s")
         faults += range_faults("payload_kg", self.payload_kg, 0.0, 10.0, "0 to 10")
         if self.signing_key is not None and len(self.signing_key) != 32:
             faults.append(Wrong("not 32 bytes", field="signing_key"))

@@ -90,6 +90,7 @@ class Radio:
         port.muted = "link-loss" in self.vehicle.faults.active
         self._choose_version(port)
         self.ports.append(port)
+        self.vehicle.wake()
         if self._signing_key is not None:
             self._sign(port, self._signing_key, 0)
         self._default_streams(port)

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 _POWER_ERROR = 0.05
 _IDLE_ARMED_W = 90.0
 _AVIONICS_W = 15.0
-_HOUSEKEEPING_S = 1.0
+_HOUSEKEEPING_S, _HOUSEKEEPING_ALONE_S = 1.0, 60.0
+"""How often a vehicle that stands is looked after; and where nobody speaks with it."""
 _WARM_S = 120.0
 _REBOOT_DELAY_S = 0.2
 _AT_STATION_M = 60.0
@@ -79,7 +80,9 @@ class Vehicle:
         self._wind_mean = (0.0, 0.0)
         self._wind_now = (0.0, 0.0)
         self._wind_s = -math.inf
-        self.step_s = STEP_S
+        self.step_s = config.step_s
+        self.rests_until_s = -math.inf
+        """Nothing happens to it until then, for nobody speaks with it; in the past where that is not known."""
         self._was_booting = not config.warm
         self.radio = Radio(self)
         family = FAMILIES[config.autopilot]
@@ -153,7 +156,9 @@ class Vehicle:
         """Simulated instant of the next scheduled event."""
         if self.active:
             return self.stepped_s + self.step_s
-        due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
+        alone = not self.radio.ports and self.flight_log is None
+        due = self.tended_s + (_HOUSEKEEPING_ALONE_S if alone else _HOUSEKEEPING_S)
+        due = min(due, self.faults.next_change_s, self.reboot_at_s)
         due = min(due, self.position.next_change_s)
         if self._was_booting:
             return min(due, self.power_on_s + self.autopilot.BOOT_S)
@@ -166,6 +171,9 @@ class Vehicle:
     def advance(self, sim_s: float, wall_s: float) -> None:
         """Advance the time: everything due up to an instant happens in order."""
         self.wall_s = wall_s
+        if self.rests_until_s > sim_s:
+            self.sim_s = sim_s
+            return
         while (due := self.next_due_s()) <= sim_s:
             self.sim_s = due
             self._happen(due)
@@ -174,6 +182,12 @@ class Vehicle:
             for part in self._timed:
                 if part.next_wall_s() <= wall_s:
                     part.tick()
+        rests = not (self.active or self.radio.ports or self._was_booting) and self.next_wall_s() == math.inf
+        self.rests_until_s = self.next_due_s() if rests else -math.inf
+
+    def wake(self) -> None:
+        """Look again when something happens to it next: somebody speaks with it, or something was done to it."""
+        self.rests_until_s = -math.inf
 
     def _happen(self, now: float) -> None:
         """Do everything that is due now."""
@@ -226,7 +240,7 @@ class Vehicle:
     def _look_around(self, now: float) -> None:
         """Look up wind and ground where the vehicle is now, and how fine a step is requested."""
         self._wind_s = now
-        self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else STEP_S
+        self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else self.config.step_s
         body = self.body
         north, east = self.world.wind.at(self.posix_s, body.lat, body.lon, body.alt_m - self.ground_m)
         extra = self.faults.value("gust") + self.faults.value("wind-shift")
@@ -262,12 +276,14 @@ class Vehicle:
         self.battery.soc = soc
         self.event(f"another battery with {percent(soc)}")
         self.reboot_at_s = self.sim_s
+        self.wake()
 
     # Restart
 
     def reboot_soon(self) -> None:
         """Restart once the answer has gone out."""
         self.reboot_at_s = self.sim_s + _REBOOT_DELAY_S
+        self.wake()
 
     def _reboot(self) -> None:
         """Restart: parameters and missions stay, everything else is forgotten; in the air it falls."""
@@ -300,7 +316,7 @@ class Vehicle:
         if self._was_booting or "link-loss" in self.faults.active:
             return
         self.radio.receive(port, data)
-        if self.active and self.stepped_s < self.sim_s - STEP_S:
+        if self.active and self.stepped_s < self.sim_s - self.step_s:
             self.stepped_s = self.tended_s = self.sim_s
 
     def event(self, text: str) -> None:

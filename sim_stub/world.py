@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
 from skyway.sim_stub.faults import AT_STATIONS, Fault, parse_fault
-from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.plant.physics import metres_per_degree, offset_m
 from skyway.sim_stub.plant.wind_truth import ConstantWind, WindTruth
 from skyway.sim_stub.vehicle import Vehicle
 
@@ -56,6 +58,7 @@ class World:
         self.epoch_s = epoch_s
         self.wind: WindTruth = wind or ConstantWind()
         self.stations = tuple(stations)
+        self._station_lat, self._station_lon = np.array([(one.lat, one.lon) for one in self.stations]).reshape(-1, 2).T
         self.faults = tuple(faults)
         self.on_event = on_event
         self.sim_s = self.wall_s = 0.0
@@ -75,14 +78,16 @@ class World:
         """Simulated instant of the next scheduled event."""
         due = math.inf if self.pads is None else self.pads.next_due_s()
         for vehicle in self.vehicles.values():
-            due = min(due, vehicle.next_due_s())
+            rests_s = vehicle.rests_until_s
+            due = min(due, vehicle.next_due_s() if rests_s <= self.sim_s else rests_s)
         return due
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer of a vehicle runs out."""
         due = math.inf
         for vehicle in self.vehicles.values():
-            due = min(due, vehicle.next_wall_s())
+            if vehicle.rests_until_s <= self.sim_s:
+                due = min(due, vehicle.next_wall_s())
         return due
 
     def advance(self, sim_s: float, wall_s: float) -> None:
@@ -112,6 +117,7 @@ class World:
         for system, vehicle in self.vehicles.items():
             if asked.system in (None, system):
                 vehicle.faults.add(now, vehicle.sim_s)
+                vehicle.wake()
 
     @property
     def anyone_active(self) -> bool:
@@ -138,11 +144,13 @@ class World:
         return near[0].id if near is not None and near[1] <= within_m else None
 
     def _nearest(self, lat: float, lon: float) -> tuple[Station, float] | None:
-        best: tuple[Station, float] | None = None
-        for station in self.stations:
-            if abs(station.lat - lat) > 1.0:
-                continue
-            distance = math.hypot(*offset_m(lat, lon, station.lat, station.lon))
-            if best is None or distance < best[1]:
-                best = (station, distance)
-        return best
+        """Return the nearest station within a degree of latitude, and how far it is, m."""
+        if not self.stations:
+            return None
+        north, east = metres_per_degree(lat)
+        turn = (self._station_lon - lon + 180.0) % 360.0 - 180.0
+        away = ((self._station_lat - lat) * north) ** 2 + (turn * east) ** 2
+        found = self.stations[int(away.argmin())]
+        if abs(found.lat - lat) > 1.0:
+            return None
+        return found, math.hypot(*offset_m(lat, lon, found.lat, found.lon))

@@ -57,13 +57,13 @@ def _postgresql(name: str) -> Iterator[Rows]:
         yield lambda sql: connection.execute(sql.encode()).fetchall()
 
 
-def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2) -> Judged:
-    """Judge all that one dispatcher did; the pads are judged for all together."""
+def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2, running: bool = False) -> Judged:
+    """Judge all that one dispatcher did; the pads are judged for all together. Where it is `running`, what is under way may be open."""
     with (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger) as rows:
-        return _judged(rows, dispatcher, reserve)
+        return _judged(rows, dispatcher, reserve, running=running)
 
 
-def _judged(rows: Rows, dispatcher: str, reserve: float) -> Judged:
+def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Judged:
     found = Judged()
     kinds: dict[str, dict[str, list[Line]]] = defaultdict(lambda: defaultdict(list))
     name = dispatcher.replace("'", "''")
@@ -80,13 +80,13 @@ def _judged(rows: Rows, dispatcher: str, reserve: float) -> Judged:
                     f"{kind} {lines[0].id}: its versions are not 1, 2, 3 …: something is lost or twice there"
                 )
     flights = [lines[-1] for lines in kinds["flight"].values()]
-    _orders(kinds["order"], flights, found)
-    _drones(kinds["drone"], history, flights, found, reserve)
-    _pads(rows, found)
+    _orders(kinds["order"], flights, found, running=running)
+    _drones(kinds["drone"], history, flights, found, reserve, running=running)
+    _pads(rows, found, running=running)
     return found
 
 
-def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judged) -> None:
+def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judged, *, running: bool) -> None:
     """Each order ends once, with a reason or a delivery; its package goes on from where it was, in one drone at a time."""
     carried: dict[str, list[Line]] = defaultdict(list)
     for one in flights:
@@ -97,7 +97,8 @@ def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judge
     for name, lines in orders.items():
         last = lines[-1]
         if last.state not in CLOSED:
-            found.wrong.append(f"order {name} is forgotten: {last.state}")
+            if not running:
+                found.wrong.append(f"order {name} is forgotten: {last.state}")
             continue
         closed = [one.state for one in lines if one.state in CLOSED]
         if len(set(closed)) != 1 or any(one.state not in CLOSED for one in lines[len(lines) - len(closed) :]):
@@ -125,6 +126,8 @@ def _drones(
     flights: list[Line],
     found: Judged,
     reserve: float,
+    *,
+    running: bool,
 ) -> None:
     """Each drone has one flight at a time, which begins where the one before ended; it stands at a station at the end, or a person was told."""
     active: dict[str, str] = {}
@@ -148,7 +151,7 @@ def _drones(
             begins, end = one.document["steps"][0]["origin"], one.document.get("end")
             if place is not None and begins != place:
                 found.wrong.append(f"drone {drone}: flight {one.id} begins at {begins}, but it stands at {place}")
-            if end is None:
+            if end is None and not (running and one is own[-1]):
                 found.wrong.append(f"flight {one.id} of drone {drone} never ended")
             place = None if end is None else end["station"]
             if end is not None and end["soc"] is not None and end["station"] is not None:
@@ -156,7 +159,7 @@ def _drones(
                 below += end["soc"] < reserve - 0.005
     for name, lines in drones.items():
         last = lines[-1]
-        if last.state == "flying" or (last.state == "lost" and not last.document.get("reason")):
+        if (last.state == "flying" and not running) or (last.state == "lost" and not last.document.get("reason")):
             found.wrong.append(f"drone {name} is {last.state} at the end, and nobody was told")
     found.figures |= {
         "drones": float(len(drones)), "drones lost": float(sum(lines[-1].state == "lost" for lines in drones.values())), "flights": float(len(flights)),
@@ -164,7 +167,7 @@ def _drones(
     }  # fmt: skip
 
 
-def _pads(rows: Rows, found: Judged) -> None:
+def _pads(rows: Rows, found: Judged, *, running: bool) -> None:
     """No two hard windows of one pad overlap while both are held; nothing is held at the end."""
     sql = "SELECT itinerary, version, number, station, pad, starts, ends, epsilon, state FROM history ORDER BY seq"
     held: dict[tuple[str, int], dict[tuple[str, int, int], tuple[Any, Any]]] = defaultdict(dict)
@@ -180,7 +183,7 @@ def _pads(rows: Rows, found: Judged) -> None:
                     found.wrong.append(f"pad {pad} of {station} is held twice: by {other[0]} and {itinerary}")
             own[key] = starts, ends
     left = [f"{key[0]} at {station} {pad}" for (station, pad), own in held.items() for key in own]
-    if left:
+    if left and not running:
         found.wrong.append(f"still booked at the end: {', '.join(left[:5])}")
     found.figures["windows booked"] = float(booked)
 

@@ -48,7 +48,8 @@ if TYPE_CHECKING:
 
 After = tuple[State, str]
 """The next state, and why."""
-TICK_S = 1.0
+TICK_S, REST_TICK_S = 1.0, 3.0
+"""How often a supervisor looks; and where its drone rests on a pad, and no person may say something meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +191,7 @@ class Context:
         """Telemetry is requested again from a vehicle that has restarted."""
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
+            self.link.slowed = False
             self.note(
                 Rebooted(), "the drone has restarted: it is identified, checked and uploaded again before it takes off"
             )
@@ -212,8 +214,9 @@ class Context:
 
     def wait_until(self, posix_s: float) -> None:
         """Let time pass until an instant of the vehicle's time."""
+        tick_s = REST_TICK_S if self.link.resting and self.job.dispatched else TICK_S
         while self.now_s < posix_s:
-            self.tick(min(max(posix_s - self.now_s, 0.05), TICK_S))
+            self.tick(min(max(posix_s - self.now_s, 0.05), tick_s))
 
     # Saying
 

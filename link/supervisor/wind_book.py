@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
     from skyway.models.wind.field_error import FieldError
 
 UPDATE_EVERY_S = 30.0
+FOLLOW_EVERY_S = 5.0
+"""How often the estimate follows the telemetry by itself; a decision and an entry of the journal have the newest (`WindBook.catch_up`)."""
 SAME_ERROR = 100.0
 """An autopilot's wrong wind is wrong in the same way each time: so many reports of it count as one."""
 MIN_HEIGHT_SHARE = 0.6
@@ -68,7 +69,9 @@ class WindBook:
         self._ground_m = lru_cache(maxsize=256)(ground_m)
         self.earlier: tuple[WindObservation, ...] = ()
         self._expected = forecast_of(self.base, self.exponent)
-        self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
+        self.live = LiveWind(
+            drag=drag, forecast=self._expected, settings=settings_for(self.base), every_s=FOLLOW_EVERY_S
+        )
         self._updated: WindEnsemble = self.base
         self._updated_s = -math.inf
         self._gap_mps = 0.0
@@ -80,9 +83,13 @@ class WindBook:
     def hear(self, sample: TelemetrySample, home_ground_m: float = math.nan) -> None:
         """Learn from a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
         if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
-            self.live.hear(replace(sample, height_m=self._above_ground_m(sample, home_ground_m)))
+            self.live.hear(sample, self._above_ground_m(sample, home_ground_m))
             if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
                 self._measured_at = sample.lat_deg, sample.lon_deg
+
+    def catch_up(self) -> None:
+        """Bring the estimate up to the newest sample."""
+        self.live.catch_up()
 
     def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
         """Height above the ground below; above where it took off, where the ground is unknown."""
@@ -93,6 +100,7 @@ class WindBook:
 
     def measure(self, found: WindAtLimit, sample: TelemetrySample, home_ground_m: float = math.nan) -> bool:
         """Take the wind measured at full lean; how far it and the autopilot's differ along the lean is doubt in the latter."""
+        self.catch_up()
         now = self.estimate
         if now is None:
             return False
@@ -131,6 +139,7 @@ class WindBook:
     @property
     def measured(self) -> tuple[WindObservation, ...]:
         """Those of them that were measured since the supervisor began, carried to cruise height."""
+        self.catch_up()
         return tuple(one.at_height(self.cruise_height_m, self.exponent) for one in self.live.observations())
 
     @property

@@ -47,9 +47,10 @@ class DataQuality:
 
     def hear(self, reports: Mapping[str, float], time_s: float) -> None:
         """Check one message."""
-        for name in [name for name, until in self._until_s.items() if time_s > until]:
-            del self._until_s[name]
-            self.words.pop(name, None)
+        if self._until_s:
+            for name in [name for name, until in self._until_s.items() if time_s > until]:
+                del self._until_s[name]
+                self.words.pop(name, None)
         if "soc" in reports:
             self._charge(reports["soc"], time_s)
         if "lat_deg" in reports:

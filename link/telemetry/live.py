@@ -6,7 +6,7 @@ What a message says (`link.logs.common.messages`) and how samples are made of it
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.link.logs.common.assembly import Assembler
 from skyway.link.logs.common.messages import SPOKEN
@@ -15,14 +15,16 @@ from skyway.link.telemetry.plausible import BootTimes, Plausible
 from skyway.link.telemetry.timebase import VehicleClock
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from skyway.link.logs.common.messages import Columns
     from skyway.link.wire.messages import Message
     from skyway.models.drones.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
 """Messages that telemetry is made of, and how often they are requested: attitude, position, …, wind."""
 WIND = 168
+_SAME_AGAIN = frozenset(("HEARTBEAT", "EXTENDED_SYS_STATE", "MISSION_CURRENT"))
 _TIMES = frozenset(("SYSTEM_TIME", "TIMESYNC"))
 _WINDOW = 256
 """Packets over which losses are counted."""
@@ -47,6 +49,7 @@ class LiveTelemetry:
         self._doubts = DataQuality()
         self._plausible = Plausible()
         self._boots = BootTimes()
+        self._said: dict[str, tuple[bytes, dict[str, float]]] = {}
         self._newest: int | None = None
         self._newest_s = -math.inf
         self._came = self._counted = 0
@@ -77,7 +80,7 @@ class LiveTelemetry:
         self._newest_s = max(self._newest_s, time_s)
         if speak is None:
             return None
-        reports = {quantity: float(value) for quantity, value in speak(message.fields).items()}
+        reports = self._reports(message, speak)
         if name == "MISSION_ITEM_REACHED" and (not self.reached or self.reached[-1] != message["seq"]):
             self.reached.append(message["seq"])
         self._doubts.hear(reports, time_s)
@@ -87,6 +90,15 @@ class LiveTelemetry:
         if sample is not None:
             self.sample = sample
         return sample
+
+    def _reports(self, message: Message, speak: Callable[[Any], Columns]) -> dict[str, float]:
+        """What a message says; one that says the same as the last of its name, as most do of some, is not worked out again."""
+        before, reports = self._said.get(message.name, (b"", {}))
+        if not message.payload or before != message.payload:
+            reports = {quantity: float(value) for quantity, value in speak(message.fields).items()}
+            if message.name in _SAME_AGAIN:
+                self._said[message.name] = message.payload, reports
+        return dict(reports)
 
     def _timely(self, message: Message, posix_s: float) -> bool:
         """Whether the times in a message can be; one whose times cannot is omitted whole."""

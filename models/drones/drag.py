@@ -122,3 +122,15 @@ def thrust_acceleration(
     north = -(cos_roll * sin_pitch * cos_yaw + sin_roll * sin_yaw) * held
     east = -(cos_roll * sin_pitch * sin_yaw - sin_roll * cos_yaw) * held
     return np.stack([north, east], axis=1)
+
+
+def lean_acceleration(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float]:
+    """Return what `thrust_acceleration` gives for one attitude, (north, east), many times as fast; 0 where that is unknown."""
+    cos_roll, cos_pitch = math.cos(roll_rad), math.cos(pitch_rad)
+    up = cos_roll * cos_pitch
+    if not up > math.cos(MAX_TILT_RAD):
+        return 0.0, 0.0
+    held = GRAVITY_MPS2 / up
+    ahead, aside = cos_roll * math.sin(pitch_rad), math.sin(roll_rad)
+    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+    return -(ahead * cos_yaw + aside * sin_yaw) * held, -(ahead * sin_yaw - aside * cos_yaw) * held

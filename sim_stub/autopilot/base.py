@@ -54,7 +54,7 @@ class Autopilot(Family):
         self.yaw_override_deg: float | None = None
         self.home: Home | None = None
         self.infeasible: str | None = None
-        self.speeds = self.read_speeds()
+        self._read_parameters()
         self._look_s = -math.inf
 
     # What the behaviours ask
@@ -148,7 +148,8 @@ class Autopilot(Family):
         """Decide what to ask of the airframe in this step of physics."""
         if self.sim_s >= self._look_s:
             self._look_s = self.sim_s + LOOK_S - 1e-6
-            self.speeds = self.read_speeds()
+            if self._parameters_of != (self.parameters, self.parameters.changes):
+                self._read_parameters()
             self.failsafes.check(self)
         if self.terminated or not self.armed:
             return Demand(motors=False)
@@ -165,8 +166,13 @@ class Autopilot(Family):
                 self._behaviour_done()
         if self.yaw_override_deg is not None:
             demand.yaw_deg = self.yaw_override_deg
-        demand.max_lean_deg = self.max_lean_deg()
+        demand.max_lean_deg = self._lean_deg
         return demand
+
+    def _read_parameters(self) -> None:
+        """Read the parameters that are needed in every step."""
+        self._parameters_of = self.parameters, self.parameters.changes
+        self.speeds, self._lean_deg = self.read_speeds(), self.max_lean_deg()
 
     def after_step(self) -> None:
         """Notice what the step of physics has brought about: touch-down, a crash, the time to disarm."""

@@ -45,6 +45,8 @@ class ParameterStore:
     def __init__(
         self, table: Iterable[tuple[str, int, float]], spelled: Mapping[str, tuple[str, float]] | None = None
     ) -> None:
+        self.changes = 0
+        """How often one was set: what is worked out from them holds until it grows."""
         self._by_name: dict[str, Parameter] = {}
         self._spelled = dict(spelled or {})
         for name, kind, value in sorted(table):
@@ -90,6 +92,7 @@ class ParameterStore:
         parameter = self._by_name.get(name)
         if parameter is None or not math.isfinite(value):
             return False
+        self.changes += 1
         if parameter.kind == REAL32:
             parameter.value = as_float32(value)
             return math.isfinite(parameter.value)

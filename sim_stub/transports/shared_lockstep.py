@@ -33,11 +33,13 @@ LENGTH, TIME = struct.Struct("<I"), struct.Struct("<d")
 BEAT_S, HEARD_S = 0.2, 1.0
 """Bytes reach a participant at multiples of the first where it has sent some, and else of the second: so many vehicles are heard at once, and
 their programs run side by side."""
-ABSENT_WALL_S = 20.0
+UNANSWERED = frozenset((0, 252))
+"""Messages that no vehicle answers: HEARTBEAT, NAMED_VALUE_INT."""
+ABSENT_WALL_S = 90.0
 """So long, of the wall's time, the world waits for somebody in the place of one that was killed."""
 IDLE_WALL_S = 600.0
 """A world in which nobody takes part for so long ends."""
-AWAITED_WALL_S = 120.0
+AWAITED_WALL_S = 300.0
 """So long it stands still until somebody comes who was announced."""
 MAX_FRAME = 1 << 20
 _BACKLOG = 512
@@ -57,7 +59,7 @@ class Participant:
     reads: bool = False
     """It waits for bytes, too."""
     wrote: bool = False
-    """It has sent bytes since it was last answered: what the vehicle says to them is not kept waiting."""
+    """It has sent bytes that are answered since it was last answered: what the vehicle says to them is not kept waiting."""
     received: bytearray = field(default_factory=bytearray)
 
 
@@ -172,7 +174,7 @@ class SharedLockstep:
     def _take(self, one: Participant, letter: bytes, body: bytes) -> None:
         if letter == WRITE and one.lane is not None:
             one.lane.arrived(body, self.now_s)
-            one.wrote = True
+            one.wrote = one.wrote or _message_id(body) not in UNANSWERED
         elif letter == READ and one.lane is not None:
             (timeout_s,) = TIME.unpack(body)
             if one.lane.inbox or not timeout_s > 0.0:
@@ -244,3 +246,10 @@ class SharedLockstep:
 
 def _is_multiple(instant_s: float, of_s: float) -> bool:
     return abs(instant_s / of_s - round(instant_s / of_s)) < 1e-6
+
+
+def _message_id(frame: bytes) -> int:
+    """Message of a MAVLink frame; -1 where it is none."""
+    if len(frame) < 10:
+        return -1
+    return int.from_bytes(frame[7:10], "little") if frame[0] == 0xFD else frame[5]

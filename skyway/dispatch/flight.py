@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
 """How often a flight tells how far it is; at once where its state changes, or it is later by so much."""
+ALONE_S, AGAIN_S = 120.0, 5.0
+"""So long it waits for another process that still speaks with its vehicle, and how often it listens whether that does."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
 
 
@@ -92,9 +94,7 @@ class Flight:
             parameters=region.flying,
             asking="never",
         )
-        connection = Connection(world, world)
-        connection.fence = lambda: self._worker.leases.confirm(self._entry.keeper)
-        vehicle = Vehicle(connection, record.system)
+        vehicle = self._alone(world)
         pads = self._pads = BookedPads(LockstepPads(world), record.steps, world.posix_s)
         journal = Journal(path, world.posix_s, resume=resumes)
         try:
@@ -106,10 +106,23 @@ class Flight:
         finally:
             journal.close()
 
+    def _alone(self, world: LockstepClient) -> Vehicle:
+        """Connect; where the process that had this flight before still speaks with the vehicle in our name, wait for its end."""
+        until_s = world.now_s() + ALONE_S
+        while True:
+            connection = Connection(world, world)
+            connection.fence = lambda: self._worker.leases.confirm(self._entry.keeper)
+            vehicle = Vehicle(connection, self._record.system)
+            if connection.conflict is None or world.now_s() >= until_s:
+                return vehicle
+            world.sleep_until(world.now_s() + AGAIN_S)
+
     # Telling
 
     def _tell(self, ctx: Context) -> None:
-        """Write how far it is, where that is news."""
+        """Write how far it is, where that is news; say nothing more to the vehicle where another process has the flight."""
+        if self._worker.leases.kept(self._entry.keeper) is None:
+            raise FencedError(f"the lease of {self._entry.keeper} is lost")
         late_s = self._late_s(ctx)
         told = self._told
         state = "preparing" if ctx.state in NOT_TOLD else str(ctx.state)

@@ -56,6 +56,11 @@ class KeptLeases:
             self._kept[holder] = lease
             return lease
 
+    @property
+    def noticed_s(self) -> float:
+        """Time of the wall after which another process that had a lease knows that it is lost: it has tried to renew it since."""
+        return self.ttl_s / SHARE + AGAIN_S
+
     def kept(self, holder: str) -> Lease | None:
         """Return the lease of a holder; None where it is not, or no longer, ours."""
         with self._lock:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import date
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,12 +33,12 @@ class Region:
         self._forecasts = lru_cache(maxsize=4)(self._forecast)
         self._wider = lru_cache(maxsize=512)(self._with_places)
 
-    @property
+    @cached_property
     def planning(self) -> PlannerParameters:
         """Parameters that the fleet is planned with."""
         return typed_values.planner_parameters(list(self.service.settings))
 
-    @property
+    @cached_property
     def flying(self) -> PlannerParameters:
         """Parameters that flights are supervised with: who is planned with others does not look for a better station by itself."""
         known = self.planning

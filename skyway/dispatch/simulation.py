@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 ADDRESS = "world.address"
 """File in the folder of the service that has the address of the world."""
 EVENTS = "world.log"
+STEP_S = 0.1
+"""Of the physics of each drone: as often as a supervisor asks for its attitude."""
 
 
 def simulate(ledger: str, dispatcher: str) -> None:
@@ -69,7 +71,7 @@ def build(service: ServiceRecord, drones: list[DroneRecord], *, log: object = No
         world.add(
             VehicleConfig(
                 lat=station.lat, lon=station.lon, ground_m=station.elevation_m or 0.0, system=one.system, soc=one.soc, warm=True,
-                airframe=airframe, seed=service.seed,
+                airframe=airframe, seed=service.seed, step_s=STEP_S,
             )
         )  # fmt: skip
     Pads(world, scenario.load if service.strangers else None, seed=service.seed)

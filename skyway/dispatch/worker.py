@@ -137,7 +137,7 @@ class Worker:
         self._flights = {name: one for name, one in self._flights.items() if one.alive}
         try:
             if self.leases.kept(self.name) is None and not self._flights:
-                self.leases.take(self.name)
+                self._take(self.name)
         except (FencedError, SkywayError):
             pass  # another process has it: wait for its end
         with self._lock:
@@ -169,10 +169,15 @@ class Worker:
             if len(self._flights) >= MOST:
                 return
             try:
-                self.leases.take(keeper)
+                self._take(keeper)
             except (FencedError, SkywayError):
                 continue
             LockstepClient(self.service.world, keeper).close()  # the world need not wait for it any more
+
+    def _take(self, holder: str) -> None:
+        """Take a lease; who had it before may not know yet that it has lost it, and speak with the same vehicles: the world stands still until it does."""
+        if self.leases.take(holder).token > 1:
+            time.sleep(self.leases.noticed_s)
 
     def change(self, entry: Entry, state: str, record: FlightRecord) -> Entry:
         """Write what has become of a flight, under the lease of its keeper; a `FencedError` says that it is no longer ours."""

@@ -2,9 +2,11 @@
 
 import json
 import sqlite3
+from collections import Counter
 
 import pytest
 
+from benchmarks.fleet.day_faults import KINDS, schedule
 from benchmarks.fleet.invariants import judge
 
 
@@ -29,7 +31,7 @@ GOOD = [
 PADS = [("o1", 1, 1, "c", 1, 0, 10, "firm"), ("o1", 1, 1, "c", 1, 0, 10, "released"), ("o2", 1, 1, "c", 1, 5, 9, "firm"), ("o2", 1, 1, "c", 1, 5, 9, "released")]  # fmt: skip
 
 
-def judged(folder, lines=GOOD, pads=PADS):
+def judged(folder, lines=GOOD, pads=PADS, **how):
     name = str(folder / "ledger.db")
     versions = {}
     with sqlite3.connect(name) as ledger:
@@ -51,7 +53,7 @@ def judged(folder, lines=GOOD, pads=PADS):
                 "INSERT INTO history (itinerary, version, number, station, pad, starts, ends, epsilon, state) VALUES (?, ?, ?, ?, ?, ?, ?, 0.0, ?)",
                 (*row, state),
             )
-    return judge(name)
+    return judge(name, **how)
 
 
 def test_what_is_right_is_right(tmp_path):
@@ -85,3 +87,27 @@ def changed(number, state=None, document=None):
 )
 def test_each_fault_is_found(tmp_path, lines, pads, problem):
     assert any(problem in one for one in judged(tmp_path, lines, pads).wrong)
+
+
+@pytest.mark.parametrize(
+    ("lines", "pads", "right"),
+    [
+        (GOOD[:6], PADS[:1], True),  # an order, a flight, a drone and a pad under way
+        (changed(9, "flying"), PADS, True),
+        (GOOD[:7], [PADS[0], PADS[2]], False),
+        ([*GOOD[:4], ("flight", "9 d1", "ordered", GOOD[3][3])], PADS, False),
+    ],
+)
+def test_what_is_under_way_is_open_while_it_runs_and_nothing_else(tmp_path, lines, pads, right):
+    assert (judged(tmp_path, lines, pads, running=True).wrong == []) is right
+
+
+def test_every_kind_of_fault_comes_in_turn_and_the_same_each_time():
+    due = schedule(7, 24.0, 900.0)
+    assert due == schedule(7, 24.0, 900.0)
+    assert due != schedule(8, 24.0, 900.0)
+    assert [one.at_s for one in due] == sorted(one.at_s for one in due)
+    counts = Counter(one.kind for one in due)
+    assert set(counts) == set(KINDS)
+    assert max(counts.values()) - min(counts.values()) <= 1
+    assert 0.6 < len(due) / (24.0 * 4.0) < 1.5

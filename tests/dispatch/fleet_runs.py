@@ -36,6 +36,7 @@ class FleetRun:
         (folder / "fleet.csv").write_text("id,type,home,charge_percent\n" + "".join(fleet))
         self.more = ("--wind", "3@270", "--iterations", "30", "--lease", "1.5", "--no-traffic", *more)
         self.process = None
+        self.beside = []
 
     def start(self, *, orders=True):
         words = [
@@ -52,12 +53,18 @@ class FleetRun:
         files = (
             ["--orders", str(self.folder / "orders.csv"), "--fleet", str(self.folder / "fleet.csv")] if orders else []
         )
-        out = (self.folder / "run.out").open("a")
+        self.process = self._started([*words, *files, *self.more])
+
+    def start_worker(self):
+        """Start one more worker of the first one's name, as a dispatcher does that knows of none."""
+        self.beside += [
+            self._started(["dispatch", "worker", "--ledger", self.ledger, "--holder", self.holder, "--number", "1"])
+        ]
+
+    def _started(self, words):
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "skyway", *words, *files, *self.more], stdout=out, stderr=out, env=environment
-        )
-        out.close()
+        with (self.folder / "run.out").open("a") as out:
+            return subprocess.Popen([sys.executable, "-m", "skyway", *words], stdout=out, stderr=out, env=environment)
 
     def look(self, condition, longest_s=LONGEST_S):
         """Wait until a condition of the desk holds; returns what it returned."""
@@ -103,8 +110,8 @@ class FleetRun:
         ]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        if self.process is not None:
-            self.process.wait(10.0)
+        for one in self.beside if self.process is None else [*self.beside, self.process]:
+            one.wait(10.0)
 
     def truth(self):
         """Where the vehicles really are."""

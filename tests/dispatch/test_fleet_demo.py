@@ -1,6 +1,7 @@
 """The demonstration of a fleet: what is drawn can be flown, is the same each time, and is flown and shown to its end."""
 
 import contextlib
+import math
 import os
 import re
 import signal
@@ -16,6 +17,7 @@ from simulated import world_of
 
 from benchmarks.fleet.invariants import judge
 from skyway.dispatch.demonstration import ORDERS, FleetDemo, draw, how_it_ended
+from skyway.link.wire.frames import FrameWriter
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import distance_m
 from skyway.models.orders.files import read_orders, read_vehicles
@@ -62,6 +64,12 @@ def test_bytes_come_at_whole_seconds_and_at_once_where_some_were_sent():
         client.write(b"\0")  # no frame, but somebody speaks
         client.read(30.0)
         assert client.now_s() - instants[-1] < 0.5
+        client.sleep_until(math.ceil(client.now_s()) + 0.4)
+        began_s = client.now_s()
+        client.write(FrameWriter(255, 190).frame("HEARTBEAT", {"type": 6, "autopilot": 8}))  # which nobody answers
+        while client.read(30.0) and client.now_s() == began_s:  # what was there already
+            pass
+        assert client.now_s() == pytest.approx(math.ceil(began_s))
         client.close()
 
 

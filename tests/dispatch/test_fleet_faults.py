@@ -67,6 +67,27 @@ def test_the_dispatcher_and_a_worker_killed_together(tmp_path):
     assert {state for state, _ in status.orders.values()} == {"delivered"}
 
 
+def test_a_worker_that_was_held_up_and_the_one_in_its_place_do_not_both_speak_with_a_drone(tmp_path):
+    """As after a dispatcher was killed: the next one starts workers of its own, and the lease of one that was held up goes over."""
+    run = FleetRun(tmp_path, ORDERS, FLEET)
+    try:
+        run.start()
+        run.look(flying)
+        (first,) = run.workers()
+        os.kill(first, signal.SIGSTOP)
+        run.look(lambda desk: not desk.ledger.led("dispatch/worker 1"))
+        run.start_worker()
+        run.look(lambda desk: desk.ledger.led("dispatch/worker 1"))
+        os.kill(first, signal.SIGCONT)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert {state for state, _ in status.orders.values()} == {"delivered"}, run.said()
+    assert {state for state, _ in status.drones.values()} == {"standing"}
+    assert all("uses our system id" not in one.read_text() for one in (tmp_path / "flights").glob("*.jsonl"))
+
+
 def test_a_dispatcher_that_was_held_up_beyond_its_lease_takes_it_again(tmp_path):
     run = FleetRun(tmp_path, ORDERS, FLEET)
     try:

@@ -4,9 +4,9 @@ import time
 import warnings
 
 import pytest
-from cut_network import CutNetwork
 from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
 
+from benchmarks.fleet.cut_network import CutNetwork
 from skyway.models.ledger import postgresql
 from skyway.models.ledger.ledger import LedgerError
 from skyway.models.ledger.opening import open_ledger

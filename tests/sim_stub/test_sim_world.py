@@ -312,3 +312,38 @@ def test_the_command_ends_after_its_time_and_prints_json_lines():
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert {line.get("event") for line in lines} >= {"autopilot is up"}
     assert {line["system"] for line in lines if "system" in line} == {1, 2}
+
+
+def test_a_vehicle_that_nobody_speaks_with_rests_and_is_what_it_would_be_awake():
+    """Charge and faults are those of a vehicle that is looked after each second; what is done to it wakes it."""
+    world = World(stations=[Place("here", "Here", LAT, LON, pads=1)], faults=[parse_fault("battery-drop=0.1@2000s#1")])
+    alone, watched = (world.add(VehicleConfig(lat=LAT, lon=LON, system=one, warm=True, soc=0.8)) for one in (1, 2))
+    watched.radio.connect(lambda _: None)
+    looks = []
+    alone.tend = lambda tend=alone.tend: (looks.append(world.sim_s), tend())[1]
+    for second in range(1, 3601):
+        world.advance(float(second), float(second))
+    assert len(looks) < 70
+    assert alone.sim_s == watched.sim_s == 3600.0
+    alone.tend()
+    assert alone.battery.soc == pytest.approx(watched.battery.soc - 0.1, abs=1e-9)
+    assert math.isfinite(alone.rests_until_s)
+    world.inject("battery-drop=0.2#1")
+    assert world.next_due_s() <= 3600.0
+    world.advance(3601.0, 3601.0)
+    assert alone.battery.soc == pytest.approx(watched.battery.soc - 0.3, abs=1e-4)
+    heard = []
+    alone.radio.connect(heard.append)
+    world.advance(3602.0, 3602.0)
+    assert len(heard) > 5
+
+
+def test_coarser_steps_fly_as_far():
+    far_m = []
+    for step_s in (0.05, 0.1):
+        body = Body(Airframe(), LAT, LON, 100.0, grounded=False)
+        for _ in range(round(120.0 / step_s)):
+            body.step(Demand(north_mps=8.0, east_mps=-6.0), 3.0, 1.0, 0.0, step_s)
+        far_m.append(float(inverse(LAT, LON, body.lat, body.lon)[0]))
+    assert far_m[0] == pytest.approx(far_m[1], abs=1.0)
+    assert far_m[0] == pytest.approx(120.0 * 10.0, rel=0.03)

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.drones.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack, believable
+from skyway.models.drones.telemetry import (
+    COLUMN,
+    HIGHEST,
+    LOWEST,
+    QUANTITIES,
+    TelemetrySample,
+    TelemetryTrack,
+    believable,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,6 +44,9 @@ SLOW = frozenset(
         "ekf_ok",
         "airspeed_ok",
     )
+)
+_AIRSPEED, _AIRSPEED_OK, _VOLTAGE, _CURRENT, _POWER = (
+    COLUMN[name] for name in ("airspeed_mps", "airspeed_ok", "voltage_v", "current_a", "power_w")
 )
 TICK_GAP_S = 0.5
 """Where no attitude came for so long, a position gives a sample as well."""
@@ -63,12 +74,12 @@ class Assembler:
 
     def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
         self.system = system
-        self._last_time = np.full(len(QUANTITIES), -np.inf)
-        self._last_value = np.full(len(QUANTITIES), np.nan)
-        self._last_tick = -np.inf
-        self._last_main = -np.inf
-        self._fresh = np.array([SLOW_FRESH_S if name in SLOW else FRESH_S for name in QUANTITIES])
-        self._fresh[[COLUMN[name] for name in lasting]] = np.inf
+        self._last_time = [-math.inf] * len(QUANTITIES)
+        self._last_value = [math.nan] * len(QUANTITIES)
+        self._last_tick = self._last_main = -math.inf
+        self._fresh = [
+            math.inf if name in lasting else SLOW_FRESH_S if name in SLOW else FRESH_S for name in QUANTITIES
+        ]
 
     def feed(self, stretch: Stretch) -> TelemetryTrack:
         """Take reports not older than those before, and return the samples that they complete."""
@@ -89,7 +100,7 @@ class Assembler:
             held = np.maximum(place, 0)
             fresh = (place >= 0) & (ticks - times[held] <= self._fresh[number])
             values[:, number] = np.where(fresh, column[held], np.nan)
-            self._last_time[number], self._last_value[number] = times[-1], column[-1]
+            self._last_time[number], self._last_value[number] = float(times[-1]), float(column[-1])
         if len(ticks):
             self._last_tick = float(ticks[-1])
         return TelemetryTrack(self.system, ticks, _finished(values))
@@ -106,16 +117,26 @@ class Assembler:
         if time_s <= self._last_tick:
             return None
         self._last_tick = time_s
-        row = _finished(np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan)).tolist()
-        return TelemetrySample(time_s=time_s, system=self.system, **dict(zip(QUANTITIES, row, strict=True)))
+        heard = zip(self._last_value, self._last_time, self._fresh, LOWEST, HIGHEST, strict=True)
+        row = [
+            value if time_s - told_s <= fresh_s and lowest <= value <= highest else math.nan
+            for value, told_s, fresh_s, lowest, highest in heard
+        ]
+        if row[_AIRSPEED_OK] != 1.0:
+            row[_AIRSPEED] = math.nan
+        power_w = row[_VOLTAGE] * row[_CURRENT]
+        if math.isfinite(power_w):
+            row[_POWER] = power_w
+        return TelemetrySample.of_row(time_s, self.system, row)
 
     def latest(self, quantity: str) -> float:
         """Newest report of a quantity, however old; NaN before the first."""
-        return float(self._last_value[COLUMN[quantity]])
+        return self._last_value[COLUMN[quantity]]
 
     def forget(self) -> None:
         """Begin again, as after a restart of the vehicle."""
-        self._last_time[:], self._last_value[:] = -np.inf, np.nan
+        self._last_time[:] = [-math.inf] * len(QUANTITIES)
+        self._last_value[:] = [math.nan] * len(QUANTITIES)
         self._last_tick = self._last_main = -math.inf
 
     def _ticks(self, stretch: Stretch) -> NDArray[np.float64]:
@@ -136,8 +157,7 @@ class Assembler:
 def _finished(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are reported."""
     found = believable(values)
-    air, power_w = COLUMN["airspeed_mps"], COLUMN["power_w"]
-    found[..., air] = np.where(found[..., COLUMN["airspeed_ok"]] == 1.0, found[..., air], np.nan)
-    power = found[..., COLUMN["voltage_v"]] * found[..., COLUMN["current_a"]]
-    found[..., power_w] = np.where(np.isfinite(power), power, found[..., power_w])
+    found[..., _AIRSPEED] = np.where(found[..., _AIRSPEED_OK] == 1.0, found[..., _AIRSPEED], np.nan)
+    power = found[..., _VOLTAGE] * found[..., _CURRENT]
+    found[..., _POWER] = np.where(np.isfinite(power), power, found[..., _POWER])
     return found

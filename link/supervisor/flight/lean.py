@@ -18,7 +18,7 @@ import numpy as np
 from skyway.link.supervisor.journal.entries import SpeedLimited
 from skyway.models.base.formatting import speed_text, wind_text
 from skyway.models.base.units import GRAVITY_MPS2
-from skyway.models.drones.drag import thrust_acceleration
+from skyway.models.drones.drag import lean_acceleration
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -96,12 +96,12 @@ class LeanWatch:
 
     def hear(self, s: TelemetrySample, commanded_mps: float) -> bool:
         """Take a sample in the air; returns whether it became limited, or free again, with it."""
-        row = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
-        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, row)):
+        told = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
+        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, told)):
             return False
         if self._rows and not s.time_s > self._rows[-1][0]:
             return False
-        self._rows.append(row)
+        self._rows.append((*told[:3], *lean_acceleration(*told[3:])))
         while self._rows[0][0] < s.time_s - WINDOW_S:
             self._rows.popleft()
         if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:
@@ -112,12 +112,17 @@ class LeanWatch:
         return self.limited != before
 
     def _judge(self, commanded_mps: float) -> None:
-        table = np.array(self._rows)
-        velocity, force = table[:, 1:3], self._force(table)
-        lean_deg = float(np.degrees(np.arctan2(np.hypot(*force.mean(axis=0)), GRAVITY_MPS2)))
-        half = len(table) // 2
+        rows = self._rows
+        count = len(rows)
+        force_north, force_east = sum(row[3] for row in rows) / count, sum(row[4] for row in rows) / count
+        lean_deg = math.degrees(math.atan2(math.hypot(force_north, force_east), GRAVITY_MPS2))
+        if not self.limited and lean_deg < LEAN_SHARE * self.limit_deg:  # as nearly always
+            self._velocity = None
+            return
+        velocity = np.array(rows)[:, 1:3]
+        half = count // 2
         first, last = velocity[:half].mean(axis=0), velocity[half:].mean(axis=0)
-        gain_mps2 = float(np.hypot(*(last - first))) / max(0.5 * (table[-1, 0] - table[0, 0]), 1e-6)
+        gain_mps2 = float(np.hypot(*(last - first))) / max(0.5 * (rows[-1][0] - rows[0][0]), 1e-6)
         speed_mps = float(np.hypot(*velocity.mean(axis=0)))
         if self.limited and speed_mps >= REACHED_SHARE * commanded_mps:
             self.limited = False
@@ -131,10 +136,6 @@ class LeanWatch:
         keep = math.exp(-JUDGE_EVERY_S / GUSTS_S)
         self._velocity = mean if self._velocity is None else keep * self._velocity + (1.0 - keep) * mean
 
-    @staticmethod
-    def _force(table: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(thrust_acceleration(table[:, 3], table[:, 4], table[:, 5]))
-
     def measure(self) -> WindAtLimit | None:
         """Measure the wind, where it is limited and long enough after the last time; for a drag that is unknown.
 
@@ -143,7 +144,7 @@ class LeanWatch:
         if not self.limited or self._rows[-1][0] < self._measured_s + MEASURE_EVERY_S:
             return None
         table = np.array(self._rows)
-        force, velocity = self._force(table).mean(axis=0), table[:, 1:3].mean(axis=0)
+        force, velocity = table[:, 3:5].mean(axis=0), table[:, 1:3].mean(axis=0)
         if not math.degrees(math.atan2(np.hypot(*force), GRAVITY_MPS2)) >= LEAN_SHARE * self.limit_deg:
             return None
         self._measured_s = self._rows[-1][0]

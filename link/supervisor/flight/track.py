@@ -30,6 +30,7 @@ class Track:
         if s is None or ctx.now_s < self.written_s + every_s:
             return
         self.written_s = ctx.now_s
+        ctx.wind.catch_up()
         estimate = ctx.wind.estimate if ctx.in_air else None
         leg = ctx.delivery.leg if ctx.in_air else None
         north_mps, east_mps = ctx.wind.expected(s.time_s, s.lat_deg, s.lon_deg)

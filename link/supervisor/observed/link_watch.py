@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from skyway.link.supervisor.journal.entries import LinkNote
 from skyway.link.supervisor.observed.radio_watch import RadioWatch
 from skyway.link.supervisor.states import IN_AIR, State, Turn
+from skyway.link.wire.messages import kinds
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import duration
 
@@ -21,11 +22,13 @@ SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
 ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
 """A question without an answer is asked again after so long, for so long."""
-FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 2.0, 2: 1.0, 168: 1.0}
+FLYING_RATES: Mapping[int, float] = {30: 5.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 2.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2, 24: 0.5}
 """Messages a second on the ground, before a take-off and after a landing."""
 RESTING_RATES: Mapping[int, float] = dict.fromkeys((*GROUND_RATES, 31, 32, 65, 141, 147, 230, 242), 0.2)
 """The same while it charges or waits, perhaps for hours. What some autopilots send unasked is slowed down too."""
+UNREAD = (31, 32, 65, 141)
+"""What some autopilots send unasked, up to seven times a second in all, and nobody here reads: slowed down as well where only we listen."""
 AWAKE_S = 2.0
 """So long we listen after a rest, so that what is known is of now."""
 
@@ -36,6 +39,8 @@ class LinkWatch:
 
     resting: bool = False
     """The vehicle sends `RESTING_RATES`."""
+    slowed: bool = False
+    """It sends little of what is `UNREAD`."""
     radios: RadioWatch = field(default_factory=RadioWatch)
     """How good each radio is."""
     _told: str = ""
@@ -89,9 +94,17 @@ def must_be_heard(ctx: Context) -> None:
 def request_telemetry(ctx: Context) -> None:
     """Ask for the messages of the state we are in."""
     wanted = FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES
-    usual = dict.fromkeys(RESTING_RATES.keys() - wanted.keys(), 0.0) if ctx.link.resting else {}
-    ctx.link.resting = False
-    _request(ctx, {**wanted, **usual})
+    usual = dict.fromkeys(RESTING_RATES.keys() - wanted.keys() - _unread(ctx), 0.0) if ctx.link.resting else {}
+    slow = {} if ctx.link.slowed else {number: RESTING_RATES[number] for number in _unread(ctx)}
+    ctx.link.resting, ctx.link.slowed = False, True
+    _request(ctx, {**wanted, **usual, **slow})
+
+
+def _unread(ctx: Context) -> set[int]:
+    """What the vehicle sends and nobody reads: another station on our link may read it."""
+    connection, heard = ctx.vehicle.connection, ctx.vehicle.peer.latest
+    shared = connection.forwarder is not None or connection.shared_client is not None
+    return set() if shared else {number for number in UNREAD if kinds()[number].name in heard}
 
 
 def rest(ctx: Context) -> None:

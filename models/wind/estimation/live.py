@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.drones.drag import DragModel
-from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack
+from skyway.models.drones.telemetry import COLUMN, QUANTITIES, TelemetryTrack
 from skyway.models.wind.estimation.blocks import BlockMaker, Blocks
 from skyway.models.wind.estimation.drag_monitor import DragCheck, check_drag
 from skyway.models.wind.estimation.field import MIN_PROFILE_M
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     Forecast = Callable[[float, float, float, float], tuple[float, float]]
 
 _TOLD = attrgetter(*QUANTITIES)
+_HEIGHT = COLUMN["height_m"]
 NOMINAL_DRAG = DragModel(linear_per_s=0.17, relative_sigma=0.5, bias_sigma_mps2=0.15)
 """Where no drag is known: about the middle of the multirotors that were measured (0.1 to 0.3 per second at 10 m/s), so that the true air
 velocity is half to twice the one that it gives, and a level that is off by about 1 degree."""
@@ -107,7 +108,8 @@ class LiveWind:
     The drag is that of this drone (`models.drones.drag_file.read_drag`), `NOMINAL_DRAG` where it is unknown, None
     where tilt tells nothing; the airspeed model is that of a plane. The forecast takes POSIX seconds, latitude,
     longitude and the height above take-off, m, and returns the (north, east) that is expected, m/s; by default nothing
-    is.
+    is. Samples that are heard one by one are worked out every `every_s` seconds, and when `catch_up` asks for it: the estimates are the same,
+    and many at once take less time.
     """
 
     def __init__(
@@ -117,6 +119,7 @@ class LiveWind:
         airspeed: AirspeedModel = PLAIN_SENSOR,
         forecast: Forecast | None = None,
         settings: WindFilterSettings | None = None,
+        every_s: float = 1.0,
     ) -> None:
         self.drag = drag
         self.airspeed = airspeed
@@ -133,6 +136,7 @@ class LiveWind:
         """Measurements that the gate did not let pass."""
         self._forecast = forecast or (lambda *_: (0.0, 0.0))
         self._maker = BlockMaker()
+        self._every_s = every_s
         self._waiting: list[tuple[float, ...]] = []
         self._heard_s = -math.inf
         self._flying = False
@@ -144,19 +148,28 @@ class LiveWind:
         self.autopilot_doubt = np.zeros((2, 2))
         """Added to the covariance of what the autopilot says of the wind."""
 
-    def hear(self, sample: TelemetrySample) -> WindEstimate | None:
-        """Take a sample; returns an estimate when it completes a period. Older samples are ignored."""
+    def hear(self, sample: TelemetrySample, height_m: float | None = None) -> WindEstimate | None:
+        """Take a sample, where wanted at another height; returns an estimate when it completes one. Older samples are ignored."""
         if not sample.time_s >= self._heard_s:
             return None
-        period = math.floor(sample.time_s / self._maker.period_s)
-        over = bool(self._waiting) and period != math.floor(self._heard_s / self._maker.period_s)
+        period = math.floor(sample.time_s / self._every_s)
+        over = bool(self._waiting) and period != math.floor(self._heard_s / self._every_s)
         self._heard_s = sample.time_s
-        self._waiting.append((sample.time_s, *_TOLD(sample)))
-        if not over:
-            return None
+        told = _TOLD(sample)
+        self._waiting.append(
+            (sample.time_s, *told)
+            if height_m is None
+            else (sample.time_s, *told[:_HEIGHT], height_m, *told[_HEIGHT + 1 :])
+        )
+        return self.estimate if over and self.catch_up() else None
+
+    def catch_up(self) -> int:
+        """Work out what was heard; returns the number of periods that were completed."""
+        if not self._waiting:
+            return 0
         table = np.array(self._waiting)
         self._waiting.clear()
-        return self.estimate if len(self.feed(TelemetryTrack(sample.system, table[:, 0], table[:, 1:]))) else None
+        return len(self.feed(TelemetryTrack(1, table[:, 0], table[:, 1:])))
 
     def measure(
         self,

@@ -94,6 +94,9 @@ class Events:
         elif end.arrived or not safe or end.station is None:
             order.reason = f"{flight.drone}, {end.state}: {end.reason}"
             self._promises.hand_over(name, order)
+        elif end.station == order.order.destination:  # there is no way that is left to be flown
+            order.reason = f"on board {flight.drone}, which stands at {end.station} already: {end.reason}"
+            self._promises.hand_over(name, order)
         else:
             order.place, order.drone, order.reason = end.station, flight.drone, f"at {end.station}: {end.reason}"
             situation.drones[flight.drone][1].aboard = name

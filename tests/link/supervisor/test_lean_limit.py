@@ -17,7 +17,7 @@ from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.flight.lean import LeanWatch, airspeed_at_lean
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.missions.autopilots.registry import family_named
-from skyway.models.drones.drag import DragModel
+from skyway.models.drones.drag import DragModel, lean_acceleration, thrust_acceleration
 from skyway.models.drones.telemetry import TelemetrySample
 from skyway.models.flight.rules import FlightRules
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
@@ -276,3 +276,12 @@ def test_a_wind_is_carried_to_cruise_height_from_the_height_above_the_ground_bel
         (seen,) = book.observations
         carried.append(math.hypot(seen.north_mps, seen.east_mps))
     assert carried[1] / carried[0] == pytest.approx((122.0 / 60.0) ** 0.2, rel=0.02)
+
+
+def test_the_acceleration_of_one_attitude_is_that_of_many():
+    luck = np.random.default_rng(5)
+    roll, pitch, yaw = luck.uniform(-1.2, 1.2, 300), luck.uniform(-1.2, 1.2, 300), luck.uniform(-3.1, 3.1, 300)
+    many = np.nan_to_num(thrust_acceleration(roll, pitch, yaw))
+    each = [lean_acceleration(*one) for one in zip(roll.tolist(), pitch.tolist(), yaw.tolist(), strict=True)]
+    assert (many == 0.0).any()
+    assert np.abs(many - np.array(each)).max() < 1e-12

@@ -47,3 +47,11 @@ def test_nothing_joined_is_an_empty_track():
 def test_columns_of_another_length_are_refused():
     with pytest.raises(InputError, match="do not fit"):
         TelemetryTrack(1, np.zeros(3), np.zeros((2, len(QUANTITIES))))
+
+
+def test_a_sample_of_a_row_is_the_sample_that_the_constructor_makes():
+    row = [float(number) for number in range(len(QUANTITIES))]
+    made = TelemetrySample.of_row(5.0, 3, row)
+    assert made == TelemetrySample(time_s=5.0, system=3, **dict(zip(QUANTITIES, row, strict=True)))
+    with pytest.raises(ValueError, match="zip"):
+        TelemetrySample.of_row(5.0, 3, row[1:])

@@ -102,3 +102,21 @@ def test_what_a_drone_measures_updates_a_forecast(flight):
     mean = forecast_of(after)(float(flight.time_s[-1]), 47.0, 8.0, 60.0)
     assert mean == pytest.approx((-4.0, 3.0), abs=1.2)
     assert settings_for(after).sigma_mps < settings_for(before).sigma_mps
+
+
+@pytest.mark.parametrize("every_s", [5.0, 17.0])
+def test_samples_worked_out_many_at_once_give_the_estimates_that_they_give_second_by_second(every_s):
+    samples = list(fly(seed=3, duration_s=120.0, sigma_mps=0.7).track(0).samples())
+    each, many = LiveWind(drag=DRAG), LiveWind(drag=DRAG, every_s=every_s)
+    told = 0
+    for sample in samples:
+        each.hear(sample)
+        told += many.hear(sample) is not None
+        if sample is samples[len(samples) * 48 // 100]:
+            assert many.estimate != each.estimate  # not yet
+            many.catch_up()
+            assert many.estimate == each.estimate
+    assert told == pytest.approx(120.0 / every_s, abs=1.0)
+    many.catch_up()
+    assert many.estimate == each.estimate
+    assert many.observations() == each.observations()
