@@ -13,14 +13,8 @@ from scipy.linalg import expm
 from benchmarks.cases.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.waiting_times import (
-    LOST_MASS,
-    STEP_S,
-    PadQueue,
-    erlang_c,
-    forecast_waits,
-    stationary,
-)
+from skyway.models.queues.settled_kernels import LOST_MASS, erlang_c, stationary
+from skyway.models.queues.waiting_times import STEP_S, PadQueue, forecast_waits
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
