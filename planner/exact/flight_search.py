@@ -124,13 +124,11 @@ def _search(
     # Nodes whose function has changed; the one that is reached first comes first, so that most are settled at once.
     queued = np.zeros(nodes, dtype=np.bool_)
     queued[source] = True
-    while True:
-        node = -1
-        for other in range(nodes):
-            if queued[other] and (node < 0 or a[other, 0] < a[node, 0]):
-                node = other
-        if node < 0:
-            return t, a, n
+    heap = [(a[source, 0], source)]
+    while len(heap) > 0:
+        _, node = heapq.heappop(heap)
+        if not queued[node]:  # an earlier arrival brought it up before
+            continue
         queued[node] = False
         for segment in range(table.first[node], table.first[node + 1]):
             other = table.head[segment]
@@ -164,6 +162,8 @@ def _search(
             for k in range(ln):
                 took[other], longest[other] = min(took[other], la[k] - lt[k]), max(longest[other], la[k] - lt[k])
             queued[other] = True
+            heapq.heappush(heap, (a[other, 0], other))
+    return t, a, n
 
 
 @compiled
