@@ -153,7 +153,7 @@ def lived(
     enough : bool
         Whether there were as many draws as it took; without them the others say nothing.
     """
-    offset, arrival, pad, land, at_start, _, left, enough = lived_sets(
+    _, arrival, pad, land, at_start, _, left, enough = lived_sets(
         draws.reshape((1, len(draws))), pads, spots, rates, times, np.array([present]), known_s
     )
     return arrival[1:], pad, land, at_start[0], left, enough

@@ -14,7 +14,6 @@ from skyway.planner.exact.stop_label_kernels import Offered
 from skyway.planner.schedule.profile_kernels import covers, upper_profile
 
 if TYPE_CHECKING:
-
     from skyway.planner.exact.stop_labels import StopLabel
 
 

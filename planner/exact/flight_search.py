@@ -109,8 +109,7 @@ def _search(
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
     # The source: over it a climb after each take-off of the slot that is asked for.
-    begin = max(_slot_begin(table, s0), asked.begin_s)
-    end = min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)
+    begin, end = max(_slot_begin(table, s0), asked.begin_s), min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)
     if begin >= end:
         return t, a, n
     t[source, 0], t[source, 1] = begin, end
