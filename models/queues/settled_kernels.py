@@ -28,7 +28,8 @@ def budget(arrivals: Floats, charging: Floats, pads: int, span_s: float, times: 
     Takes rates from 0 up, charging times above 0.
     """
     jumps = (arrivals.max() + pads / charging.min()) * span_s
-    return 0.5 * LOST_MASS / (jumps / MAX_JUMPS + times + span_s / HOUR_S + 2.0)
+    mass: float = 0.5 * LOST_MASS / (jumps / MAX_JUMPS + times + span_s / HOUR_S + 2.0)
+    return mass
 
 
 @compiled
