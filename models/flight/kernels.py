@@ -279,18 +279,20 @@ def _airborne_speed_of_member(wind: tuple[SegmentWind, int], slot: int, segment:
 
 
 @compiled
-def airborne_times(air: SegmentWind, begin_s: float, in_turn: bool) -> NDArray[np.float64]:  # noqa: FBT001  a kernel
+def airborne_times(air: SegmentWind, begin_s: NDArray[np.float64], in_turn: bool) -> NDArray[np.float64]:  # noqa: FBT001  a kernel
     """Seconds over each segment of what is in the air already, in each member, shape (members, segments).
 
-    The segments are flown one after the other from `begin_s` on, or each of them from then on. No climb, no descent.
+    The segments are flown one after the other from the first of `begin_s` on, or each from its own, shape (segments,). No climb, no descent.
 
-    Takes any air, and a finite time.
+    Takes any air, and finite times, one for each segment.
     """
     slots = slots_of(air)
     out = np.empty((len(air.north), len(air.distance_m)))
     for member in range(len(air.north)):
-        now = begin_s
+        now = 0.0
         for segment in range(len(air.distance_m)):
+            if segment == 0 or not in_turn:
+                now = begin_s[segment]
             down = cross(_airborne_speed_of_member, (air, member), slots, air.distance_m[segment], segment, now)
             out[member, segment] = down - now
             if in_turn:

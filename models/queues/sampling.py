@@ -72,17 +72,20 @@ def sample_sets(
     first_s = math.floor(start_s / S_PER_H) * S_PER_H
     times = first_s, start_s, start_s + hours * S_PER_H
     result: list[dict[int, QueuePath]] = [{} for _ in seeds]
+    nobody_saw = [station for station in stations if station not in busy and pads[station]]
+    found = present_at(load, nobody_saw, [int(pads[station]) for station in nobody_saw], start_s)
+    shares = dict(zip(nobody_saw, found, strict=True))
     for station in stations:
         arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
         count, spots, rates = int(pads[station]), int(holding_spots[station]), (arrivals, 1.0 / charging)
         known = np.sort(np.array((free_s or {}).get(station, ()), dtype=np.float64))
-        share = None if station in busy or not count else present_at(load, station, count, start_s)
-        for found, seed in zip(result, seeds, strict=True):
+        share = shares.get(station)
+        for paths, seed in zip(result, seeds, strict=True):
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
             present = busy.get(station, 0)
             if share is not None:
                 present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
-            found[station] = sample_path(rng, count, spots, rates, times, present, known) if count else no_queue()
+            paths[station] = sample_path(rng, count, spots, rates, times, present, known) if count else no_queue()
     return result
 
 
@@ -139,7 +142,7 @@ def sample_many(
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
     present = np.full(count, busy or 0)
     if busy is None:
-        share = present_at(load, station, pads, start_s)
+        (share,) = present_at(load, [station], [pads], start_s)
         evenly = (rng.permutation(count) + rng.random(count)) / count
         present = np.searchsorted(share, evenly * share[-1], side="right").astype(np.int64)
     known = np.sort(np.array(free_s, dtype=np.float64))

@@ -39,6 +39,78 @@ def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
     return done
 
 
+@compiled_lean
+def _live(
+    draws: Floats,
+    pads: int,
+    rates: tuple[Floats, Floats],
+    times: tuple[float, float, float],
+    present: int,
+    known_s: Floats,
+    free: Floats,
+    room: tuple[Floats, Floats, Floats, Floats],
+) -> tuple[int, int, int, int]:
+    """Serve the drones of one realization, see `lived`: (came, waiting, present at the start, departures), of which -1 came if the draws are too few.
+
+    Into `room`, as long as the draws and more: arrivals and times on the pad of all of them, when the pad would be free behind the first so
+    many, and departures after the start, ascending. `free` has the shape (pads,).
+    """
+    arrivals, services = rates
+    first_s, start_s, end_s = times
+    came, began, ready, left = room
+    size = len(draws)
+    free[:] = -np.inf
+    now, waiting, used = start_s, max(present - pads, 0), 0
+    # Drones present at the start: on pads, for known or sampled times, and the rest in line.
+    for pad in range(min(present, pads)):
+        free[pad] = (
+            max(known_s[pad], start_s) if pad < len(known_s) else _after(start_s, draws[used], services, first_s)
+        )
+        used += 1
+    # Departures after the start, at first of the drones on pads then.
+    later = 0
+    for pad in range(pads):
+        if free[pad] > start_s:
+            later = _put_in_order(left, later, free[pad])
+    at_start = later
+    count = 0
+    while True:
+        # The pad that is free first: a drone of ours behind the first `count` others would get it then.
+        earliest = 0
+        for pad in range(1, pads):
+            if free[pad] < free[earliest]:
+                earliest = pad
+        ready[count] = free[earliest]
+        if used + 2 > size:
+            return -1, waiting, at_start, later
+        # The next arrival, once those that waited at the start are served; the path ends with the horizon.
+        if count >= waiting:
+            now = _after(now, draws[used], arrivals, first_s)
+            used += 1
+            if now > end_s:
+                return count, waiting, at_start, later
+        # It gets its pad and leaves it.
+        came[count], began[count] = now, max(now, free[earliest])
+        free[earliest] = _after(began[count], draws[used], services, first_s)
+        used += 1
+        if free[earliest] > start_s:
+            later = _put_in_order(left, later, free[earliest])
+            if count < waiting:
+                at_start += 1
+        count += 1
+
+
+@compiled_lean
+def _put_in_order(ascending: Floats, count: int, value: float) -> int:
+    """Insert a value among the first `count`, which ascend; returns the new count. Mostly it is one of the last."""
+    k = count
+    while k > 0 and ascending[k - 1] > value:
+        ascending[k] = ascending[k - 1]
+        k -= 1
+    ascending[k] = value
+    return count + 1
+
+
 @compiled
 def lived(
     draws: Floats,
@@ -81,57 +153,10 @@ def lived(
     enough : bool
         Whether there were as many draws as it took; without them the others say nothing.
     """
-    arrivals, services = rates
-    first_s, start_s, end_s = times
-    size = len(draws)
-    came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
-    free = np.full(pads, -np.inf)
-    now, waiting, used = start_s, max(present - pads, 0), 0
-    # Drones present at the start: on pads, for known or sampled times, and the rest in line.
-    for pad in range(min(present, pads)):
-        free[pad] = (
-            max(known_s[pad], start_s) if pad < len(known_s) else _after(start_s, draws[used], services, first_s)
-        )
-        used += 1
-    # Departures after the start, at first of the drones on pads then.
-    later = 0
-    for pad in range(pads):
-        if free[pad] > start_s:
-            left[later] = free[pad]
-            later += 1
-    at_start = later
-    count = 0
-    while True:
-        # The pad that is free first: a drone of ours behind the first `count` others would get it then.
-        earliest = np.argmin(free)
-        ready[count] = free[earliest]
-        if used + 2 > size:
-            return came, ready, began, 0, left, False
-        # The next arrival, once those that waited at the start are served; the path ends with the horizon.
-        if count >= waiting:
-            now = _after(now, draws[used], arrivals, first_s)
-            used += 1
-            if now > end_s:
-                break
-        # It gets its pad and leaves it.
-        came[count], began[count] = now, max(now, free[earliest])
-        free[earliest] = _after(began[count], draws[used], services, first_s)
-        used += 1
-        if free[earliest] > start_s:
-            left[later] = free[earliest]
-            later += 1
-            if count < waiting:
-                at_start += 1
-        count += 1
-    # The path begins behind those present at the start.
-    pad_s = ready[waiting : count + 1].copy()
-    land_s = pad_s.copy()
-    # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
-    for k in range(len(land_s)):
-        before = waiting + k - spots
-        if spots > 0:
-            land_s[k] = min(land_s[k], began[before]) if before >= 0 else -np.inf
-    return came[waiting:count].copy(), pad_s, land_s, at_start, np.sort(left[:later]), True
+    _, arrival, pad, land, at_start, _, left, enough = lived_sets(
+        draws.reshape((1, len(draws))), pads, spots, rates, times, np.array([present]), known_s
+    )
+    return arrival[1:], pad, land, at_start[0], left, enough
 
 
 @compiled
@@ -167,38 +192,50 @@ def lived_sets(
         Whether there were as many draws as it took for each; without them the others say nothing.
     """
     count, size = draws.shape
-    # A realization uses two draws for each drone that comes, and one for each that charges at first.
-    most = count * (size // 2 + 2)
-    arrival, pad, land = np.empty(most), np.empty(most), np.empty(most)
-    left = np.empty(count * (size + pads))
+    room = np.empty(size + pads), np.empty(size + pads), np.empty(size + pads), np.empty(size + pads)
+    came, began, ready, gone = room
+    free = np.empty(pads)
+    packed, left = np.empty((3, 64 * count)), np.empty(64 * count)
     offset, left_offset = np.zeros(count + 1, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
-    at_start = np.empty(count, dtype=np.int64)
-    low = 0
-    gone = 0
-    enough = True
+    at_start = np.zeros(count, dtype=np.int64)
     for i in range(count):
-        came, pad_s, land_s, begin, later, enough = lived(draws[i], pads, spots, rates, times, present[i], known_s)
-        if not enough:
-            break
-        at_start[i] = begin
-        # The first entry of a path holds for arrivals before all others.
-        arrival[low] = -np.inf
-        for k in range(len(came)):
-            arrival[low + 1 + k] = came[k]
-        for k in range(len(pad_s)):
-            pad[low + k], land[low + k] = pad_s[k], land_s[k]
-        low += len(pad_s)
-        for k in range(len(later)):
-            left[gone + k] = later[k]
-        gone += len(later)
-        offset[i + 1], left_offset[i + 1] = low, gone
+        of_all, waiting, at_start[i], later = _live(draws[i], pads, rates, times, present[i], known_s, free, room)
+        if of_all < 0:
+            nothing = np.empty(0)
+            return offset, nothing, nothing, nothing, at_start, left_offset, nothing, False
+        # The path begins behind those present at the start; its first entry holds for arrivals before all others.
+        low = offset[i]
+        entries = of_all + 1 - waiting
+        if low + entries > packed.shape[1]:
+            wider = np.empty((3, 2 * (low + entries)))
+            wider[:, :low] = packed[:, :low]
+            packed = wider
+        packed[0, low] = -np.inf
+        for k in range(entries):
+            if k > 0:
+                packed[0, low + k] = came[waiting + k - 1]
+            packed[1, low + k] = ready[waiting + k]
+            # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
+            before = waiting + k - spots
+            packed[2, low + k] = ready[waiting + k]
+            if spots > 0:
+                packed[2, low + k] = min(ready[waiting + k], began[before]) if before >= 0 else -np.inf
+        departures = left_offset[i]
+        if departures + later > len(left):
+            longer = np.empty(2 * (departures + later))
+            longer[:departures] = left[:departures]
+            left = longer
+        for k in range(later):
+            left[departures + k] = gone[k]
+        offset[i + 1], left_offset[i + 1] = low + entries, departures + later
+    low = offset[count]
     return (
         offset,
-        arrival[:low].copy(),
-        pad[:low].copy(),
-        land[:low].copy(),
+        packed[0, :low].copy(),
+        packed[1, :low].copy(),
+        packed[2, :low].copy(),
         at_start,
         left_offset,
-        left[:gone].copy(),
-        enough,
+        left[: left_offset[count]].copy(),
+        True,
     )

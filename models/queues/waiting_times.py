@@ -15,21 +15,19 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import S_PER_H
-from skyway.models.queues.transient_kernels import (
-    MAX_JUMPS,
-    MAX_STATES,
-    expected_waits,
-    transient_distributions,
-)
+from skyway.models.queues.load import hours_of_week
+from skyway.models.queues.settled_kernels import budget, unseen
+from skyway.models.queues.transient_kernels import MAX_STATES, expected_waits, transient_distributions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -37,8 +35,6 @@ if TYPE_CHECKING:
 
     Floats: TypeAlias = NDArray[np.float64]
 
-LOST_MASS = 1e-9
-"""Probability that a whole run may lose by cutting the line."""
 WARM_UP_H = 168
 """Hours lived through from an empty station where nobody has seen the pads and the load of the week is too high for a
 long run."""
@@ -54,40 +50,6 @@ TAIL_H = 24
 """Hours after a horizon whose charging times still matter to those who wait at its end."""
 STEP_S = 600.0
 """Distance of the points at which waits are forecast."""
-
-
-def erlang_c(pads: int, offered_load: float) -> float:
-    """Probability that an arrival must wait, in the long run (Erlang's C formula).
-
-    The offered load is the arrival rate times the mean charging time, from 0 up; from `pads` on everybody waits.
-    """
-    if offered_load >= pads:
-        return 1.0
-    blocked = 1.0  # Erlang's B formula by its recursion, which never overflows
-    for servers in range(1, pads + 1):
-        blocked = offered_load * blocked / (servers + offered_load * blocked)
-    return blocked / (1.0 - offered_load / pads * (1.0 - blocked))
-
-
-def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float64]:
-    """Long-run probabilities of the first states of the unlimited queue, shape (states,).
-
-    The offered load, arrival rate times mean charging time, is below `pads`; what the other states have is missing from
-    the sum.
-    """
-    waits = erlang_c(pads, offered_load)
-    ratio = offered_load / pads
-    number = np.arange(states)
-    tail = waits * (1.0 - ratio) * ratio ** np.maximum(number - pads, 0.0)
-    if offered_load == 0.0:
-        return np.where(number == 0, 1.0, 0.0)
-    factorials = np.array([math.lgamma(n + 1.0) for n in range(pads)])
-    log_weight = np.arange(pads) * math.log(offered_load) - factorials
-    weight = np.exp(log_weight - log_weight.max())
-    head = (1.0 - waits) * weight / weight.sum()
-    result = tail.copy()
-    result[: min(pads, states)] = head[:states]
-    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,52 +168,61 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
     Source of the relaxation time: E. A. van Doorn, "Conditions for exponential ergodicity and bounds for the decay
     parameter of a birth-death process", Advances in Applied Probability 17 (1985).
     """
-    return _kept(("settled", first_s), load, station, pads, lambda: _settled(load, station, pads, first_s))
+    return _unseen(load, [station], [pads], first_s)[0]
 
 
-def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArray[np.float64]:
-    """Probabilities of at most 0, 1, 2, … drones at an unobserved station, at any time; see `settled`."""
-
-    def found() -> NDArray[np.float64]:
-        queue = station_queue(load, station, pads, start_s, 1)
-        return np.cumsum(queue.distribution(np.array([start_s]))[0])
-
-    return _kept(("present", start_s), load, station, pads, found)
+def present_at(
+    load: PadLoad, stations: Sequence[int], pads: Sequence[int], start_s: float
+) -> list[NDArray[np.float64]]:
+    """Probabilities of at most 0, 1, 2, … drones at each of some unobserved stations with pads, at any time; see `settled`."""
+    return [np.cumsum(found) for found in _unseen(load, stations, pads, start_s)]
 
 
-_KEPT: dict[tuple[bytes, str, int, tuple[str, float]], NDArray[np.float64]] = {}
+_KEPT: dict[tuple[bytes, str, int, float], NDArray[np.float64]] = {}
 _MAX_KEPT = 50_000  # half a kilobyte each
 
 
-def _kept(
-    what: tuple[str, float], load: PadLoad, station: int, pads: int, work_out: Callable[[], NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """Keep what was computed for a time, a load and a number of pads."""
-    rates = load.arrivals_per_s[station].tobytes() + load.mean_charging_s[station].tobytes()
-    key = (hashlib.blake2b(rates, digest_size=16).digest(), load.timezone, pads, what)
-    found = _KEPT.get(key)
-    if found is None:
-        if len(_KEPT) >= _MAX_KEPT:
+def _unseen(load: PadLoad, stations: Sequence[int], pads: Sequence[int], time_s: float) -> list[NDArray[np.float64]]:
+    """Probabilities of 0, 1, 2, … drones at stations that nobody has seen; kept by time, load and number of pads."""
+    keys = []
+    for station, count in zip(stations, pads, strict=True):
+        rates = load.arrivals_per_s[station].tobytes() + load.mean_charging_s[station].tobytes()
+        keys.append((hashlib.blake2b(rates, digest_size=16).digest(), load.timezone, count, time_s))
+    found = {key: _KEPT[key] for key in keys if key in _KEPT}
+    missing = {key: place for place, key in enumerate(keys) if key not in found}
+    if missing:
+        places = list(missing.values())
+        which, counts = np.array(stations)[places], np.array(pads, dtype=np.int64)[places]
+        for key, share in zip(missing, _worked_out(load, which, counts, time_s), strict=True):
+            share.flags.writeable = False
+            found[key] = share
+        if len(_KEPT) + len(missing) > _MAX_KEPT:
             _KEPT.clear()
-        found = work_out()
-        found.flags.writeable = False
-        _KEPT[key] = found
-    return found
+        _KEPT.update({key: found[key] for key in missing})
+    return [found[key] for key in keys]
 
 
-def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
-    arrivals, charging = load.arrivals_per_s[station], load.mean_charging_s[station]
-    offered = float(np.mean(arrivals * charging))
-    begin, warm_up = np.ones(1), WARM_UP_H
-    if offered < SETTLED * pads:
-        relaxation_s = float(charging.max()) / min((math.sqrt(pads) - math.sqrt(offered)) ** 2, 1.0)
-        warm_up = min(max(math.ceil(FORGOTTEN * relaxation_s / S_PER_H), MIN_SETTLING_H), MAX_SETTLING_H)
-        ratio = max(offered / pads, 1e-3)
-        begin = stationary(pads, offered, pads + math.ceil(math.log(_NOBODY) / math.log(ratio)) + 1)
-        begin /= begin.sum()
-    rates = load.hourly(station, first_s - warm_up * S_PER_H, warm_up)
-    found = _run(pads, rates, begin, 0.0, np.array([warm_up * S_PER_H]))[0]
-    return np.asarray(found[: np.flatnonzero(found)[-1] + 1] / found.sum())
+def _worked_out(
+    load: PadLoad, stations: NDArray[np.int64], pads: NDArray[np.int64], time_s: float
+) -> list[NDArray[np.float64]]:
+    """Compute what `_unseen` returns."""
+    arrivals, charging = load.arrivals_per_s[stations], load.mean_charging_s[stations]
+    offered = (arrivals * charging).mean(axis=1)
+    plan = np.zeros((len(stations), 2), dtype=np.int64)
+    plan[:, 1] = WARM_UP_H
+    calm = offered < SETTLED * pads
+    spare = np.sqrt(pads) - np.sqrt(np.minimum(offered, pads))
+    relaxation_s = charging.max(axis=1) / np.minimum(np.where(calm, spare, 1.0) ** 2, 1.0)
+    hours = np.clip(np.ceil(FORGOTTEN * relaxation_s / S_PER_H), MIN_SETTLING_H, MAX_SETTLING_H)
+    ratio = np.clip(offered / pads, 1e-3, SETTLED)
+    states = pads + np.ceil(math.log(_NOBODY) / np.log(ratio)) + 1
+    plan[calm] = np.column_stack((states, hours))[calm].astype(np.int64)
+    first_s, before = math.floor(time_s / S_PER_H) * S_PER_H, int(plan[:, 1].max())
+    week = hours_of_week(load.timezone, first_s - before * S_PER_H, before + 2 + TAIL_H)
+    offset, share = unseen(arrivals, charging, pads, (offered, plan), (week, before), time_s - first_s)
+    if (np.diff(offset) == 0).any():
+        raise _too_long()
+    return [share[low:high].copy() for low, high in pairwise(offset.tolist())]
 
 
 def _run(
@@ -263,13 +234,15 @@ def _run(
 ) -> NDArray[np.float64]:
     """Distributions at times since the first hour of the rates, shape (times, states)."""
     arrivals, charging = rates
-    jumps = (arrivals.max() + pads / charging.min()) * (times_s[-1] - begin_s)
-    steps = jumps / MAX_JUMPS + len(times_s) + (times_s[-1] - begin_s) / S_PER_H + 2.0
-    cut = 0.5 * LOST_MASS / steps
+    cut = budget(arrivals, charging, pads, float(times_s[-1] - begin_s), len(times_s))
     distribution, lost = transient_distributions(
         initial.copy(), pads, arrivals, 1.0 / charging, S_PER_H, begin_s, times_s, cut
     )
     if lost < 0.0:
-        remedy = "check the arrivals and the charging times"
-        raise InputError(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy)
+        raise _too_long()
     return np.asarray(distribution)
+
+
+def _too_long() -> InputError:
+    remedy = "check the arrivals and the charging times"
+    return InputError(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy)

@@ -109,8 +109,7 @@ def _search(
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
     # The source: over it a climb after each take-off of the slot that is asked for.
-    begin = max(_slot_begin(table, s0), asked.begin_s)
-    end = min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)
+    begin, end = max(_slot_begin(table, s0), asked.begin_s), min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)
     if begin >= end:
         return t, a, n
     t[source, 0], t[source, 1] = begin, end
@@ -124,13 +123,11 @@ def _search(
     # Nodes whose function has changed; the one that is reached first comes first, so that most are settled at once.
     queued = np.zeros(nodes, dtype=np.bool_)
     queued[source] = True
-    while True:
-        node = -1
-        for other in range(nodes):
-            if queued[other] and (node < 0 or a[other, 0] < a[node, 0]):
-                node = other
-        if node < 0:
-            return t, a, n
+    heap = [(a[source, 0], source)]
+    while len(heap) > 0:
+        _, node = heapq.heappop(heap)
+        if not queued[node]:  # an earlier arrival brought it up before
+            continue
         queued[node] = False
         for segment in range(table.first[node], table.first[node + 1]):
             other = table.head[segment]
@@ -164,6 +161,8 @@ def _search(
             for k in range(ln):
                 took[other], longest[other] = min(took[other], la[k] - lt[k]), max(longest[other], la[k] - lt[k])
             queued[other] = True
+            heapq.heappush(heap, (a[other, 0], other))
+    return t, a, n
 
 
 @compiled

@@ -42,11 +42,11 @@ GAIN_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A stop label, where it comes from, and what it has to spare in the eyes of a guide."""
+    """A stop label, where it comes from, and what it has to spare in the eyes of a guide; None where none has looked at it."""
 
     stop_label: StopLabel
     parent: Label | None
-    guide: Guide
+    guide: Guide | None
     slack_s: float
 
     def chain(self) -> list[StopLabel]:
@@ -99,7 +99,7 @@ class Round:
         self.best: tuple[list[StopLabel], float] | None = None
         """Stays and last take-off of the best composition found, which arrives at ``stop_labels.best_s``."""
         nodes = len(stop_labels.subnetwork.nodes)
-        self._settled, self._nothing = Settled(nodes), Settled(nodes).offered
+        self._settled = Settled(nodes)
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
@@ -107,7 +107,7 @@ class Round:
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:
         """Search to the end, from the origin or from other stop labels."""
         for root in (self.stop_labels.origin(),) if roots is None else roots:
-            label = self._judged(Label(root, None, self.guide, 0.0))
+            label = self._judged(Label(root, None, None, 0.0))
             if label is not None:
                 self._push(label)
         label = self._next()
@@ -136,6 +136,8 @@ class Round:
     def _judged(self, label: Label) -> Label | None:
         """The label as the latest guide sees it; None where it cannot be on time."""
         stop_label, guide = label.stop_label, self.guide
+        if label.guide is guide:
+            return label
         subnetwork = self.stop_labels.subnetwork
         first, last = guide.window[stop_label.node].tolist()
         spare = float(
@@ -197,8 +199,9 @@ class Round:
             subnetwork.table.climb_s,
             guide.window,
             guide.leave,
+            self._settled.offered,
             # Before there is an answer a covered label with the most to spare ends the way that is followed.
-            self._settled.offered if self.answered or self.best is not None else self._nothing,
+            not self.answered and self.best is None,
         )
         best: Label | None = None
         for node, spare, z, h, g in found:

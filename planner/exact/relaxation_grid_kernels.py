@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 LOOSE = 1e-9
 """Charges and potentials are compared this generously, so that rounding never cuts off what is exact."""
 
+_TIE = 1e-8
+"""Who ends this close to the border of two cells may be in either: POSIX seconds are rounded by some 1e-7 s."""
+
 
 class Cells(NamedTuple):
     """The grid of times.
@@ -110,61 +113,89 @@ def crossing(table: FlightTable, cells: Cells, segment: int, over_s: float) -> t
     return cell_of(cells, 0.0, begin), cell_of(cells, 0.0, end), least
 
 
-@compiled
-def slot_times(table: FlightTable, slot: int, step_s: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Seconds over each segment at the ground speeds of one slot, never where it is closed, and whole cells of these."""
-    out, steps = np.empty(len(table.head)), np.zeros(len(table.head), dtype=np.int64)
-    for segment in range(len(out)):
-        speed = table.speed_mps[slot, segment]
-        out[segment] = table.distance_m[segment] / speed if speed > 0.0 else NEVER
-        if speed > 0.0:
-            steps[segment] = int(out[segment] / step_s)
-    return out, steps
+class Open(NamedTuple):
+    """Segments that are open in a slot: those of node i are ``first[i] : first[i + 1]``."""
+
+    first: NDArray[np.int64]
+    """Shape (nodes + 1,)."""
+    number: NDArray[np.int64]
+    head: NDArray[np.int64]
+    takes_s: NDArray[np.float64]
+    """Shape (segments,) each. Segment, where it leads, and seconds over it at the ground speed of the slot."""
+    steps: NDArray[np.int64]
+    """Whole cells of these."""
+    ratio: NDArray[np.float64]
+    """Ground speed over that of the next slot; 0 where it is closed then."""
 
 
 @compiled
-def inner_segments(table: FlightTable, step_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Segments that can be flown within a cell, at the best speed of any slot: those of node i are ``first[i] : first[i + 1]``."""
-    nodes = len(table.first) - 1
+def open_in(table: FlightTable, slot: int, step_s: float) -> Open:
+    """Return the segments that are open in a slot, for cells of some seconds."""
+    nodes, size = len(table.first) - 1, len(table.head)
+    following = min(slot + 1, len(table.speed_mps) - 1)
     first = np.zeros(nodes + 1, dtype=np.int64)
-    inner = np.empty(len(table.head), dtype=np.int64)
+    number, head, steps = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    takes_s, ratio = np.empty(size), np.empty(size)
     count = 0
     for node in range(nodes):
         for segment in range(table.first[node], table.first[node + 1]):
-            speed = 0.0
-            for slot in range(len(table.speed_mps)):
-                speed = max(speed, table.speed_mps[slot, segment])
-            if table.distance_m[segment] <= 1.001 * step_s * speed:
-                inner[count] = segment
-                count += 1
+            speed, then = table.speed_mps[slot, segment], table.speed_mps[following, segment]
+            if speed <= 0.0:
+                continue
+            number[count], head[count] = segment, table.head[segment]
+            takes_s[count] = table.distance_m[segment] / speed
+            steps[count] = int(takes_s[count] / step_s)
+            ratio[count] = speed / then if then > 0.0 else 0.0
+            count += 1
         first[node + 1] = count
-    return first, inner[:count].copy()
+    return Open(first, number, head, takes_s, steps, ratio)
 
 
 @compiled_lean
 def crossed(
-    table: FlightTable, cells: Cells, segment: int, i: int, in_slot: tuple[float, int, float], takes_s: float
+    table: FlightTable, cells: Cells, open_now: Open, k: int, i: int, in_slot: tuple[float, int, float]
 ) -> tuple[int, int, float]:
-    """What `crossing` returns of cell i, quickly for flights that end in the slot of the cell or in the one after it.
+    """What `crossing` returns of cell i and the k-th open segment, quickly for flights that end in the slot of the cell or in the one after it.
 
-    `in_slot` is when the cell begins, its slot and the slot's end, POSIX seconds; `takes_s` what the segment takes in it.
+    `in_slot` is when the cell begins, its slot and the slot's end, POSIX seconds. A flight that takes T in the slot and has s seconds of it
+    left ends after s + (T - s) v / w, with v / w the ratio of its speed to that of the next slot.
     """
     over_s, slot, ends = in_slot
-    if takes_s == NEVER:
-        return -1, -2, NEVER
-    later_s = over_s + cells.step_s
-    if later_s + takes_s <= ends:
-        cell = i + int(takes_s / cells.step_s)
-        return cell, cell + 1, takes_s
-    # Entered at the two ends of the cell, it goes on at the speed of the next slot.
-    speed, then = table.speed_mps[slot, segment], table.speed_mps[slot + 1, segment]
-    if then > 0.0:
-        length = table.distance_m[segment]
-        begin = over_s + takes_s if over_s + takes_s <= ends else ends + (length - speed * (ends - over_s)) / then
-        end = ends + (length - speed * (ends - later_s)) / then
-        if end <= table_slot_end(table, slot + 1):
-            return cell_of(cells, 0.0, begin), cell_of(cells, 0.0, end), min(begin - over_s, end - later_s)
-    return crossing(table, cells, segment, over_s)
+    takes_s, ratio, step_s = open_now.takes_s[k], open_now.ratio[k], cells.step_s
+    # What is left of the slot where it is entered at the two ends of the cell.
+    left_s, later_s = ends - over_s, ends - over_s - step_s
+    if takes_s <= later_s:
+        return i + open_now.steps[k], i + open_now.steps[k] + 1, takes_s
+    if ratio <= 0.0:  # what flies is there before the next slot
+        if takes_s > left_s + 1e-6:
+            return -1, -2, NEVER
+        return i + int(takes_s / step_s - _TIE), i + int(left_s / step_s + _TIE), takes_s
+    begin = takes_s if takes_s <= left_s else left_s + (takes_s - left_s) * ratio
+    end = later_s + (takes_s - later_s) * ratio
+    if over_s + step_s + end <= table_slot_end(table, slot + 1):
+        return i + int(begin / step_s - _TIE), i + 1 + int(end / step_s + _TIE), min(begin, end)
+    return crossing(table, cells, open_now.number[k], over_s)
+
+
+@compiled
+def nearest_first(open_now: Open, step_s: float) -> NDArray[np.int64]:
+    """Put the segments of each node that may be flown within a cell before its others; returns how many these are, shape (nodes,).
+
+    As no cell holds two slots, that takes less than a cell at the speed of the slot.
+    """
+    inner = np.zeros(len(open_now.first) - 1, dtype=np.int64)
+    for node in range(len(inner)):
+        low = open_now.first[node]
+        for k in range(low, open_now.first[node + 1]):
+            if open_now.takes_s[k] > 1.001 * step_s:
+                continue
+            m = low + inner[node]
+            for one in (open_now.number, open_now.head, open_now.steps):
+                one[k], one[m] = one[m], one[k]
+            for other in (open_now.takes_s, open_now.ratio):
+                other[k], other[m] = other[m], other[k]
+            inner[node] += 1
+    return inner
 
 
 @compiled

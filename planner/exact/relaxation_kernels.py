@@ -35,8 +35,8 @@ from skyway.planner.exact.relaxation_grid_kernels import (
     cell_of,
     charge_after,
     crossed,
-    inner_segments,
-    slot_times,
+    nearest_first,
+    open_in,
     time_from_empty,
 )
 from skyway.planner.problem.flight_table import table_slot, table_slot_end
@@ -110,8 +110,7 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
     pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
-    first, head = table.first, table.head
-    nodes = len(first) - 1
+    nodes = len(table.first) - 1
     rows = np.full((5, cells.length, nodes), _NONE)
     over, rest, leave, landed, onto = rows[0], rows[1], rows[2], rows[3], rows[4]
     h, z = np.full(nodes, _NONE), np.full(nodes, _NONE)  # most charge landed and potential reached so far
@@ -133,8 +132,9 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     enough = costs.reserve - LOOSE + strict * table.descent_s
     full_s = costs.reserve / costs.rate_per_s
     drain = (per_s + costs.rate_per_s) / costs.rate_per_s
-    inner_first, inner = inner_segments(table, cells.step_s)
-    known, takes_s, steps = -1, np.empty(len(head)), np.empty(len(head), dtype=np.int64)
+    known = table_slot(table, cells.over_s)
+    open_now = open_in(table, known, cells.step_s)
+    inner = nearest_first(open_now, cells.step_s)
     i = begin - 1
     while i < last:
         i += 1
@@ -142,7 +142,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
         slot = table_slot(table, x)
         if slot != known:
             known = slot
-            takes_s, steps = slot_times(table, slot, cells.step_s)
+            open_now = open_in(table, slot, cells.step_s)
+            inner = nearest_first(open_now, cells.step_s)
         ends = table_slot_end(table, slot)
         inside = ends - x - cells.step_s
         down_by = x + cells.step_s + table.descent_s
@@ -203,15 +204,14 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 if left < enough:
                     continue
                 # Nodes that are reached within the cell are looked at again with what is brought there.
-                for k in range(inner_first[node], inner_first[node + 1]):
-                    segment = inner[k]
-                    cell, least = i + steps[segment], takes_s[segment]
+                for k in range(open_now.first[node], open_now.first[node] + inner[node]):
+                    cell, least = i + open_now.steps[k], open_now.takes_s[k]
                     if least > inside:
-                        cell, _, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                        cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                     lesser = left - strict * least
                     if cell != i or lesser < enough:
                         continue
-                    other, less = head[segment], charge - per_s * least
+                    other, less = open_now.head[k], charge - per_s * least
                     if less > over[i, other] or (margin and lesser > rest[i, other]):
                         over[i, other] = max(less, over[i, other])
                         if margin:
@@ -223,20 +223,17 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
             left = rest[i, node] if margin else charge
             if left < enough:
                 continue
-            for segment in range(first[node], first[node + 1]):
-                least = takes_s[segment]
+            for k in range(open_now.first[node], open_now.first[node + 1]):
                 # A flight within the slot takes one time, whenever it enters.
-                if least <= inside:
-                    cell = i + steps[segment]
-                    end = cell + 1
-                elif least < NEVER:
-                    cell, end, least = crossed(table, cells, segment, i, (x, slot, ends), least)
-                else:
-                    continue
+                least = open_now.takes_s[k]
+                cell = i + open_now.steps[k]
+                end = cell + 1
+                if least > inside:
+                    cell, end, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                 less, lesser = charge - per_s * least, left - strict * least
                 if lesser < enough:
                     continue
-                other = head[segment]
+                other = open_now.head[k]
                 seen[other] = True
                 cell, end = max(cell, i + 1), min(end, cells.length - 1)
                 while cell <= end:
@@ -271,8 +268,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
     pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
-    first, head = table.first, table.head
-    nodes = len(first) - 1
+    nodes = len(table.first) - 1
     rows = np.full((5, cells.length + 1, nodes), NEVER)
     # Over a node; the same for reserve and margin alone; to leave it;
     # the least of that, and of the potential, from then on.
@@ -280,15 +276,19 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
     margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
     climb = costs.soc_fixed + per_s * table.climb_s
-    inner_first, inner = inner_segments(table, cells.step_s)
-    known, takes_s, steps = -1, np.empty(len(head)), np.empty(len(head), dtype=np.int64)
+    known = table_slot(table, cells.over_s)
+    open_now = open_in(table, known, cells.step_s)
+    inner = nearest_first(open_now, cells.step_s)
+    any_inner = inner.max() > 0
     onward, onward_rest = np.empty(nodes), np.empty(nodes)  # by flights that end in later cells
     for i in range(cells.length - 1, -1, -1):
         x = cells.over_s + i * cells.step_s
         slot = table_slot(table, x)
         if slot != known:
             known = slot
-            takes_s, steps = slot_times(table, slot, cells.step_s)
+            open_now = open_in(table, slot, cells.step_s)
+            inner = nearest_first(open_now, cells.step_s)
+            any_inner = inner.max() > 0
         ends = table_slot_end(table, slot)
         inside = ends - x - cells.step_s
         down_by = x + cells.step_s + table.descent_s
@@ -299,16 +299,13 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             if not allowed[i // ratio, node]:
                 continue
             fly, least_rest = NEVER, NEVER
-            for segment in range(first[node], first[node + 1]):
-                least = takes_s[segment]
-                if least <= inside:
-                    cell = i + steps[segment]
-                    end = cell + 1
-                elif least < NEVER:
-                    cell, end, least = crossed(table, cells, segment, i, (x, slot, ends), least)
-                else:
-                    continue
-                other = head[segment]
+            for k in range(open_now.first[node], open_now.first[node + 1]):
+                least = open_now.takes_s[k]
+                cell = i + open_now.steps[k]
+                end = cell + 1
+                if least > inside:
+                    cell, end, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
+                other = open_now.head[k]
                 cell, end = max(cell, i + 1), min(end, cells.length - 1)
                 while cell <= end:
                     fly = min(fly, over[cell, other] + per_s * least)
@@ -324,14 +321,13 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                     continue
                 # And to nodes that are reached within this cell.
                 fly, least_rest = onward[node], onward_rest[node]
-                for k in range(inner_first[node], inner_first[node + 1]):
-                    segment = inner[k]
-                    cell, least = i + steps[segment], takes_s[segment]
+                for k in range(open_now.first[node], open_now.first[node] + inner[node]):
+                    cell, least = i + open_now.steps[k], open_now.takes_s[k]
                     if least > inside:
-                        cell, _, least = crossed(table, cells, segment, i, (x, slot, ends), least)
+                        cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                     if cell == i and least < NEVER:
-                        fly = min(fly, over[i, head[segment]] + per_s * least)
-                        least_rest = min(least_rest, rest[i, head[segment]] + strict * least)
+                        fly = min(fly, over[i, open_now.head[k]] + per_s * least)
+                        least_rest = min(least_rest, rest[i, open_now.head[k]] + strict * least)
                 if not margin:
                     least_rest = fly
                 # Leave: with the climb, with no more than a full battery; keep the least from here on.
@@ -362,7 +358,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                     over[i, node] = min(fly, over[i, node])
                     if margin:
                         rest[i, node] = min(least_rest, rest[i, node])
-                    again = len(inner) > 0
+                    again = any_inner
     return over[:-1], leave[:-1]
 
 

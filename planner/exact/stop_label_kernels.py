@@ -216,6 +216,7 @@ def stop_labels_after(
     window: NDArray[np.int64],
     least_leave: NDArray[np.float64],
     offered: Offered,
+    with_best: bool,
 ) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
     """Fly from a stop label to each target and keep what settled labels do not cover and can still be on time, by `slack`.
 
@@ -232,6 +233,8 @@ def stop_labels_after(
         `planner.exact.relaxation.Guide`.
     offered : Offered
         What settled labels offer.
+    with_best : bool
+        Keep what has the most to spare even where settled labels cover it.
 
     Returns
     -------
@@ -239,6 +242,7 @@ def stop_labels_after(
         Profiles at each node that is kept, and by how much its charge exceeds what is asked for, s.
     """
     found = [(0, 0.0, np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2)))]
+    most, best_is_covered = -1.0, False
     for node in targets:
         flights = pieces[piece_offset[node] : piece_offset[node + 1]]
         if len(flights) == 0:
@@ -252,9 +256,16 @@ def stop_labels_after(
         curve_s, curve_soc = grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last]
         off = departure_profile(z, h, curve_s, curve_soc)
         begin, size = offered.at[node, 0], offered.at[node, 1]
-        if size > 0 and covers(offered.points[begin : begin + size], off, 0.0):
+        covered = size > 0 and covers(offered.points[begin : begin + size], off, 0.0)
+        if covered and not with_best:
             continue
         spare = slack(off, node, cells, climb_s, (window[node, 0], window[node, 1]), least_leave, curve_s, curve_soc)
-        if spare >= 0.0:
+        if spare < 0.0 or (covered and spare <= most):
+            continue
+        if spare > most:
+            most, best_is_covered = spare, covered
+        if covered:
+            found[0] = (node, spare, z, h, off)
+        else:
             found.append((node, spare, z, h, off))
-    return found[1:]
+    return found if best_is_covered else found[1:]

@@ -173,7 +173,7 @@ def _strangers(
     if station in seen.busy:
         there = np.full(worlds, seen.busy[station])
     else:
-        share = present_at(load, node, pads, begin_s)
+        (share,) = present_at(load, [node], [pads], begin_s)
         there = np.searchsorted(share, random.random(worlds) * share[-1], side="right")
     first = np.repeat(np.arange(worlds), there)
     stay_s = random.exponential(float(charging[0]), len(first)) if len(first) else np.empty(0)

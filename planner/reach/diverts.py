@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.models.base import geodesy
+from skyway.planner.reach.reach import Flown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from skyway.planner.reach.reach import Flown, Place, Reach
+    from skyway.planner.reach.reach import Place, Reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,6 @@ class PointFlights:
         self._ends_at = reach.network.index[destination]
         nodes = reach.pads_near(self._places, 1.0)
         self._nodes = nodes[nodes != self._ends_at]
-        self._flights: dict[int, Flown] = {}
         self._clear: dict[tuple[int, int], bool] = {}
 
     def cover(
@@ -101,8 +102,7 @@ class PointFlights:
         for row in range(len(points)):
             if not len(nodes):
                 break
-            flight = self._from(row)
-            time_s, taken, doubt = (one[:, near_enough] for one in flight)
+            time_s, taken, doubt = (one[:, row, near_enough] for one in self._flights)
             left_s = float(self._mean_s[-1] - self._mean_s[row]) + self._descent_s
             nearest[row] = reach.network.pads[self._ends_at] > 0 and left_s <= float(reach.expected(time_s).min())
             cost = self._used[:, row, None] + taken
@@ -122,11 +122,11 @@ class PointFlights:
     def _at_s(self, row: int) -> float:
         return self._begins_s + float(self._mean_s[row])
 
-    def _from(self, row: int) -> Flown:
-        """Flights from a point to all stations."""
-        if row not in self._flights:
-            self._flights[row] = self._high.to_stations(self._places[row], self._at_s(row), self._nodes)
-        return self._flights[row]
+    @cached_property
+    def _flights(self) -> Flown:
+        """Flights from every point to all stations, shape (members, points, stations)."""
+        flown = self._high.all_to_stations(self._places, self._begins_s + self._mean_s, self._nodes)
+        return Flown(*(one.reshape(len(one), len(self._points), len(self._nodes)) for one in flown))
 
     def _clear_to(self, row: int, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether no zone lies before stations, from a point."""

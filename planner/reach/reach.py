@@ -142,22 +142,23 @@ class Reach:
 
     def _cruise(
         self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
-        length_m: NDArray[np.float64], time_s: float, factor: NDArray[np.float64], *, in_turn: bool,
+        length_m: NDArray[np.float64], time_s: ArrayLike, factor: NDArray[np.float64], *, in_turn: bool,
     ) -> Flown:  # fmt: skip
         """Fly straight at the planned airspeed, with at least 1 m/s over the ground; no climb, no descent.
 
-        Each flight alone from `time_s` on, or one after the other. Limits of the wind do not count: whoever is in the air has
+        Each flight alone from `time_s` on, a time or shape (n,), or one after the other from a time on. Limits of the wind do not count: whoever is in the air has
         to fly on.
         """
         middle = geodesy.midpoint(*start, bearing, length_m)
         most = self.drone.max_ground_speed_mps
         air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most, factor)
-        flight_s = airborne_times(air, time_s, in_turn)
+        begin_s = np.full(len(length_m), time_s, dtype=np.float64)
+        flight_s = airborne_times(air, begin_s, in_turn)
         doubt = np.zeros_like(flight_s)
         if self.load is None and self.ahead is None:
             return Flown(flight_s, self.soc_per_s * flight_s, doubt)
         half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
-        north, east = self.winds(*middle, time_s + half_s)
+        north, east = self.winds(*middle, begin_s + half_s)
         along, across = along_across(factor * north, factor * east, air.cos_bearing, air.sin_bearing)
         soc_per_s = np.full_like(flight_s, self.soc_per_s)
         if self.load is not None:  # a drone that must not be faster over the ground flies slower through the air
@@ -173,15 +174,23 @@ class Reach:
 
     def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
         """Fly from a point at cruise height to touch-down at stations."""
-        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
-        length, bearing = geodesy.inverse(*here, lat, lon)
-        start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
-        ground_m = self.network.ground_at_m(*here), self.network.ground_m[nodes]
+        return self.all_to_stations([here], np.array([time_s]), nodes)
+
+    def all_to_stations(self, places: Sequence[Place], times_s: NDArray[np.float64], nodes: NDArray[np.int64]) -> Flown:
+        """Fly from each of some points at cruise height, from its time on, to touch-down at each of some stations, shape (members, points * stations)."""
+        count = len(nodes)
+        here = np.repeat(np.array(places), count, axis=0)
+        start, time_s = (here[:, 0], here[:, 1]), np.repeat(times_s, count)
+        lat, lon = (np.tile(one[nodes], len(places)) for one in (self.network.lat, self.network.lon))
+        length, bearing = geodesy.inverse(*start, lat, lon)
+        begin_m = np.concatenate([self.network.ground_at_m(*place) for place in places])
+        ground_m = np.repeat(begin_m, count), np.tile(self.network.ground_m[nodes], len(places))
         above_m = np.maximum(np.maximum(*ground_m), self.cleared_m)
         factor = wind_factors(self.rules, ground_m, (above_m, above_m))
         over, lift = self.network.over, _NO_LIFT
         if over is not None:  # climbs to the least level that clears the way, and goes on at it
-            level_m = np.maximum(level_over_m(here, lat, lon, over), self.cleared_m + over.cruise_height_m)
+            levels = [level_over_m(place, lat[:count], lon[:count], over) for place in places]
+            level_m = np.maximum(np.concatenate(levels), self.cleared_m + over.cruise_height_m)
             factor = above_factors(self.rules, level_m - 0.5 * (ground_m[0] + ground_m[1]))
             lift = self._lift(
                 level_m - ground_m[0] - over.cruise_height_m, level_m - ground_m[1] - over.cruise_height_m
@@ -290,8 +299,8 @@ class Reach:
         most_m = soc / (MIN_LOAD * self.soc_per_s) * self.drone.max_ground_speed_mps
         lat, lon = self.network.lat[self.pads], self.network.lon[self.pads]
         near = np.zeros(len(self.pads), dtype=bool)
-        for place in places:
-            distance_m = geodesy.coarse_distance_m(*place, lat, lon)
+        here = np.array(places)[:, :, None]
+        for distance_m in geodesy.coarse_distance_m(here[:, 0], here[:, 1], lat, lon):
             nearest = np.argpartition(distance_m, NEAREST - 1)[:NEAREST] if len(distance_m) > NEAREST else slice(None)
             near[nearest] |= distance_m[nearest] <= 1.01 * most_m
         return np.asarray(self.pads[near])

@@ -318,6 +318,8 @@ class RobustSearch:
             found[flights], charges = self._judged(
                 itinerary, self.parameters.screen_runs, self.parameters.screen_members
             )
+            if found[flights].outcome.p_arrive <= 0.0:  # it does not charge where it never comes
+                return
             itinerary = self._without_idle_stops(itinerary, charges)
 
     def _without_idle_stops(self, itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:

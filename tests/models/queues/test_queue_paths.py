@@ -184,6 +184,34 @@ def test_paths_that_are_sampled_for_a_while_are_the_beginnings_of_long_ones():
         assert np.array_equal(one.left_s[one.left_s <= until_s], other.left_s[other.left_s <= until_s])
 
 
+def served_one_by_one(draws, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 * HOUR):
+    """Three arrivals an hour, an hour on a pad on average: who came, when a pad and a place would be free for ours, who was there, who left."""
+    deviates = iter(draws)
+    free = [-math.inf] * pads
+    for pad in range(min(present, pads)):
+        free[pad] = start_s + HOUR * next(deviates)
+    later = [one for one in free if one > start_s]
+    waiting, there, now = max(present - pads, 0), len(later), start_s
+    came, began, ready = [], [], []
+    while True:
+        pad = min(range(pads), key=free.__getitem__)
+        ready.append(free[pad])
+        if len(came) >= waiting:
+            now += HOUR / 3.0 * next(deviates)
+            if now > end_s:
+                break
+        elif len(came) < waiting:
+            there += 1
+        came.append(now)
+        began.append(max(now, free[pad]))
+        free[pad] = began[-1] + HOUR * next(deviates)
+        later.append(free[pad])
+    pad_s = ready[waiting:]
+    ahead = [waiting + k - spots for k in range(len(pad_s))]
+    land_s = [min(at, began[k]) if k >= 0 else -math.inf for at, k in zip(pad_s, ahead, strict=True)]
+    return came[waiting:], pad_s, land_s, there, sorted(later)
+
+
 def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviates():
     load = steady_load(0.9)
     one, again, other = (sample_many(load, 5, 4, 0, START, 12.0, seed, 20, None) for seed in ((1,), (1,), (2,)))
@@ -196,14 +224,17 @@ def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviat
     offset, arrival, pad, land, there, left_offset, left, enough = lived_sets(draws, *station, present, np.empty(0))
     assert enough
     for number in range(4):
-        came, pad_s, land_s, begin, later, _ = lived(draws[number], *station, present[number], np.empty(0))
+        came, pad_s, land_s, begin, later = served_one_by_one(draws[number].tolist(), int(present[number]))
         part = slice(offset[number], offset[number + 1])
         assert arrival[part][0] == -math.inf
-        assert np.array_equal(arrival[part][1:], came)
-        assert np.array_equal(pad[part], pad_s)
-        assert np.array_equal(land[part], land_s)
+        assert arrival[part][1:] == pytest.approx(came, rel=1e-12)
+        assert pad[part] == pytest.approx(pad_s, rel=1e-12)
+        assert land[part] == pytest.approx(land_s, rel=1e-12)
         assert there[number] == begin
-        assert np.array_equal(left[left_offset[number] : left_offset[number + 1]], later)
+        assert left[left_offset[number] : left_offset[number + 1]] == pytest.approx(later, rel=1e-12)
+        alone = lived(draws[number], *station, present[number], np.empty(0))
+        assert np.array_equal(alone[0], arrival[part][1:])
+        assert np.array_equal(alone[4], left[left_offset[number] : left_offset[number + 1]])
     assert not lived_sets(draws[:, :10].copy(), *station, present, np.empty(0))[-1]
 
 

@@ -13,14 +13,8 @@ from scipy.linalg import expm
 from benchmarks.cases.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.waiting_times import (
-    LOST_MASS,
-    STEP_S,
-    PadQueue,
-    erlang_c,
-    forecast_waits,
-    stationary,
-)
+from skyway.models.queues.settled_kernels import LOST_MASS, erlang_c, stationary
+from skyway.models.queues.waiting_times import STEP_S, PadQueue, forecast_waits, present_at, settled, station_queue
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
@@ -299,3 +293,27 @@ def test_in_the_week_of_the_clock_change_the_local_profile_is_followed():
 def test_a_line_that_grows_without_end_is_refused():
     with pytest.raises(InputError, match="grows beyond"):
         transient(1, [1.0] * 24, [HOUR] * 24, 0)
+
+
+def test_many_unseen_stations_are_settled_as_each_alone_lives_through_its_week():
+    """Stations of different load, one of them too busy to settle, and of different pads; against the transient chain begun empty long before."""
+    rng = np.random.default_rng(5)
+    hours = 1.0 + 0.8 * np.sin(np.arange(168) * 2.0 * np.pi / 24.0)
+    utilisation, pads = np.array([0.3, 0.6, 1.0, 0.8]), [5, 2, 3, 1]
+    arrivals = (utilisation * pads)[:, None] / HOUR * hours * rng.uniform(0.9, 1.0, (4, 168))
+    load = PadLoad(arrivals, np.full((4, 168), HOUR), NEW_YORK)
+    found = present_at(load, [0, 1, 2, 3], pads, START)
+    for station, (count, share) in enumerate(zip(pads, found, strict=True)):
+        assert share[-1] == pytest.approx(1.0, abs=1e-6)
+        (alone,) = present_at(load, [station], [count], START)
+        assert np.array_equal(alone, share)
+        first_s = START - START % HOUR
+        begin_s = first_s - 168 * HOUR
+        lived = PadQueue(count, begin_s, begin_s, *load.hourly(station, begin_s, 200)).distribution(
+            np.array([first_s, START])
+        )
+        if station != 2:  # that one grows from week to week
+            assert settled(load, station, count, first_s)[:count] == pytest.approx(lived[0, :count], abs=2e-3)
+            assert share[:count] == pytest.approx(np.cumsum(lived[1])[:count], abs=4e-3)
+        queue = station_queue(load, station, count, START, 1.0)
+        assert share[:count] == pytest.approx(np.cumsum(queue.distribution(np.array([START]))[0])[:count], abs=1e-9)

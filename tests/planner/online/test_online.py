@@ -265,6 +265,21 @@ def test_straight_flights_take_longer_against_the_wind(newyork):
     assert time_s(20.0) > 1.4 * time_s(200.0)
 
 
+def test_flights_from_all_points_of_a_leg_are_those_from_each(newyork):
+    reach = Reach(newyork, wind(6.0, 200.0), newyork.drone("m200"), 0.8, SURE, watched=True)
+    nodes = reach.pads[:7]
+    places, times_s = (
+        [(40.70, -73.97), (40.75, -73.95), (40.80, -73.93)],
+        DEPART.timestamp() + np.array([0.0, 3000.0, 9000.0]),
+    )
+    together = reach.all_to_stations(places, times_s, nodes)
+    for row, (place, time_s) in enumerate(zip(places, times_s.tolist(), strict=True)):
+        alone = reach.to_stations(place, time_s, nodes)
+        for one, other in zip(together, alone, strict=True):
+            assert one[:, 7 * row : 7 * row + 7] == pytest.approx(other, rel=1e-9)
+    assert len({round(float(one), 3) for one in together.time_s[0]}) > 7
+
+
 class Flight:
     """A leg from Bellevue to Yankee Stadium, flown point by point with whatever noise."""
 
