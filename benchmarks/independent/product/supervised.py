@@ -34,6 +34,8 @@ class _Stay:
 class Supervised(Policy):
     """`planner.online.policy.OnlinePolicy` as `link.supervisor` consults it: it decides all along the way, not over stations."""
 
+    watches = True
+
     def __init__(self, planned: Planned) -> None:
         self.start = planned.problem()
         self.plan = planned.result.composition
