@@ -128,11 +128,7 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     seeds = rng.integers(0, 2**62, (runs, 3))
     drone = problem.drone.id
     request = replace(problem.request, drone=drone)
-    online = problem.parameters.online
-    looks = replace(
-        online, futures=min(online.futures, FUTURES), better_every_s=max(online.better_every_s, BETTER_EVERY_S)
-    )
-    parameters = replace(problem.parameters, online=looks)
+    parameters = thrifty(problem.parameters)
     world = _World(problem.scenario, request, drone, parameters, errors, forecast, left_out(forecast))
     deliveries = [
         _Delivery(one, (queues, vehicle, gusts), ratios[number])
@@ -141,6 +137,15 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     workers = min(processors(), runs // _RUNS_OF_A_WORKER)
     flown = pooled(spread(_fly, deliveries, common=world, workers=workers, told=told))
     return AsFlown(_outcome(problem, flown, member), flown)
+
+
+def thrifty(parameters: PlannerParameters) -> PlannerParameters:
+    """Parameters of the online policy for simulated deliveries, where `fly` has more futures and looks for better stations more often."""
+    online = parameters.online
+    looks = replace(
+        online, futures=min(online.futures, FUTURES), better_every_s=max(online.better_every_s, BETTER_EVERY_S)
+    )
+    return replace(parameters, online=looks)
 
 
 def _fly(world: _World, one: _Delivery) -> Flown:

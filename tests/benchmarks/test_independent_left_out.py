@@ -1,17 +1,25 @@
 """Promises as flown, judged by leaving days out: the arithmetic, the days, and who decides."""
 
 import json
+from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.independent import left_out, study
 from benchmarks.independent.information import LEVELS
-from benchmarks.independent.product import planning, policies
+from benchmarks.independent.product import planning, policies, supervised
 from skyway.planner.evaluation.evaluate import held_out_forecast
+from skyway.planner.online.information import Decision
 
 DAY = np.arange(100, 160, 3)
+
+
+@dataclass
+class Route:
+    services: Any
 
 
 def test_simulated_deliveries_keep_the_quantiles_of_the_others_as_often_as_they_say():
@@ -67,17 +75,40 @@ def test_a_day_laid_onto_an_order_is_the_member_of_its_forecast_with_that_date()
         assert [forecast.north[k, 0, column], forecast.east[k, 0, column]] == pytest.approx(raw.wind[hour], abs=0.05)
 
 
-def test_who_was_turned_goes_on_as_fly_decides():
+def test_who_was_turned_takes_off_again_when_the_gate_of_a_departure_lets_it():
     policy = object.__new__(policies.TurningRobust)
     policy.ends = [4, 7]
-    policy.fly = SimpleNamespace(
-        leave=lambda seen: "fly", aloft=lambda seen: "fly", in_air=SimpleNamespace(turns=lambda *_: "turns")
+    policy.kept = SimpleNamespace(
+        leave=lambda seen: "by the gate", in_air=SimpleNamespace(turns=lambda seen, places: places)
     )
+    policy.policy = []  # a route without flights: by the plan there is nothing more to fly
 
     def after(*ends):
         return SimpleNamespace(flights=tuple(SimpleNamespace(end=end) for end in ends), origin=1)
 
-    assert [policy.aloft(after(*ends)) for ends in ((), (4,), (1,), (4, 4), (1, 4))] == [
-        "turns", "turns", "fly", "fly", "fly",
-    ]  # fmt: skip
-    assert policy.leave(after(4, 4)) == "fly"
+    found = [policy.leave(after(*ends)) for ends in ((), (4,), (4, 7), (1,), (4, 4), (1, 4))]
+    assert found == [None, None, None, "by the gate", "by the gate", "by the gate"]
+    assert policy.aloft(after()) == (1,)
+
+
+def test_the_gate_is_asked_for_the_leg_that_was_not_flown_and_again_where_it_stops():
+    asked = []
+
+    def keep(info, **_):
+        asked.append(info.services[0].destination)
+        return Decision("stop" if len(asked) == 1 else "continue", "")
+
+    legs = [SimpleNamespace(origin=a, destination=b, via=()) for a, b in (("a", "b"), ("b", "c"))]
+    policy = object.__new__(supervised.Kept)
+    policy.plan = Route(legs)
+    network = SimpleNamespace(index={"a": 0, "b": 1, "c": 2}, first=[0, 1, 2, 2], head=np.array([1, 2]))
+    policy.start = SimpleNamespace(network=network)
+    policy.in_air = SimpleNamespace(policy=SimpleNamespace(keep_to_plan=keep))
+    policy._information = lambda seen, plan: plan
+    policy._stay, policy._plan, policy._diverts = {}, {}, {}
+    turned = tuple(SimpleNamespace(end=end) for end in (1, 1))  # it flew to b, and was turned back to b
+    seen = SimpleNamespace(run=0, node=1, time_s=50.0, told=0.5, reports={"site": ()}, flights=turned, station="b")
+    first, second = policy.leave(seen), policy.leave(seen)
+    assert asked == ["c", "c"]
+    assert (first.segments, first.look_s) == ((), 50.0 + supervised.REDECIDE_S)
+    assert second.segments == (1,)

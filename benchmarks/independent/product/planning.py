@@ -33,7 +33,7 @@ from skyway.models.wind.observed.conditioning import conditioned, counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.between_sites import between_sites
-from skyway.planner.evaluation.as_flown import as_flown
+from skyway.planner.evaluation.as_flown import as_flown, thrifty
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
@@ -95,9 +95,11 @@ class Planned:
     result: PlanResult
     promise: Promise
 
-    def problem(self) -> Problem:
-        """Return what was planned from, for the drone of the plan."""
-        return Problem(self.scenario, self.request, self.scenario.drone(self.request.drone or ""), self.forecast)
+    def problem(self, *, thriftily: bool = False) -> Problem:
+        """Return what was planned from, for the drone of the plan; `thriftily` with the parameters of the deliveries that `plan --as-flown` simulates."""
+        parameters = thrifty(USUAL) if thriftily else USUAL
+        drone = self.scenario.drone(self.request.drone or "")
+        return Problem(self.scenario, self.request, drone, self.forecast, parameters=parameters)
 
     @property
     def legs(self) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.independent.information import Leave, Policy
-from benchmarks.independent.product.supervised import Supervised
+from benchmarks.independent.product.supervised import Kept
 from skyway.models.flight.kernels import NEVER, land
 from skyway.models.wind.triangle import height_factor
 from skyway.planner.evaluation.policies import Standing
@@ -133,30 +133,26 @@ class Robust(Policy):
 
 
 class TurningRobust(Robust):
-    """The same route, looked after in the air as `fly` does; where a flight was turned `fly` decides the rest of the delivery, by whether that will be turned again."""
+    """The same route; a flight turns back where `fly` would turn it, and takes off again when `fly` lets it under a plan that is kept."""
 
     watches = True
 
     def __init__(self, planned: Planned) -> None:
         super().__init__(planned)
-        self.fly = Supervised(planned)
+        self.kept = Kept(planned)
 
     def forget(self) -> None:
         """Drop what was noted of deliveries before."""
-        self.fly.forget()
+        self.kept.forget()
 
     def leave(self, seen: Seen) -> Leave | None:
         """By the plan until a flight is turned."""
-        return self.fly.leave(seen) if self._turned(seen.flights) else super().leave(seen)
+        turned = any(flight.end != end for flight, end in zip(seen.flights, self.ends, strict=False))
+        return self.kept.leave(seen) if turned else super().leave(seen)
 
     def aloft(self, seen: Aloft) -> int | None:
         """Back to where it took off."""
-        if self._turned(seen.flights):
-            return self.fly.aloft(seen)
-        return self.fly.in_air.turns(seen, (seen.origin,))
-
-    def _turned(self, flights: tuple[Flown, ...]) -> bool:
-        return any(flight.end != end for flight, end in zip(flights, self.ends, strict=False))
+        return self.kept.in_air.turns(seen, (seen.origin,))
 
 
 class Online(Policy):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from benchmarks.independent.information import Leave, Policy
 from benchmarks.independent.product.in_air import InAir
-from skyway.planner.online.information import Information
+from skyway.planner.online.information import Departure, Information
+from skyway.planner.online.told_plan import segments_of
 
 if TYPE_CHECKING:
     from benchmarks.independent.information import Aloft, Seen
@@ -36,8 +37,8 @@ class Supervised(Policy):
 
     watches = True
 
-    def __init__(self, planned: Planned) -> None:
-        self.start = planned.problem()
+    def __init__(self, planned: Planned, *, thriftily: bool = False) -> None:
+        self.start = planned.problem(thriftily=thriftily)
         self.plan = planned.result.composition
         self.in_air = InAir(self.start)
         self._stay: dict[int, _Stay] = {}
@@ -76,17 +77,20 @@ class Supervised(Policy):
         return Leave(departure.segments)
 
     def _decide(self, seen: Seen) -> Decision:
+        plan = self._plan.get(seen.run, self.plan)
+        in_force = bool(plan.services) and plan.services[0].origin == seen.station
+        return self.in_air.policy.on_ground(self._information(seen, plan if in_force else None), tell=True)
+
+    def _information(self, seen: Seen, plan: Composition | None) -> Information:
+        """What `fly` knows at a stop."""
         air, network = self.in_air, self.start.network
         ids = [one.id for one in network.stations]
         visited = {ids[node] for one in seen.flights for node in (one.origin, one.end)}
-        forecast = air.forecast(seen.run, seen.reports)
-        plan = self._plan.get(seen.run, self.plan)
-        in_force = bool(plan.services) and plan.services[0].origin == seen.station
-        info = Information(
+        return Information(
             time_s=seen.time_s,
             soc=seen.told,
             forecast=air.forecast(seen.run, seen.reports, by_hour=True),
-            near_forecast=forecast,
+            near_forecast=air.forecast(seen.run, seen.reports),
             belief=air.belief(seen.flights),
             roughness=air.roughness(seen.run),
             station=seen.station,
@@ -94,9 +98,8 @@ class Supervised(Policy):
             left=frozenset(visited - {seen.station}),
             busy_pads={one.id: seen.line(node) for node, one in enumerate(network.stations) if one.pads},
             behind=seen.behind,
-            plan=plan if in_force else None,
+            plan=plan,
         )
-        return air.policy.on_ground(info, tell=True)
 
     def aloft(self, seen: Aloft) -> int | None:
         """Where `fly` would turn to: stations inside its fence."""
@@ -104,6 +107,31 @@ class Supervised(Policy):
         via = [int(network.head[one]) for one in seen.segments[:-1]]
         diverts = [network.index[one] for one in self._diverts.get(seen.run, ())]
         return self.in_air.turns(seen, tuple(dict.fromkeys((*diverts, seen.origin, *via))))
+
+
+class Kept(Supervised):
+    """What `fly` does at a stop under a plan that is kept, as under that of a fleet: the gate of a departure raises its charge, or lets it wait.
+
+    Where no charge allows the leg, `fly` stops; here it is asked again after ten minutes.
+    """
+
+    def leave(self, seen: Seen) -> Leave | None:
+        """As `Supervised`, but that it never gives up."""
+        return super().leave(seen) or Leave((), look_s=seen.time_s + REDECIDE_S)
+
+    def _decide(self, seen: Seen) -> Decision:
+        services = self.plan.services
+        index, leg = self.start.network.index, 0
+        for flight in seen.flights:  # who was turned back has flown none
+            leg += flight.end == index[services[leg].destination]
+        service = services[leg]
+        plan = replace(self.plan, services=services[leg:])
+        decision = self.in_air.policy.keep_to_plan(self._information(seen, plan))
+        way = segments_of(self.start.network, [service.origin, *service.via, service.destination])
+        leaves = decision.action == "continue"
+        return replace(
+            decision, composition=None, departure=Departure(way, seen.told, lambda _: 0.0) if leaves else None
+        )
 
 
 def _charge(stay: _Stay) -> Leave:
