@@ -2,7 +2,7 @@
 
 A delivery decided as `fly` decides costs a second or two of a processor, in the product's simulation as in a world. Held-out days with a promise of a hundred
 simulated deliveries each are beyond reach. Here one delivery is simulated (`plan --as-flown`) on each of some days of the season, and one is flown in a world on each of the
-same days, with plans and forecasts that lack the day. Each day is promised the quantiles of the simulated deliveries of the other days.
+same days, with a plan and a forecast that lack the day, but no other: a calm day among stormy ones that are left out as well would be told as too calm. Each day is promised the quantiles of the simulated deliveries of the other days.
 The same is done with the simulated delivery of that day itself: a day is as early or as late as any other (exchangeability), so it keeps the level, or more where many
 arrivals fall on one moment. What the world keeps less than that is what the simulation promises too much; most of what days differ in is in both
 (a control variate: P. Glasserman, "Monte Carlo methods in financial engineering" (2003), chapter 4.1).
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from benchmarks.independent.information import Order
     from benchmarks.independent.worlds import World
 
-HELD_OUT = 10
-"""Days that a plan lacks at most, some days apart."""
 NEIGHBOUR_DAYS = 2
 """Days nearer than that share hours, and do not promise for each other."""
 
@@ -52,6 +50,7 @@ NEIGHBOUR_DAYS = 2
 def flown(study: Study, order: Order, chosen: Sequence[World], longest_s: float) -> Iterator[dict[str, Any]]:
     """Simulate and fly an order on the days of its season: one JSON document a world; none where the fixed route takes longer than `longest_s` on average."""
     simulated: dict[str, dict[date, float] | None] = {}
+    plans: dict[tuple[str, date], planning.Planned | None] = {}
     city = planning.city(study.city)
     for world in chosen:
         if world.kept_back not in simulated:
@@ -61,25 +60,23 @@ def flown(study: Study, order: Order, chosen: Sequence[World], longest_s: float)
         promised = simulated[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "flown": promised is not None}
         if promised is not None:
-            days, landed, arrived = list(promised), {}, {}
-            groups = math.ceil(len(days) / HELD_OUT)
-            for group in (days[first::groups] for first in range(groups)):
-                plan = planning.planned(study.city, order, group, world.kept_back)
-                shift = np.array([planning.shift_s(study.city, order, day) for day in group])
-                seeds = [(study.seed, order.seed, day.toordinal(), 0) for day in group]
-                runs = (
-                    []
-                    if plan is None
-                    else deliver(setting_for(world, city, order, shift, seeds), order, Supervised(plan, thriftily=True))
-                )
-                for day, run in zip(group, runs, strict=False):
-                    landed[day] = min(run.landings, default=math.nan)
-                    arrived[day] = run.time_s - order.depart_s if run.ending == DELIVERED else math.inf
+            arrived, lowest = [], []
+            for day in promised:
+                key = world.kept_back, day
+                if key not in plans:
+                    plans[key] = planning.planned(study.city, order, (day,), world.kept_back)
+                shift = np.array([planning.shift_s(study.city, order, day)])
+                setting = setting_for(world, city, order, shift, [(study.seed, order.seed, day.toordinal(), 0)])
+                plan = plans[key]
+                (run,) = [None] if plan is None else deliver(setting, order, Supervised(plan, thriftily=True))
+                there = run is not None and run.ending == DELIVERED
+                arrived.append(round(run.time_s - order.depart_s, 1) if run is not None and there else math.inf)
+                lowest.append(math.nan if run is None else round(min(run.landings, default=math.nan), 5))
             document |= {
-                "day": [day.toordinal() for day in days],
-                "simulated_s": [round(promised[day], 1) for day in days],
-                "flown_s": [round(arrived.get(day, math.inf), 1) for day in days],
-                "lowest": [round(landed.get(day, math.nan), 5) for day in days],
+                "day": [day.toordinal() for day in promised],
+                "simulated_s": [round(one, 1) for one in promised.values()],
+                "flown_s": arrived,
+                "lowest": lowest,
             }
         yield document
 

@@ -95,7 +95,7 @@ def test_the_gate_is_asked_for_the_leg_that_was_not_flown_and_again_where_it_sto
     asked = []
 
     def keep(info, **_):
-        asked.append(info.services[0].destination)
+        asked.append(info.plan.services[0].destination)
         return Decision("stop" if len(asked) == 1 else "continue", "")
 
     legs = [SimpleNamespace(origin=a, destination=b, via=()) for a, b in (("a", "b"), ("b", "c"))]
@@ -104,7 +104,7 @@ def test_the_gate_is_asked_for_the_leg_that_was_not_flown_and_again_where_it_sto
     network = SimpleNamespace(index={"a": 0, "b": 1, "c": 2}, first=[0, 1, 2, 2], head=np.array([1, 2]))
     policy.start = SimpleNamespace(network=network)
     policy.in_air = SimpleNamespace(policy=SimpleNamespace(keep_to_plan=keep))
-    policy._information = lambda seen, plan: plan
+    policy._information = lambda seen: SimpleNamespace(plan=Route(legs[1:]))
     policy._stay, policy._plan, policy._diverts = {}, {}, {}
     turned = tuple(SimpleNamespace(end=end) for end in (1, 1))  # it flew to b, and was turned back to b
     seen = SimpleNamespace(run=0, node=1, time_s=50.0, told=0.5, reports={"site": ()}, flights=turned, station="b")

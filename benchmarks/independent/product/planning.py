@@ -245,18 +245,18 @@ def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> 
 
 def promised(plan: Planned, flown_runs: int) -> Promise:
     """What is promised: of the fixed route, or with `flown_runs` as that many deliveries simulated as `fly` decides them say (`plan --as-flown`)."""
-    return _promise(as_flown(plan.result.problem, flown_runs).outcome) if flown_runs else plan.promise
+    return _promise(as_flown(plan.result, flown_runs).outcome) if flown_runs else plan.promise
 
 
 def simulated(plan: Planned, days: int) -> dict[date, float]:
     """Simulate one delivery, decided as `fly` decides, on each of some days of the plan's forecast, evenly; how long it takes, s, infinite where it is not delivered."""
-    outcome = as_flown(plan.problem(), days).outcome
-    of_run = np.searchsorted(np.cumsum(plan.forecast.probability), (np.arange(days) + 0.5) / days)
+    outcome, forecast = as_flown(plan.result, days).outcome, plan.result.problem.forecast
+    of_run = np.searchsorted(np.cumsum(forecast.probability), (np.arange(days) + 0.5) / days)
     time_s = np.full(days, math.inf)
     assert outcome.crossed is not None
     time_s[outcome.crossed.queue] = outcome.arrival_s - outcome.start_s
     assert np.array_equal(of_run[outcome.crossed.queue], outcome.crossed.day)
-    return {date.fromisoformat(plan.forecast.labels[k]): one for k, one in zip(of_run, time_s.tolist(), strict=True)}
+    return {date.fromisoformat(forecast.labels[k]): one for k, one in zip(of_run, time_s.tolist(), strict=True)}
 
 
 def _promise(outcome: Outcome) -> Promise:

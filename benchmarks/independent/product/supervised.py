@@ -42,7 +42,8 @@ class Supervised(Policy):
         self.plan = planned.result.composition
         self.in_air = InAir(self.start)
         self._stay: dict[int, _Stay] = {}
-        self._plan: dict[int, Composition] = {}
+        self._plan: dict[int, tuple[Composition | None, int]] = {}
+        """In force, and how many flights had been flown when it was."""
         self._diverts: dict[int, tuple[str, ...]] = {}
 
     def forget(self) -> None:
@@ -66,7 +67,7 @@ class Supervised(Policy):
         if decision.action == "stop":
             return None
         if decision.composition is not None:
-            self._plan[seen.run] = decision.composition
+            self._plan[seen.run] = decision.composition, len(seen.flights)
         self._diverts[seen.run] = decision.diverts
         if decision.charge_to is not None and decision.charge_to > seen.told + DONE:
             self._stay[seen.run] = _Stay(seen.node, decision.charge_to, seen.time_s, seen.told)
@@ -77,14 +78,15 @@ class Supervised(Policy):
         return Leave(departure.segments)
 
     def _decide(self, seen: Seen) -> Decision:
-        plan = self._plan.get(seen.run, self.plan)
-        in_force = bool(plan.services) and plan.services[0].origin == seen.station
-        return self.in_air.policy.on_ground(self._information(seen, plan if in_force else None), tell=True)
+        return self.in_air.policy.on_ground(self._information(seen), tell=True)
 
-    def _information(self, seen: Seen, plan: Composition | None) -> Information:
+    def _information(self, seen: Seen) -> Information:
         """What `fly` knows at a stop."""
         air, network = self.in_air, self.start.network
         ids = [one.id for one in network.stations]
+        plan, flown = self._plan.get(seen.run, (self.plan, 0))
+        for flight in seen.flights[flown:]:
+            plan = None if plan is None else plan.after(ids[flight.end])
         visited = {ids[node] for one in seen.flights for node in (one.origin, one.end)}
         return Information(
             time_s=seen.time_s,
@@ -120,18 +122,13 @@ class Kept(Supervised):
         return super().leave(seen) or Leave((), look_s=seen.time_s + REDECIDE_S)
 
     def _decide(self, seen: Seen) -> Decision:
-        services = self.plan.services
-        index, leg = self.start.network.index, 0
-        for flight in seen.flights:  # who was turned back has flown none
-            leg += flight.end == index[services[leg].destination]
-        service = services[leg]
-        plan = replace(self.plan, services=services[leg:])
-        decision = self.in_air.policy.keep_to_plan(self._information(seen, plan))
-        way = segments_of(self.start.network, [service.origin, *service.via, service.destination])
-        leaves = decision.action == "continue"
-        return replace(
-            decision, composition=None, departure=Departure(way, seen.told, lambda _: 0.0) if leaves else None
-        )
+        info = self._information(seen)
+        decision, departure = self.in_air.policy.keep_to_plan(info), None
+        if decision.action == "continue" and info.plan is not None:
+            service = info.plan.services[0]
+            way = segments_of(self.start.network, [service.origin, *service.via, service.destination])
+            departure = Departure(way, seen.told, lambda _: 0.0)
+        return replace(decision, composition=None, departure=departure)
 
 
 def _charge(stay: _Stay) -> Leave:
