@@ -82,7 +82,6 @@ class _Under:
     measured: dict[float, WindObservation] = field(default_factory=dict)
     measured_at: Place | None = None
     plan: Composition | None = None
-    """In force: what is left of it where it stands."""
     landings: list[float] = field(default_factory=list)
     flight_s: float = 0.0
     recharge_s: float = 0.0
