@@ -184,8 +184,7 @@ class WatchedDelivery:
 
     def _standing(self, now: _Under) -> Information:
         network = self.told.network
-        visited = frozenset(self._ids[node] for node in now.origins)
-        here = self._ids[now.node]
+        visited, here = frozenset(self._ids[node] for node in now.origins), self._ids[now.node]
         forecast = self._forecast(now, self._base.slot_s)
         present, behind = self._present(now)
         return Information(
