@@ -79,7 +79,7 @@ def plan_report(
         reasons=tuple(stop_reasons(result)) if explain else None,
         rests_on=tuple(uncertainties(result)) if explain else None,
         not_counted=tuple(not_counted(result)) if explain else (),
-        as_flown=as_flown(result.problem, flown_runs, told=told) if flown_runs else None,
+        as_flown=as_flown(result, flown_runs, told=told) if flown_runs else None,
     )
 
 

@@ -7,12 +7,13 @@ import json
 import sys
 import time
 from collections import Counter
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 from benchmarks.independent.product import planning
 from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines
-from benchmarks.independent.verdict import verdict
+from benchmarks.independent.verdict import told_and_met, verdict
 from benchmarks.independent.worlds import worlds
 
 MOST_DAYS = 12
@@ -42,8 +43,17 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
     )
+    parser.add_argument(
+        "--merge",
+        type=Path,
+        nargs="+",
+        default=[],
+        help="fly nothing: sum up what was flown with --out, such as with several seeds",
+    )
     parser.add_argument("--summary", type=Path, help="JSON, one object for each world")
     options = parser.parse_args(argv)
+    if options.merge:
+        return _merged(options.merge)
     if not 1 <= options.days <= MOST_DAYS:
         parser.error(
             f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
@@ -97,6 +107,23 @@ def main(argv: list[str] | None = None) -> int:
             json.dumps({"study": asdict(study), "worlds": documents}, indent=1), encoding="utf-8"
         )
     print(f"{len(found)} requests in worlds, {time.perf_counter() - started:.0f} s", file=sys.stderr)
+    return 0
+
+
+def _merged(paths: list[Path]) -> int:
+    """Print what is in files of the same study with other seeds: each world, all of them together, and fixed routes by what is told of them."""
+    found: list[dict[str, Any]] = []
+    for path in paths:
+        study = Study(**json.loads(path.read_text(encoding="utf-8").splitlines()[0]))
+        found += read_lines(path, study)
+    names = list(dict.fromkeys(one["world"] for one in found))
+    for name in (*names, ""):
+        mine = [one for one in found if not name or one["world"] == name]
+        if any(one["planned"] for one in mine):
+            said = verdict(mine)
+            print((said if name else replace(said, world="all of these")).line())
+            for told in told_and_met(mine):
+                print(told.line())
     return 0
 
 

@@ -146,6 +146,8 @@ def _arrived(
         if not rest:
             return
         segment, gone = rest[0], 0.0
+    if not policy.watches:
+        return
     told = setting.batteries.told_one
     out.turned = policy.aloft(
         Aloft(

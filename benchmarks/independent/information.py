@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -161,6 +161,9 @@ class Policy(Protocol):
 
     Who derives from it goes on over stations and in the air, and keeps no notes.
     """
+
+    watches: ClassVar[bool] = False
+    """Whether it decides in the air; `aloft` is asked of those who do."""
 
     def leave(self, seen: Seen) -> Leave | None:
         """How to leave, or None to give up."""

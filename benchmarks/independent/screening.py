@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.independent.delivery import DELIVERED, deliver
+from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,8 +29,11 @@ _STREAM = 99
 
 def chosen(
     setting: Setting, order: Order, route: Policy, share: float, seeds: Sequence[tuple[int, ...]]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Fly a fixed route in all runs; return the runs to be flown with decisions, and how many deliveries each stands for."""
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Fly a fixed route in all runs; return the runs to be flown with decisions, how many deliveries each stands for, and the lowest landing of the route in all runs.
+
+    The lowest landing is NaN where the route was not delivered, unless it was stranded, which is below zero.
+    """
     flown = deliver(setting, order, route)
     close = np.array([run.ending != DELIVERED or min(run.landings) < CLOSE_SOC for run in flown])
     others = np.flatnonzero(~close)
@@ -38,4 +41,6 @@ def chosen(
     drawn = others[np.argsort(draw)[: math.ceil(share * len(others))]]
     weight = np.where(close, 1.0, len(others) / max(len(drawn), 1))
     runs = np.sort(np.concatenate((np.flatnonzero(close), drawn)))
-    return runs, weight[runs]
+    ended = np.array([run.ending in (DELIVERED, STRANDED) for run in flown])
+    lowest = np.array([min(run.landings, default=math.nan) for run in flown])
+    return runs, weight[runs], np.where(ended, lowest, math.nan)

@@ -16,7 +16,7 @@ Z95 = 1.959_964
 RESAMPLES = 1000
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
+def wilson(hits: float, count: int) -> tuple[float, float]:
     """95 % interval of a share of independent trials (Wilson 1927)."""
     if count == 0:
         return 0.0, 1.0

@@ -142,9 +142,16 @@ def _flown(
 ) -> dict[str, Any]:
     of_run, shift, seeds = drawn
     city, weight = planning.city(study.city), np.ones(len(seeds))
+    route: dict[str, Any] = {}
     if study.share < 1.0:
         setting = setting_for(world, city, order, shift, seeds)
-        runs, weight = chosen(setting, order, policies.Robust(plan), study.share, seeds)
+        runs, weight, lowest = chosen(setting, order, policies.Robust(plan), study.share, seeds)
+        route = {
+            "told_below": plan.told_below(),
+            "legs": plan.legs,
+            "route_day": [day.toordinal() for day in of_run],
+            "route_lowest": [None if math.isnan(soc) else round(soc, 5) for soc in lowest.tolist()],
+        }
         of_run, seeds, shift = [of_run[k] for k in runs], [seeds[k] for k in runs], shift[runs]
     setting = setting_for(world, city, order, shift, seeds)
     flown = deliver(setting, order, PLANNERS[study.planner](plan)) if seeds else []
@@ -159,7 +166,7 @@ def _flown(
         "ending": [run.ending for run in flown],
         "delivery_s": [round(run.time_s - order.depart_s, 1) if run.ending == DELIVERED else None for run in flown],
         "landings": [[round(soc, 5) for soc in run.landings] for run in flown],
-    }
+    } | route
 
 
 def read_lines(path: Path, study: Study) -> list[dict[str, Any]]:

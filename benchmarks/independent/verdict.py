@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,10 @@ SAME_TIME, TENTH_S = 0.002, 0.1
 wind take the same time, that of the greatest speed over ground, and would be late by it."""
 
 
+TOLD = 0.0, 0.001, 0.01, 0.03, 0.1, 1.001
+"""Classes of what is told of landings below the reserve."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What a world makes of a planner's promises; shares from 0 to 1, intervals over days.
@@ -33,8 +38,9 @@ class Verdict:
         Flown; where some were left out (`Study.share`) each counts for as many as it stands for.
     stands_for : float
         Deliveries that those flown stand for.
-    below, below_wilson, below_days
-        Deliveries with a landing below the reserve.
+    below, below_wilson, below_blocks, below_days
+        Share of deliveries with a landing below the reserve. The intervals are Wilson's for independent deliveries, Wilson's as if all deliveries of an order on one
+        day ended alike, and the bootstrap over days, which is of no width where there are none.
     lowest : (float, float, float)
         Lowest charge at a landing: the least of all deliveries, and what one in 1,000 and one in 100 of them is below.
     on_time : tuple
@@ -52,6 +58,7 @@ class Verdict:
     below_count: int
     below: float
     below_wilson: tuple[float, float]
+    below_blocks: tuple[float, float]
     below_days: tuple[float, float]
     promised_below: float
     stranded: int
@@ -69,7 +76,7 @@ class Verdict:
         )
         return (
             f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries for {self.stands_for:.0f}: {self.below_count} below {percent(self.below, self.below_days)} "
-            f"(Wilson {percent(self.below, self.below_wilson)[len(f'{100 * self.below:.2f} ') :]}, "
+            f"(Wilson {_interval(self.below_wilson)}, by order and day {_interval(self.below_blocks)}, "
             f"promised {100 * self.promised_below:.3f}; of landings {100 * self.below_landings / max(self.landings, 1):.2f}, "
             f"1 % below SoC {self.lowest[2]:.3f}) stranded {self.stranded} failed {self.not_delivered} "
             f"mean {self.mean_min:.1f} min [{self.mean_days_min[0]:.1f}, {self.mean_days_min[1]:.1f}] "
@@ -77,10 +84,33 @@ class Verdict:
         )
 
 
+@dataclass(frozen=True)
+class Told:
+    """What fixed routes tell of landings below the reserve, from `low` to `high`, and what becomes of them."""
+
+    low: float
+    high: float
+    orders: int
+    deliveries: int
+    told: float
+    met: float
+    met_days: tuple[float, float]
+
+    def line(self) -> str:
+        """One line for people."""
+        return (
+            f"  told {100 * self.low:g} to {100 * self.high:g} %: {self.orders} orders, {self.deliveries} deliveries of the fixed route: "
+            f"told {100 * self.told:.2f} %, met {percent(self.met, self.met_days)}"
+        )
+
+
 def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     """Sum the orders of one world up."""
     flown = [one for one in documents if one["planned"]]
     day = np.array([value for one in flown for value in one["day"]], dtype=np.int64)
+    block = np.array(
+        [100_000_000 * number + value for number, one in enumerate(flown) for value in one["day"]], dtype=np.int64
+    )
     weight = np.array([value for one in flown for value in one["weight"]], dtype=float)
     ending = [value for one in flown for value in one["ending"]]
     landings = [value for one in flown for value in one["landings"]]
@@ -109,7 +139,8 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
         lowest=_lowest(landings),
         below_count=int(below.sum()),
         below=float(np.average(below, weights=weight)),
-        below_wilson=_wilson(below, weight),
+        below_wilson=_wilson(below, weight, np.arange(len(below))),
+        below_blocks=_wilson(below, weight, block),
         below_days=over_days(below, day, weight),
         promised_below=1.0 - mean_of("promised_reserve"),
         stranded=ending.count(STRANDED),
@@ -129,15 +160,46 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     )
 
 
-def _wilson(below: NDArray[np.float64], weight: NDArray[np.float64]) -> tuple[float, float]:
-    """Interval of a share: of each of the two strata that screening makes, and their ends added up."""
+def told_and_met(documents: Sequence[dict[str, Any]]) -> list[Told]:
+    """Fixed routes by what their plans tell of landings below the reserve in wind that no site tells, of orders that were screened."""
+    flown = [one for one in documents if one["planned"] and one.get("told_below") is not None]
+    found = []
+    for low, high in pairwise(TOLD):
+        mine = [one for one in flown if low <= one["told_below"] < high]
+        if mine:
+            soc = np.array([value for one in mine for value in one["route_lowest"]], dtype=float)
+            day = np.array([value for one in mine for value in one["route_day"]], dtype=np.int64)
+            told = np.array([one["told_below"] for one in mine for _ in one["route_day"]])
+            there = np.isfinite(soc)
+            below = (soc[there] < RESERVE - 1e-9).astype(float)
+            found.append(
+                Told(
+                    low,
+                    high,
+                    len(mine),
+                    len(below),
+                    float(told[there].mean()),
+                    float(below.mean()),
+                    over_days(below, day[there]),
+                )
+            )
+    return found
+
+
+def _wilson(below: NDArray[np.float64], weight: NDArray[np.float64], block: NDArray[np.int64]) -> tuple[float, float]:
+    """Interval of a share: of each of the two strata that screening makes, with as many trials as it has blocks, and their ends added up."""
     low = high = 0.0
     alone = weight == 1.0
     for one in (alone, ~alone):
         if one.any():
-            ends, part = wilson(int(below[one].sum()), int(one.sum())), weight[one].sum() / weight.sum()
+            share, count = np.average(below[one], weights=weight[one]), len(np.unique(block[one]))
+            ends, part = wilson(float(share * count), count), weight[one].sum() / weight.sum()
             low, high = low + part * ends[0], high + part * ends[1]
     return float(low), float(high)
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return f"[{100.0 * ends[0]:.2f}, {100.0 * ends[1]:.2f}]"
 
 
 def _lowest(landings: Sequence[Sequence[float]]) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.legs import station_at
@@ -75,14 +75,10 @@ class DeliveryProgress:
 
     def reach(self, station: str | None) -> None:
         """Remove the flown leg from the plan; a plan that does not continue from this station is dropped."""
-        plan = None if self.called_off else self.plan
         if self.called_off:
             self.take_plan(None)
-        elif plan is not None and plan.services and plan.services[0].destination == station:
-            rest = plan.services[1:]
-            self.plan = replace(plan, services=rest, origin=str(station)) if rest else None
-        elif not self.begins_at(station):
-            self.plan = None
+        elif self.plan is not None:
+            self.plan = self.plan.after(station)
 
     def prepare(self, diverts: Iterable[str], charge_to: float | None, least_soc: float | None = None) -> None:
         """Take what was decided for the next leg besides the plan."""

@@ -397,6 +397,15 @@ class Composition:
             way_back=None,
         )
 
+    def after(self, station: str | None) -> Composition | None:
+        """Return what is left to be flown after a landing at a station: all where the next leg begins there, None where the plan does not continue from it."""
+        if not self.services:
+            return None
+        if self.services[0].destination == station:
+            rest = self.services[1:]
+            return replace(self, services=rest, origin=str(station)) if rest else None
+        return self if self.services[0].origin == station else None
+
     @property
     def arrive(self) -> datetime:
         """Touch-down at the destination on the typical schedule."""

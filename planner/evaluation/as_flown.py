@@ -3,7 +3,7 @@
 The truth of each simulated delivery is a member of the forecast, and the policy's information lacks that member and its neighbours, as in
 `planner.robust.out_of_sample`. Between the sites the truth differs from the interpolated wind, where the forecast is of a record. At every stop and all along
 each flight the policy gets what is measured, and decides again (`planner.evaluation.watched`). Members are drawn by their probability, evenly; queues, gusts,
-vehicles and the wind between the sites are other ones in each delivery.
+vehicles and the wind between the sites are other ones in each delivery. The plan is in force at the departure, and is left for a clear gain only.
 """
 
 from __future__ import annotations
@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
+    from skyway.planner.result import PlanResult
 
 LEAST_RUNS = 20
 """Of fewer simulated deliveries no 95 % can be told."""
@@ -79,6 +81,8 @@ class _World:
     parameters: PlannerParameters
     errors: Errors
     forecast: WindEnsemble
+    plan: Composition
+    """In force at the departure."""
     told: NDArray[np.float64]
     """Shape (members, members). Probability of each member as it is told where one is the truth."""
 
@@ -94,13 +98,13 @@ class _Delivery(NamedTuple):
     """Shape (legs,). Energy of each leg as a multiple of the model's."""
 
 
-def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], None] | None = None) -> AsFlown:
-    """Simulate deliveries of a request as `fly` decides them.
+def as_flown(result: PlanResult, runs: int, *, told: Callable[[int, int, float], None] | None = None) -> AsFlown:
+    """Simulate deliveries under a plan as `fly` decides them.
 
     Parameters
     ----------
-    problem : Problem
-        With the drone that flies; it stands at a station.
+    result : PlanResult
+        What `fly` is given, from a station.
     runs : int
         Deliveries, `LEAST_RUNS` or more; each takes one to three seconds of a processor, where nothing is decided on the way a tenth.
     told : callable, optional
@@ -111,6 +115,7 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     InputError
         Too few runs, or a forecast of one member: there is no other member for the policy.
     """
+    problem = result.problem
     forecast, errors = problem.forecast, problem.usual_errors
     if runs < LEAST_RUNS:
         raise InputError(
@@ -128,12 +133,10 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     seeds = rng.integers(0, 2**62, (runs, 3))
     drone = problem.drone.id
     request = replace(problem.request, drone=drone)
-    online = problem.parameters.online
-    looks = replace(
-        online, futures=min(online.futures, FUTURES), better_every_s=max(online.better_every_s, BETTER_EVERY_S)
+    parameters = thrifty(problem.parameters)
+    world = _World(
+        problem.scenario, request, drone, parameters, errors, forecast, result.composition, left_out(forecast)
     )
-    parameters = replace(problem.parameters, online=looks)
-    world = _World(problem.scenario, request, drone, parameters, errors, forecast, left_out(forecast))
     deliveries = [
         _Delivery(one, (queues, vehicle, gusts), ratios[number])
         for number, (one, (queues, vehicle, gusts)) in enumerate(zip(member.tolist(), seeds.tolist(), strict=True))
@@ -141,6 +144,15 @@ def as_flown(problem: Problem, runs: int, *, told: Callable[[int, int, float], N
     workers = min(processors(), runs // _RUNS_OF_A_WORKER)
     flown = pooled(spread(_fly, deliveries, common=world, workers=workers, told=told))
     return AsFlown(_outcome(problem, flown, member), flown)
+
+
+def thrifty(parameters: PlannerParameters) -> PlannerParameters:
+    """Parameters of the online policy for simulated deliveries, where `fly` has more futures and looks for better stations more often."""
+    online = parameters.online
+    looks = replace(
+        online, futures=min(online.futures, FUTURES), better_every_s=max(online.better_every_s, BETTER_EVERY_S)
+    )
+    return replace(parameters, online=looks)
 
 
 def _fly(world: _World, one: _Delivery) -> Flown:
@@ -163,7 +175,7 @@ def _fly(world: _World, one: _Delivery) -> Flown:
     drone = world.scenario.drone(world.drone)
     told = replace(world.forecast, probability=world.told[one.member]).possible()
     start = Problem(world.scenario, world.request, drone, told, parameters=world.parameters)
-    return WatchedDelivery(realization, start, np.random.default_rng((gusts, _STREAM))).fly()
+    return WatchedDelivery(realization, start, np.random.default_rng((gusts, _STREAM)), world.plan).fly()
 
 
 def _outcome(problem: Problem, flown: Flown, member: NDArray[np.int64]) -> Outcome:

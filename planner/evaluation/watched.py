@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.composition.composition import Composition
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.queues.paths import QueuePath
     from skyway.models.wind.forecast import WindEnsemble
@@ -80,6 +81,7 @@ class _Under:
     """Where each flight took off, in order."""
     measured: dict[float, WindObservation] = field(default_factory=dict)
     measured_at: Place | None = None
+    plan: Composition | None = None
     landings: list[float] = field(default_factory=list)
     flight_s: float = 0.0
     recharge_s: float = 0.0
@@ -96,10 +98,14 @@ class WatchedDelivery:
         As at the departure, with the forecast that the drone is told.
     rng : Generator
         Of the wind between the sites and of gusts.
+    plan : Composition, optional
+        In force at the departure, as `fly` was given it: it is left for a clear gain only.
     """
 
-    def __init__(self, realizations: Realizations, told: Problem, rng: np.random.Generator) -> None:
-        self.realizations, self.told = realizations, told
+    def __init__(
+        self, realizations: Realizations, told: Problem, rng: np.random.Generator, plan: Composition | None = None
+    ) -> None:
+        self.realizations, self.told, self.plan = realizations, told, plan
         self.truth = realizations.problem(told.drone.id)
         rules = told.rules
         self._base = told.forecast.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
@@ -116,7 +122,8 @@ class WatchedDelivery:
     def fly(self) -> Flown:
         """Fly it to its end."""
         p = self.truth
-        now = _Under(p.origin, p.depart_s, p.depart_s, p.soc, self.realizations.errors.energy_of(p.drone))
+        belief = self.realizations.errors.energy_of(p.drone)
+        now = _Under(p.origin, p.depart_s, p.depart_s, p.soc, belief, plan=self.plan)
         ending = GAVE_UP
         while len(now.origins) < p.parameters.evaluation.max_stops:
             decision = self._stay(now)
@@ -155,7 +162,8 @@ class WatchedDelivery:
         end_s = min(wind.start_s + wind.slots * wind.slot_s, landed + MAX_WAIT_S)
         while now.time_s < end_s:
             now.soc = soc_at(now.time_s)
-            decision = self.policy.on_ground(self._standing(now))
+            decision = self.policy.on_ground(self._standing(now), tell=True)
+            now.plan = decision.composition or now.plan
             if decision.action == "stop":
                 return None
             report_s = wind.start_s + (wind.slot_at(now.time_s) + 1) * wind.slot_s
@@ -176,13 +184,13 @@ class WatchedDelivery:
 
     def _standing(self, now: _Under) -> Information:
         network = self.told.network
-        visited = frozenset(self._ids[node] for node in now.origins)
-        here = self._ids[now.node]
+        visited, here = frozenset(self._ids[node] for node in now.origins), self._ids[now.node]
         forecast = self._forecast(now, self._base.slot_s)
         present, behind = self._present(now)
         return Information(
             time_s=now.time_s, soc=now.soc, forecast=forecast, near_forecast=self._forecast(now, SLOT_S), belief=now.belief,
             roughness=self._roughness(now), station=here, visited=visited, left=visited - {here},
+            plan=now.plan,
             busy_pads={self._ids[k]: present[k] for k in np.flatnonzero(network.pads > 0).tolist()}, behind=behind,
         )  # fmt: skip
 
@@ -379,6 +387,7 @@ class WatchedDelivery:
         down_s = float(self._queue(node).land_time(now.time_s)) if p.has_pads(node) else now.time_s
         now.soc -= ratio * p.soc_per_s * (down_s - now.time_s)
         now.node, now.time_s = node, down_s
+        now.plan = None if now.plan is None else now.plan.after(self._ids[node])
         now.landings.append(now.soc)
         if pieces:
             self._note(now, pieces)

@@ -72,6 +72,8 @@ class Hops:
         self.overs.append(seen)
         return () if self.land else rest
 
+    watches = True
+
     def aloft(self, seen):
         self.looks.append(seen)
         station, after_m = self.turns.get(len(seen.flights), (None, math.inf))

@@ -11,7 +11,8 @@ import pytest
 from benchmarks.independent import screening, study, worlds
 from benchmarks.independent.__main__ import main
 from benchmarks.independent.delivery import DELIVERED
-from benchmarks.independent.verdict import verdict
+from benchmarks.independent.statistics import wilson
+from benchmarks.independent.verdict import told_and_met, verdict
 
 STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
 
@@ -58,11 +59,12 @@ def test_all_deliveries_near_the_reserve_are_flown_and_a_share_of_the_others_tha
     flown = [SimpleNamespace(ending=ending, landings=landings) for ending, landings in ends]
     monkeypatch.setattr(screening, "deliver", lambda *_: flown)
     seeds = [(1, number) for number in range(len(ends))]
-    runs, weight = screening.chosen(None, None, None, 0.1, seeds)
+    runs, weight, lowest = screening.chosen(None, None, None, 0.1, seeds)
     assert runs[:2].tolist() == [0, 1]
     assert weight.tolist() == [1.0, 1.0, *[10.0] * 5]
     assert weight.sum() == len(ends)
-    few, weight = screening.chosen(None, None, None, 0.001, seeds)
+    assert lowest[:3].tolist() == [0.21, -1.0, 0.3]
+    few, weight, _ = screening.chosen(None, None, None, 0.001, seeds)
     assert (len(few), weight.sum()) == (3, len(ends))
 
 
@@ -112,3 +114,38 @@ def test_planned_with_the_weather_of_now_each_day_has_a_promise_of_its_own_that_
         return found["promised_quantile_s"][-1] - found["promised_quantile_s"][0]
 
     assert min(map(width, days)) < width(season)
+
+
+def test_what_fixed_routes_tell_is_put_beside_what_becomes_of_them_by_what_is_told():
+    often = document(0, [[0.3]] * 4, [400.0] * 4) | {
+        "told_below": 0.05, "route_day": [1, 1, 2, 2], "route_lowest": [0.19, 0.3, -0.2, None],
+    }  # fmt: skip
+    never = document(1, [[0.3]] * 4, [400.0] * 4) | {
+        "told_below": 0.0, "route_day": [1, 1, 2, 2], "route_lowest": [0.5] * 4,
+    }  # fmt: skip
+    rare, found = told_and_met([often, never, {"world": "ours", "order": {"seed": 2}, "planned": False}])
+    assert (rare.low, rare.high, rare.orders, rare.deliveries, rare.met) == (0.0, 0.001, 1, 4, 0.0)
+    assert (found.low, found.high, found.orders, found.deliveries) == (0.03, 0.1, 1, 3)  # one was never delivered
+    assert (found.told, found.met) == (pytest.approx(0.05), pytest.approx(2 / 3))
+    assert "told 5.00 %, met 66.67" in found.line()
+
+
+def test_an_interval_by_order_and_day_takes_deliveries_of_one_for_one_throw():
+    alike = verdict([document(number, [[0.3]] * 4, [400.0] * 4) for number in range(10)])  # twenty orders and days
+    assert alike.below_wilson[1] == pytest.approx(wilson(0, 40)[1])
+    assert alike.below_blocks[1] == pytest.approx(wilson(0, 20)[1])
+
+
+def test_files_of_several_seeds_are_summed_up_together(tmp_path, capsys):
+    paths = []
+    for seed in (1, 2):
+        paths.append(tmp_path / f"flown{seed}.jsonl")
+        one = document(0, [[0.3], [0.19], [0.3], [0.3]], [400.0] * 4)
+        head = json.dumps(asdict(replace(STUDY, seed=seed)))
+        paths[-1].write_text(f"{head}\n{json.dumps(one)}\n", encoding="utf-8")
+    assert main(["--merge", *map(str, paths)]) == 0
+    ours, together = capsys.readouterr().out.splitlines()
+    assert ours.startswith("ours")
+    assert together.startswith("all of these")
+    assert "2 of 2 orders" in ours
+    assert "2 below 25.00" in ours

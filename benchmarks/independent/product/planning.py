@@ -32,7 +32,8 @@ from skyway.models.wind.history import read_history
 from skyway.models.wind.observed.conditioning import conditioned, counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
 from skyway.models.wind.triangle import speed_from
-from skyway.planner.evaluation.as_flown import as_flown
+from skyway.planner.between_sites import between_sites
+from skyway.planner.evaluation.as_flown import as_flown, thrifty
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
@@ -94,11 +95,26 @@ class Planned:
     result: PlanResult
     promise: Promise
 
-    def problem(self) -> Problem:
-        """Return what was planned from, for the drone of the plan."""
-        return Problem(self.scenario, self.request, self.scenario.drone(self.request.drone or ""), self.forecast)
+    def problem(self, *, thriftily: bool = False) -> Problem:
+        """Return what was planned from, for the drone of the plan; `thriftily` with the parameters of the deliveries that `plan --as-flown` simulates."""
+        parameters = thrifty(USUAL) if thriftily else USUAL
+        drone = self.scenario.drone(self.request.drone or "")
+        return Problem(self.scenario, self.request, drone, self.forecast, parameters=parameters)
+
+    @property
+    def legs(self) -> int:
+        """Flights of its route."""
+        assert self.result.robust is not None
+        return len(self.result.robust.policy)
+
+    def told_below(self) -> float | None:
+        """Return the probability it tells of a landing below the reserve if its route is flown to its end in wind that no site tells."""
+        assert self.result.robust is not None
+        found = between_sites(self.result.robust)
+        return None if found is None else found.p_below
 
 
+@lru_cache(maxsize=4)
 def scenario_of(city: str) -> Scenario:
     """The product's scenario of a city, on level ground: the worlds have no hills, and the wind on a leg depends on them."""
     scenario = CITIES[city]()
@@ -229,7 +245,18 @@ def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> 
 
 def promised(plan: Planned, flown_runs: int) -> Promise:
     """What is promised: of the fixed route, or with `flown_runs` as that many deliveries simulated as `fly` decides them say (`plan --as-flown`)."""
-    return _promise(as_flown(plan.result.problem, flown_runs).outcome) if flown_runs else plan.promise
+    return _promise(as_flown(plan.result, flown_runs).outcome) if flown_runs else plan.promise
+
+
+def simulated(plan: Planned, days: int) -> dict[date, float]:
+    """Simulate one delivery, decided as `fly` decides, on each of some days of the plan's forecast, evenly; how long it takes, s, infinite where it is not delivered."""
+    outcome, forecast = as_flown(plan.result, days).outcome, plan.result.problem.forecast
+    of_run = np.searchsorted(np.cumsum(forecast.probability), (np.arange(days) + 0.5) / days)
+    time_s = np.full(days, math.inf)
+    assert outcome.crossed is not None
+    time_s[outcome.crossed.queue] = outcome.arrival_s - outcome.start_s
+    assert np.array_equal(of_run[outcome.crossed.queue], outcome.crossed.day)
+    return {date.fromisoformat(forecast.labels[k]): one for k, one in zip(of_run, time_s.tolist(), strict=True)}
 
 
 def _promise(outcome: Outcome) -> Promise:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.independent.information import Leave, Policy
-from benchmarks.independent.product.in_air import InAir
+from benchmarks.independent.product.supervised import Kept
 from skyway.models.flight.kernels import NEVER, land
 from skyway.models.wind.triangle import height_factor
 from skyway.planner.evaluation.policies import Standing
@@ -100,7 +100,7 @@ class Robust(Policy):
 
     def leave(self, seen: Seen) -> Leave | None:
         """By the rule of `planner.robust.charge_kernels`."""
-        leg = self._leg(seen.flights)
+        leg = len(seen.flights)
         if leg >= len(self.policy):
             return None
         wind = aloft(seen, self.problem)
@@ -125,13 +125,6 @@ class Robust(Policy):
                 return Leave((), look_s=seen.time_s + LOOK_S)
         return Leave(segments, 0.0, required, edge if wanted > 1.0 else math.inf)
 
-    def _leg(self, flights: tuple[Flown, ...]) -> int:
-        """The next leg: flights that turned back have flown none."""
-        leg = 0
-        for flight in flights:
-            leg += flight.end == self.ends[leg]
-        return leg
-
     def _roomy(self, leg: int, seen: Seen, base: float) -> bool:
         if self.room.most >= 1.0 or self.problem.network.pads[self.ends[leg]] == 0:
             return True
@@ -140,19 +133,26 @@ class Robust(Policy):
 
 
 class TurningRobust(Robust):
-    """The same route; a flight turns back where `fly` would turn it."""
+    """The same route; a flight turns back where `fly` would turn it, and takes off again when `fly` lets it under a plan that is kept."""
+
+    watches = True
 
     def __init__(self, planned: Planned) -> None:
         super().__init__(planned)
-        self.in_air = InAir(self.problem)
+        self.kept = Kept(planned)
 
     def forget(self) -> None:
         """Drop what was noted of deliveries before."""
-        self.in_air.forget()
+        self.kept.forget()
+
+    def leave(self, seen: Seen) -> Leave | None:
+        """By the plan until a flight is turned."""
+        turned = any(flight.end != end for flight, end in zip(seen.flights, self.ends, strict=False))
+        return self.kept.leave(seen) if turned else super().leave(seen)
 
     def aloft(self, seen: Aloft) -> int | None:
         """Back to where it took off."""
-        return self.in_air.turns(seen, (seen.origin,))
+        return self.kept.in_air.turns(seen, (seen.origin,))
 
 
 class Online(Policy):

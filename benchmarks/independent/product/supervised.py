@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from benchmarks.independent.information import Leave, Policy
 from benchmarks.independent.product.in_air import InAir
-from skyway.planner.online.information import Information
+from skyway.planner.online.information import Departure, Information
+from skyway.planner.online.told_plan import segments_of
 
 if TYPE_CHECKING:
     from benchmarks.independent.information import Aloft, Seen
@@ -34,12 +35,15 @@ class _Stay:
 class Supervised(Policy):
     """`planner.online.policy.OnlinePolicy` as `link.supervisor` consults it: it decides all along the way, not over stations."""
 
-    def __init__(self, planned: Planned) -> None:
-        self.start = planned.problem()
+    watches = True
+
+    def __init__(self, planned: Planned, *, thriftily: bool = False) -> None:
+        self.start = planned.problem(thriftily=thriftily)
         self.plan = planned.result.composition
         self.in_air = InAir(self.start)
         self._stay: dict[int, _Stay] = {}
-        self._plan: dict[int, Composition] = {}
+        self._plan: dict[int, tuple[Composition | None, int]] = {}
+        """In force, and how many flights had been flown when it was."""
         self._diverts: dict[int, tuple[str, ...]] = {}
 
     def forget(self) -> None:
@@ -63,7 +67,7 @@ class Supervised(Policy):
         if decision.action == "stop":
             return None
         if decision.composition is not None:
-            self._plan[seen.run] = decision.composition
+            self._plan[seen.run] = decision.composition, len(seen.flights)
         self._diverts[seen.run] = decision.diverts
         if decision.charge_to is not None and decision.charge_to > seen.told + DONE:
             self._stay[seen.run] = _Stay(seen.node, decision.charge_to, seen.time_s, seen.told)
@@ -74,17 +78,21 @@ class Supervised(Policy):
         return Leave(departure.segments)
 
     def _decide(self, seen: Seen) -> Decision:
+        return self.in_air.policy.on_ground(self._information(seen), tell=True)
+
+    def _information(self, seen: Seen) -> Information:
+        """What `fly` knows at a stop."""
         air, network = self.in_air, self.start.network
         ids = [one.id for one in network.stations]
+        plan, flown = self._plan.get(seen.run, (self.plan, 0))
+        for flight in seen.flights[flown:]:
+            plan = None if plan is None else plan.after(ids[flight.end])
         visited = {ids[node] for one in seen.flights for node in (one.origin, one.end)}
-        forecast = air.forecast(seen.run, seen.reports)
-        plan = self._plan.get(seen.run, self.plan)
-        in_force = bool(plan.services) and plan.services[0].origin == seen.station
-        info = Information(
+        return Information(
             time_s=seen.time_s,
             soc=seen.told,
             forecast=air.forecast(seen.run, seen.reports, by_hour=True),
-            near_forecast=forecast,
+            near_forecast=air.forecast(seen.run, seen.reports),
             belief=air.belief(seen.flights),
             roughness=air.roughness(seen.run),
             station=seen.station,
@@ -92,9 +100,8 @@ class Supervised(Policy):
             left=frozenset(visited - {seen.station}),
             busy_pads={one.id: seen.line(node) for node, one in enumerate(network.stations) if one.pads},
             behind=seen.behind,
-            plan=plan if in_force else None,
+            plan=plan,
         )
-        return air.policy.on_ground(info, tell=True)
 
     def aloft(self, seen: Aloft) -> int | None:
         """Where `fly` would turn to: stations inside its fence."""
@@ -102,6 +109,26 @@ class Supervised(Policy):
         via = [int(network.head[one]) for one in seen.segments[:-1]]
         diverts = [network.index[one] for one in self._diverts.get(seen.run, ())]
         return self.in_air.turns(seen, tuple(dict.fromkeys((*diverts, seen.origin, *via))))
+
+
+class Kept(Supervised):
+    """What `fly` does at a stop under a plan that is kept, as under that of a fleet: the gate of a departure raises its charge, or lets it wait.
+
+    Where no charge allows the leg, `fly` stops; here it is asked again after ten minutes.
+    """
+
+    def leave(self, seen: Seen) -> Leave | None:
+        """As `Supervised`, but that it never gives up."""
+        return super().leave(seen) or Leave((), look_s=seen.time_s + REDECIDE_S)
+
+    def _decide(self, seen: Seen) -> Decision:
+        info = self._information(seen)
+        decision, departure = self.in_air.policy.keep_to_plan(info), None
+        if decision.action == "continue" and info.plan is not None:
+            service = info.plan.services[0]
+            way = segments_of(self.start.network, [service.origin, *service.via, service.destination])
+            departure = Departure(way, seen.told, lambda _: 0.0)
+        return replace(decision, composition=None, departure=departure)
 
 
 def _charge(stay: _Stay) -> Leave:

@@ -65,3 +65,14 @@ def test_what_was_planned_does_not_change():
 def test_a_state_knows_nothing_of_pads_unless_told():
     state = State(START, "a")
     assert (state.soc, dict(state.busy_pads), state.visited, state.position) == (1.0, {}, frozenset(), None)
+
+
+def test_after_a_landing_what_is_left_begins_where_it_landed_and_elsewhere_nothing_is_left():
+    rest = DELIVERY.after("b")
+    assert (rest.origin, [service.id for service in rest.services]) == ("b", ["b-d"])
+    assert DELIVERY.after("a") is DELIVERY  # turned back to where the leg begins
+    assert rest.after("b") is rest
+    assert DELIVERY.after("c") is None
+    assert DELIVERY.after(None) is None
+    assert rest.after("d") is None
+    assert replace(DELIVERY, services=(), stops=()).after("a") is None

@@ -36,7 +36,7 @@ def short(newyork):
 
 @pytest.fixture(scope="module")
 def flown(short):
-    return as_flown(short.problem, 20)
+    return as_flown(short, 20)
 
 
 def test_where_there_is_nothing_to_decide_it_is_what_the_fixed_route_promises(short, flown):
@@ -49,10 +49,10 @@ def test_where_there_is_nothing_to_decide_it_is_what_the_fixed_route_promises(sh
 
 @pytest.mark.slow
 def test_each_delivery_is_another_one_and_the_same_in_whatever_process(short, monkeypatch):
-    flown = as_flown(short.problem, 24)
+    flown = as_flown(short, 24)
     assert len(np.unique(flown.flown.lowest_soc)) == 24
     monkeypatch.setattr("skyway.planner.evaluation.as_flown.processors", lambda: 1)
-    again = as_flown(short.problem, 24)
+    again = as_flown(short, 24)
     assert (again.flown.delivery_s == flown.flown.delivery_s).all()
     assert (again.flown.lowest_soc == flown.flown.lowest_soc).all()
 
@@ -68,7 +68,7 @@ def test_the_truth_is_not_told(newyork):
         calm, north=north, east=np.repeat(calm.east, 8, axis=0), probability=np.full(8, 0.125),
         labels=tuple(f"m{number}" for number in range(8)),
     )  # fmt: skip
-    found = as_flown(plan(newyork, request, planner="robust", forecast=storm).problem, 24)
+    found = as_flown(plan(newyork, request, planner="robust", forecast=storm), 24)
     assert not found.flown.delivered[21:].any()
     assert found.flown.delivered[:21].all()
     assert found.outcome.p_arrive == pytest.approx(7 / 8)
@@ -76,12 +76,12 @@ def test_the_truth_is_not_told(newyork):
 
 @pytest.mark.parametrize(("runs", "wind", "said"), [(19, False, "at least 20"), (20, True, "a single wind series")])
 def test_what_cannot_be_simulated_is_said(newyork, short, runs, wind, said):
-    problem = short.problem
+    planned = short
     if wind:
         calm = constant_wind(3.0, 40.0, DEPART, HORIZON_H, 40.7, -74.0, newyork.rules.cruise_height_m)
-        problem = plan(newyork, request_to("columbia"), planner="robust", forecast=calm).problem
+        planned = plan(newyork, request_to("columbia"), planner="robust", forecast=calm)
     with pytest.raises(InputError, match=said):
-        as_flown(problem, runs)
+        as_flown(planned, runs)
 
 
 def test_other_planners_are_not_what_fly_decides_with(newyork):
@@ -103,7 +103,7 @@ def test_on_days_that_the_forecast_was_not_told_deliveries_are_as_promised(newyo
     days = season_days(newyork, request, 12)
     forecast = held_out_forecast(newyork, request, days)
     result = plan(newyork, request, planner="robust", forecast=forecast)
-    promised = as_flown(result.problem, 100)
+    promised = as_flown(result, 100)
     realizations = sample_realizations(newyork, result.problem.request, days, runs=48, seed=5)
     met, _ = fly_policy(realizations, "m200", RollingRobust(result.problem))
     mean = promised.outcome.delivery
