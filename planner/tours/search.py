@@ -29,9 +29,11 @@ CHUNK = 200
 """Iterations between two looks at the clock."""
 STATES = 16
 """Of the chargers at the depot, that are kept."""
-WANTED = (0.3, 0.6)
-"""Share of the iterations in which the plan is to be in time: with less lateness costs more, with more less."""
+WANTED, WANTED_COOL = (0.3, 0.6), (0.8, 1.0)
+"""Share of the iterations in which the plan is to serve all in time, when the search is warm and cool: with less lateness and absence cost more, with more less."""
 STEP = 1.1
+CHEAPEST = 0.1
+"""An absent customer costs no less than this share of what it costs at first: for nothing, the search would leave customers out and put them in again at any cost."""
 UNPRICED = 0.5
 """Share of the time in which energy has no price of its own."""
 
@@ -123,6 +125,8 @@ class Search:
         """Anneal the plan until a time or for so many iterations, or until all customers are served, if that is all that is wanted."""
         begin, first = time.perf_counter(), self.iterations
         mean, usual = self.mean_cost, max(float(self.tours.refusal[1:].mean()), 1e-9)
+        first_absent = self.parameters.absent
+        dearest_absent = max(usual / mean, first_absent)
         while self.iterations - first < iterations and (now := time.perf_counter()) < end_at:
             share = max((self.iterations - first) / iterations, (now - begin) / (end_at - begin))
             hot = mean * warm * (cool / warm) ** share
@@ -146,8 +150,10 @@ class Search:
                 self.best_cost,
             )
             self.iterations += done
-            step = STEP if in_time < WANTED[0] * done else 1.0 / STEP if in_time > WANTED[1] * done else 1.0
-            self._late, self._absent = self._late * step, self._absent * step
+            low, high = ((1.0 - share) * one + share * other for one, other in zip(WANTED, WANTED_COOL, strict=True))
+            step = STEP if in_time < low * done else 1.0 / STEP if in_time > high * done else 1.0
+            self._late *= step
+            self._absent = min(max(self._absent * step, CHEAPEST * first_absent), dearest_absent)
             if until_served and not (self.plan.route_of[1:] < 0).any():
                 break
 
@@ -170,11 +176,12 @@ class Search:
         return max(float(np.mean(alone)), 1e-9) if alone else 1.0
 
     def restart(self) -> None:
-        """Go on with the best plan, if there is one."""
+        """Go on with the best plan, if there is one, at the prices of the beginning."""
         if not self.used:
             return
         copy_plan(self.best, self.plan)
         copy_plan(self.best, self.trial)
+        self._late, self._absent = self.parameters.late, self.parameters.absent
 
     def drop_route(self) -> None:
         """Take all customers out of the route of the plan whose customers were absent least."""
