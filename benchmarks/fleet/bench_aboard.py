@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import t as student
 
 from benchmarks.fleet.bench_city import city
 from skyway.models.orders.fitting import Work, fit
@@ -67,8 +68,8 @@ def main() -> None:
     parser.add_argument("--drones", type=int, default=6)
     parser.add_argument("--orders", type=int, default=24)
     parser.add_argument("--utilisation", type=float, default=0.3, help="of the pads, by strangers")
-    parser.add_argument("--iterations", type=int, default=3000)
-    parser.add_argument("--draws", type=int, default=10)
+    parser.add_argument("--iterations", type=int, default=300)
+    parser.add_argument("--draws", type=int, default=6)
     options = parser.parse_args()
     found, spent_s = [], np.zeros(2)
     for seed in range(options.draws):
@@ -87,7 +88,7 @@ def main() -> None:
     for number, name in enumerate(NAMES):
         alone, together = table[:, 0, number], table[:, 1, number]
         apart = together - alone
-        error = 1.96 * apart.std(ddof=1) / np.sqrt(len(apart))
+        error = student.ppf(0.975, len(apart) - 1) * apart.std(ddof=1) / np.sqrt(len(apart))
         print(
             f"{name:<22} one package a flight {alone.mean():6.2f}, tours {together.mean():6.2f}, difference {apart.mean():+.2f} ± {error:.2f}"
         )
