@@ -30,7 +30,7 @@ CHUNK = 200
 STATES = 16
 """Of the chargers at the depot, that are kept."""
 WANTED, WANTED_COOL = (0.3, 0.6), (0.8, 1.0)
-"""Share of the iterations in which the plan is to serve all in time, when the search is warm and cool: with less lateness and absence cost more, with more less."""
+"""Share of the iterations in which the plan is to serve all in time, warm and cool: with less absence costs more, with more less. Lateness always follows the first."""
 STEP = 1.1
 CHEAPEST = 0.1
 """An absent customer costs no less than this share of what it costs at first: for nothing, the search would leave customers out and put them in again at any cost."""
@@ -73,6 +73,11 @@ def _chargers(tours: Tours, vehicles: int, nodes: int) -> Chargers:
     return Chargers(
         Queue(np.zeros((vehicles, 3), dtype=np.int64), free, late, late.copy(), came), calendar, np.zeros((0, 8))
     )
+
+
+def _step(share: float, low: float, high: float) -> float:
+    """By which a price changes: dearer where the share of plans without what it is for is below a band, cheaper above."""
+    return STEP if share < low else 1.0 / STEP if share > high else 1.0
 
 
 class Search:
@@ -151,9 +156,10 @@ class Search:
             )
             self.iterations += done
             low, high = ((1.0 - share) * one + share * other for one, other in zip(WANTED, WANTED_COOL, strict=True))
-            step = STEP if in_time < low * done else 1.0 / STEP if in_time > high * done else 1.0
-            self._late *= step
-            self._absent = min(max(self._absent * step, CHEAPEST * first_absent), dearest_absent)
+            self._late *= _step(in_time / done, *WANTED)
+            self._absent = min(
+                max(self._absent * _step(in_time / done, low, high), CHEAPEST * first_absent), dearest_absent
+            )
             if until_served and not (self.plan.route_of[1:] < 0).any():
                 break
 
@@ -176,12 +182,12 @@ class Search:
         return max(float(np.mean(alone)), 1e-9) if alone else 1.0
 
     def restart(self) -> None:
-        """Go on with the best plan, if there is one, at the prices of the beginning."""
+        """Go on with the best plan, if there is one; an absent customer costs what it costs at first."""
         if not self.used:
             return
         copy_plan(self.best, self.plan)
         copy_plan(self.best, self.trial)
-        self._late, self._absent = self.parameters.late, self.parameters.absent
+        self._absent = self.parameters.absent
 
     def drop_route(self) -> None:
         """Take all customers out of the route of the plan whose customers were absent least."""
