@@ -68,24 +68,10 @@ def plan_tours(
 
     Parameters
     ----------
-    work : Work
-        Orders and drones, found in a scenario.
-    depart : datetime
-        Nothing begins earlier.
-    forecast : WindEnsemble, optional
-        What is known of the wind; the scenario's by default.
-    holds : sequence of Hold
-        Windows of pads that others have booked.
-    reserve : float
-        Least charge at any landing.
-    time_limit_s, iterations : float, int
-        The search ends after either.
-    seed : int
-        Of everything random; with a limit on iterations alone the same plan comes out each time.
+    work, depart, forecast, holds, reserve, time_limit_s, iterations, seed, parameters
+        As for `planner.dispatch.dispatch.dispatch`.
     fewest_drones : bool
         Whether fewer drones are better, whatever time and energy they take.
-    parameters : PlannerParameters, optional
-        Tuned numbers.
 
     Raises
     ------

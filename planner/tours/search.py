@@ -29,9 +29,11 @@ CHUNK = 200
 """Iterations between two looks at the clock."""
 STATES = 16
 """Of the chargers at the depot, that are kept."""
-WANTED = (0.3, 0.6)
-"""Share of the iterations in which the plan is to be in time: with less lateness costs more, with more less."""
+WANTED, WANTED_COOL = (0.3, 0.6), (0.8, 1.0)
+"""Share of the iterations in which the plan is to serve all in time, warm and cool: with less absence costs more, with more less. Lateness always follows the first."""
 STEP = 1.1
+CHEAPEST = 0.1
+"""An absent customer costs no less than this share of what it costs at first: for nothing, the search would leave customers out and put them in again at any cost."""
 UNPRICED = 0.5
 """Share of the time in which energy has no price of its own."""
 
@@ -71,6 +73,11 @@ def _chargers(tours: Tours, vehicles: int, nodes: int) -> Chargers:
     return Chargers(
         Queue(np.zeros((vehicles, 3), dtype=np.int64), free, late, late.copy(), came), calendar, np.zeros((0, 8))
     )
+
+
+def _step(share: float, low: float, high: float) -> float:
+    """By which a price changes: dearer where the share of plans without what it is for is below a band, cheaper above."""
+    return STEP if share < low else 1.0 / STEP if share > high else 1.0
 
 
 class Search:
@@ -123,6 +130,8 @@ class Search:
         """Anneal the plan until a time or for so many iterations, or until all customers are served, if that is all that is wanted."""
         begin, first = time.perf_counter(), self.iterations
         mean, usual = self.mean_cost, max(float(self.tours.refusal[1:].mean()), 1e-9)
+        first_absent = self.parameters.absent
+        dearest_absent = max(usual / mean, first_absent)
         while self.iterations - first < iterations and (now := time.perf_counter()) < end_at:
             share = max((self.iterations - first) / iterations, (now - begin) / (end_at - begin))
             hot = mean * warm * (cool / warm) ** share
@@ -146,8 +155,11 @@ class Search:
                 self.best_cost,
             )
             self.iterations += done
-            step = STEP if in_time < WANTED[0] * done else 1.0 / STEP if in_time > WANTED[1] * done else 1.0
-            self._late, self._absent = self._late * step, self._absent * step
+            low, high = ((1.0 - share) * one + share * other for one, other in zip(WANTED, WANTED_COOL, strict=True))
+            self._late *= _step(in_time / done, *WANTED)
+            self._absent = min(
+                max(self._absent * _step(in_time / done, low, high), CHEAPEST * first_absent), dearest_absent
+            )
             if until_served and not (self.plan.route_of[1:] < 0).any():
                 break
 
@@ -170,11 +182,12 @@ class Search:
         return max(float(np.mean(alone)), 1e-9) if alone else 1.0
 
     def restart(self) -> None:
-        """Go on with the best plan, if there is one."""
+        """Go on with the best plan, if there is one; an absent customer costs what it costs at first."""
         if not self.used:
             return
         copy_plan(self.best, self.plan)
         copy_plan(self.best, self.trial)
+        self._absent = self.parameters.absent
 
     def drop_route(self) -> None:
         """Take all customers out of the route of the plan whose customers were absent least."""

@@ -77,7 +77,8 @@ def solve(
         search.restart()
         spent = (number + 1) / parameters.rounds
         cooled_at = end_at - rest * (1.0 - spent + parameters.choice_share / parameters.rounds)
-        warm = parameters.warm if number == 0 else (parameters.warm * parameters.cool) ** 0.5
+        last = 0 < number == parameters.rounds - 1
+        warm = (parameters.warm * parameters.cool) ** 0.5 if last else parameters.warm
         search.run(
             end_at=cooled_at,
             iterations=max(left // parameters.rounds, 1),

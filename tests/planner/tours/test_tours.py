@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fleet.bench_evrp import judge_evrptw
 from benchmarks.fleet.evrp import checker, evrptw, optimum, overnight
 from benchmarks.fleet.evrp.random_instance import random_instance
 from skyway.models.base.errors import InputError
@@ -125,3 +126,8 @@ def test_small_published_instances_are_at_the_proved_optimum(name, shared_data):
     assert checker.faults(instance, routes) == []
     proof = optimum.prove(instance)
     assert (len(routes), checker.distance_of(instance, routes)) == (proof.vehicles, pytest.approx(proof.distance))
+
+
+@pytest.mark.slow
+def test_wide_windows_and_few_vehicles_are_within_two_percent_of_the_best_known(shared_data):
+    assert judge_evrptw("rc208_21", share=1.0, seed=1) <= 0.02

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -16,37 +17,91 @@ from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
+    from skyway.models.wind.ensemble import WindEnsemble
     from skyway.planner.dispatch.result import DispatchPlan
+    from skyway.planner.parameters.planner import PlannerParameters
 
 dispatch = typer.Typer(help="Plan for a fleet.", no_args_is_help=True, rich_markup_mode=None)
 dispatch.callback()(lambda: None)
 
 
-@dispatch.command("plan")
-@with_groups
-def plan(
-    conditions: ConditionOptions,
-    pads: PadOptions,
-    orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")],
-    fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetOptions:
+    """Orders, drones, and how they are planned and booked."""
+
+    orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")]
+    fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")]
     ledger: Annotated[
         str | None, typer.Option(help="Book the pads here: a file (SQLite), or postgresql://USER@HOST/DATABASE.")
-    ] = None,
-    holder: Annotated[str, typer.Option(help="In whose name pads are booked.")] = "dispatch",
-    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better the plan, s.")] = 10.0,
+    ] = None
+    holder: Annotated[str, typer.Option(help="In whose name pads are booked.")] = "dispatch"
+    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better the plan, s.")] = 10.0
     iterations: Annotated[
         int, typer.Option(help="Changes to try at most; with enough time the same plan comes out each time.", min=0)
-    ] = 10**9,
-    seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0,
-    settings: options.Settings = None,
-    as_json: options.AsJson = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None,
-    force: options.Force = False,
-) -> None:
+    ] = 10**9
+    seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0
+    settings: options.Settings = None
+    as_json: options.AsJson = False
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None
+    force: options.Force = False
+
+    def read(self, conditions: ConditionOptions, *, most_reserve: float) -> Asked:
+        """Read the files, and what is known of the wind.
+
+        Raises
+        ------
+        InputError
+            A file or an option is wrong, or the plan would overwrite a file.
+        """
+        from skyway.models.orders.files import read_orders, read_vehicles
+        from skyway.models.orders.fitting import fit
+
+        options.refuse_overwriting(self.output, force=self.force)
+        if conditions.truth is not None:
+            remedy = "remove it: fleets are planned with a forecast"
+            raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
+        parameters = typed_values.planner_parameters(self.settings)
+        reserve = typed_values.percent(self.reserve, "--reserve", high=most_reserve)
+        work = fit(conditions.loaded(), read_orders(self.orders), read_vehicles(self.fleet))
+        known, _ = conditions.winds(work.scenario, conditions.instant, None)
+        return Asked(work, conditions.instant, known.forecast, parameters, reserve)
+
+    def show(self, work: Work, made: DispatchPlan) -> None:
+        """Print a plan, and write it to a file; exit with 1 where nothing is served."""
+        from skyway.cli.views.dispatch import print_dispatch
+        from skyway.models.base.files import write_atomically
+        from skyway.planner.dispatch.result import document_of
+
+        document = json_text(document_of(made), indent=1)
+        if self.output is not None:
+            write_atomically(self.output, document + "\n", force=self.force)
+        options.say_written(self.output)
+        if self.as_json:
+            typer.echo(document)
+        else:
+            print_dispatch(work, made)
+        if made.answers and not made.served:
+            raise typer.Exit(1)
+
+
+class Asked(NamedTuple):
+    """What `FleetOptions` say."""
+
+    work: Work
+    depart: datetime
+    forecast: WindEnsemble
+    parameters: PlannerParameters
+    reserve: float
+
+
+@dispatch.command("plan")
+@with_groups
+def plan(conditions: ConditionOptions, pads: PadOptions, fleet_options: FleetOptions) -> None:
     """Assign orders to the drones of a fleet, with times and stops, and book the pads.
 
     Each order is served or refused with a reason; the plan includes empty flights and charging. It is simulated in many realizations of wind, energy and
@@ -57,56 +112,32 @@ def plan(
       skyway dispatch plan --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00
       skyway dispatch plan --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00 --ledger ledger.db -o day.json
     """
-    from skyway.models.orders.files import read_orders, read_vehicles
-    from skyway.models.orders.fitting import fit
     from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
     from skyway.now import pads_now
     from skyway.planner.promises.booked import plan_fleet
 
-    options.refuse_overwriting(output, force=force)
-    _refuse_truth(conditions)
-    parameters = typed_values.planner_parameters(settings)
-    least = typed_values.percent(reserve, "--reserve", high=95.0)
-    scenario = conditions.loaded()
-    work = fit(scenario, read_orders(orders), read_vehicles(fleet))
-    depart = conditions.instant
-    known, _ = conditions.winds(work.scenario, depart, None)
+    asked = fleet_options.read(conditions, most_reserve=95.0)
     seen = NOTHING_SEEN
     if pads.pads is not None:
-        found = pads_now(work.scenario, pads.pads, depart)
+        found = pads_now(asked.work.scenario, pads.pads, asked.depart)
         seen = PadsSeen(found.busy, found.free_s)
         for note in found.notes:
             typer.echo(note, err=True)
     made = plan_fleet(
-        work, depart, known.forecast, parameters,
-        reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, ledger=ledger, holder=holder, seen=seen,
+        asked.work, asked.depart, asked.forecast, asked.parameters, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
+        iterations=fleet_options.iterations, seed=fleet_options.seed, ledger=fleet_options.ledger, holder=fleet_options.holder, seen=seen,
     )  # fmt: skip
-    _show(work, made, as_json=as_json, output=output, force=force)
+    fleet_options.show(asked.work, made)
 
 
 @dispatch.command("tours")
 @with_groups
 def tours(
     conditions: ConditionOptions,
-    orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")],
-    fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")],
-    ledger: Annotated[
-        str | None, typer.Option(help="Book the pads here: a file (SQLite), or postgresql://USER@HOST/DATABASE.")
-    ] = None,
-    holder: Annotated[str, typer.Option(help="In whose name pads are booked.")] = "dispatch",
-    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better the plan, s.")] = 10.0,
-    iterations: Annotated[
-        int, typer.Option(help="Changes to try at most; with enough time the same plan comes out each time.", min=1)
-    ] = 10**9,
-    seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0,
+    fleet_options: FleetOptions,
     fewest_drones: Annotated[
         bool, typer.Option("--fewest-drones", help="Use as few drones as serve all orders, whatever time they take.")
     ] = False,
-    settings: options.Settings = None,
-    as_json: options.AsJson = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None,
-    force: options.Force = False,
 ) -> None:
     """Plan tours: each drone leaves its station once, with several packages aboard, charges on the way, and comes home.
 
@@ -117,52 +148,19 @@ def tours(
       skyway dispatch tours --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00
       skyway dispatch tours --orders orders.csv --fleet fleet.csv --depart 2013-07-10T14:00-04:00 --ledger ledger.db -o tours.json
     """
-    from skyway.models.orders.files import read_orders, read_vehicles
-    from skyway.models.orders.fitting import fit
     from skyway.planner.promises.booked import booked
     from skyway.planner.tours.plan import plan_tours
 
-    options.refuse_overwriting(output, force=force)
-    _refuse_truth(conditions)
-    parameters = typed_values.planner_parameters(settings)
-    least = typed_values.percent(reserve, "--reserve", high=75.0)
-    work = fit(conditions.loaded(), read_orders(orders), read_vehicles(fleet))
-    depart = conditions.instant
-    known, _ = conditions.winds(work.scenario, depart, None)
+    asked = fleet_options.read(conditions, most_reserve=75.0)
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
         return plan_tours(
-            work, depart, forecast=known.forecast, holds=holds, reserve=least, time_limit_s=time_limit, iterations=iterations, seed=seed, fewest_drones=fewest_drones,
-            parameters=parameters,
+            asked.work, asked.depart, forecast=asked.forecast, holds=holds, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
+            iterations=fleet_options.iterations, seed=fleet_options.seed, fewest_drones=fewest_drones, parameters=asked.parameters,
         )  # fmt: skip
 
-    made = booked(planned, work, depart, ledger=ledger, holder=holder, time_limit_s=time_limit)
-    _show(work, made, as_json=as_json, output=output, force=force)
-
-
-def _refuse_truth(conditions: ConditionOptions) -> None:
-    """Refuse the wind of a day: fleets are planned with what is forecast."""
-    if conditions.truth is not None:
-        remedy = "remove it: fleets are planned with a forecast"
-        raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
-
-
-def _show(work: Work, made: DispatchPlan, *, as_json: bool, output: Path | None, force: bool) -> None:
-    """Print a plan, and write it to a file; exit with 1 where nothing is served."""
-    from skyway.cli.views.dispatch import print_dispatch
-    from skyway.models.base.files import write_atomically
-    from skyway.planner.dispatch.result import document_of
-
-    document = json_text(document_of(made), indent=1)
-    if output is not None:
-        write_atomically(output, document + "\n", force=force)
-    options.say_written(output)
-    if as_json:
-        typer.echo(document)
-    else:
-        print_dispatch(work, made)
-    if made.answers and not made.served:
-        raise typer.Exit(1)
+    made = booked(planned, asked.work, asked.depart, ledger=fleet_options.ledger, holder=fleet_options.holder, time_limit_s=fleet_options.time_limit)  # fmt: skip
+    fleet_options.show(asked.work, made)
 
 
 Holder = Annotated[str, typer.Option(help="Name of the dispatcher: in whose name pads are booked.")]
