@@ -42,7 +42,7 @@ SPEED_UNITS_MPS = {
 def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
     """Read an ISO 8601 instant with its offset, such as ``2013-07-10T14:00-04:00``; returns it in UTC.
 
-    An `InputError` that names `field` and `file` refuses a naive time: it means a different instant to each reader.
+    An `InputError` that names `field` and `file` refuses a naive time, because it is ambiguous.
     """
     example = "write it as 2013-07-10T14:00-04:00 or 2013-07-10T18:00Z"
     try:
