@@ -196,7 +196,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class ArrivalDistribution:
-    """When the package arrives, over the forecast (None: unknown), and how sure each figure is."""
+    """Arrival of the package over the forecast (None: unknown), with the uncertainty of each figure."""
 
     mean: datetime | None
     p50: datetime | None
@@ -205,7 +205,7 @@ class ArrivalDistribution:
     delivery_mean: Figure | None = None
     delivery_p50: Figure | None = None
     delivery_p95: Figure | None = None
-    """The same as delivery times, s, and how sure they are; None where nothing was sampled."""
+    """The same as delivery times, s, with their uncertainty; None if nothing was sampled."""
     runs: int | None = None
     """Simulated deliveries behind them."""
 
@@ -299,7 +299,7 @@ class Composition:
     success_probability, on_time_probability : float or None
         That every landing keeps the reserve, and that the package arrives by the deadline; None is unknown.
     success, on_time : Figure or None
-        How sure these are; None where nothing was sampled.
+        Uncertainty of these; None if nothing was sampled.
     parameters : mapping of str to str
         Parameters of planners that were not at their defaults, as they are typed after ``--set``.
     conditions : tuple of Condition
@@ -311,7 +311,7 @@ class Composition:
     zones : tuple of str
         Files of zones given in addition to those of the scenario.
     not_before : datetime or None
-        Before this the package does not arrive; None: it may at any time.
+        Earliest arrival of the package; None: no limit.
     energy : EnergyDistribution or None
         Where the scenario has prices, or the objective counts energy.
     costs : DeliveryCosts or None

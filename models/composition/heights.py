@@ -32,7 +32,7 @@ class TerrainUse:
     files : tuple of str
         Terrain models and obstacles, as they were named.
     clearance : Clearance
-        What is kept over them.
+        Required clearance over them.
     """
 
     files: tuple[str, ...] = ()
@@ -127,7 +127,7 @@ def obstacles_told(
 
 
 def least_words(heights: LegHeights) -> str:
-    """Least clearance of a leg in words, and where it is."""
+    """Least clearance of a leg and its location, in words."""
     at = f"{distance_text(heights.least_along_m)} along"
     if heights.least_m < 0.0:
         return f"{height_text(-heights.least_m)} below the highest ground or obstacle in the corridor, {at}"

@@ -121,7 +121,7 @@ def level_steps(
 def _levels(floor: NDArray[np.float64], ceiling: NDArray[np.float64]) -> list[tuple[int, float]]:
     """Fewest levels between a floor and a ceiling: where each begins, and its height.
 
-    A level goes on until the greatest floor since its beginning is above the least ceiling.
+    A level continues until the greatest floor since its beginning is above the least ceiling.
     """
     levels: list[tuple[int, float]] = []
     begin = 0

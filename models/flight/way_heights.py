@@ -1,9 +1,9 @@
-"""Heights of a way: one answer, for plans, checks, missions, flights and reports.
+"""Heights of a way: the same code for plans, checks, missions, flights and reports.
 
 Without a terrain model it is the rule of `models.flight.heights`: the cruise height above the higher ground next to each
 station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
 nowhere lower than the clearance over anything in the corridor, and no higher above the ground than the clearance's greatest height as
-far as that lets it. The vehicle climbs and descends straight up and down at the steps, so that what a step costs does not depend on
+far as the clearance allows. The vehicle climbs and descends vertically at the steps, so the cost of a step does not depend on
 the wind. There are as few steps as possible: each level continues as long as one height is possible, and is the nearest to the level before.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 TURN_EVERY_M = 150.0
-"""Ways of turns and diverts, which are many, are looked at so far apart, and as much wider."""
+"""Ways of turns and diverts, which are many, are sampled at this distance, and widened by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Over:
     clearance: Clearance
     cruise_height_m: float
     notes: tuple[str, ...] = ()
-    """What plans over it tell."""
+    """Notes for plans made over it."""
 
 
 class Knot(NamedTuple):

@@ -1,7 +1,7 @@
 """Ways around zones: the shortest ones that keep the margin, with bends at the corners of the zones' outlines.
 
 Shortest ways among polygons bend at their corners only (Lozano-Perez and Wesley 1979), so that they are shortest paths in the graph of
-corners that see each other. Obstacles are looked at lazily: a way that is shortest among some of them and touches no other is
+corners that see each other. Obstacles are considered lazily: a way that is shortest among some of them and touches no other is
 shortest among all.
 """
 
@@ -32,7 +32,7 @@ Corner = tuple[int, int]
 Bend = tuple[Corner, float, float]
 """A corner, its latitude and longitude."""
 MAX_CORNERS = 400
-"""Ways among more corners than this are not looked for."""
+"""Ways among more corners than this are not searched."""
 MAX_ROUNDS = 30
 MAX_PAIRS = 300
 FEW_CORNERS = 24
@@ -45,8 +45,8 @@ def with_bends(
 ) -> tuple[tuple[Station, ...], NDArray[np.int64]]:
     """Add the shortest ways around zones where these close segments; returns nodes and pairs, the new ones behind.
 
-    Where a zone is not always closed the straight segment stays, too, and there are ways around all zones and around those that
-    always are. A bend that is a node already is taken again. Of more than `MAX_PAIRS` closed segments the longer ones get none.
+    If a zone is not always closed the straight segment stays, too, and there are ways around all zones and around those that
+    always are. A bend that is already a node is reused. Of more than `MAX_PAIRS` closed segments the longer ones get none.
     """
     airspace = bends.airspace
     ends = np.unique(np.sort(pairs, axis=1), axis=0)

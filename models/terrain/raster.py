@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 WGS84 = "EPSG:4326"
 LOWEST_M, HIGHEST_M = -500.0, 9_500.0
-"""No ground is lower (the shore of the Dead Sea: -430 m) or higher: such values are voids that nobody declared, -9999 above all, or the floor of the sea, which is flown over at no clearance."""
+"""No ground is lower (the shore of the Dead Sea: -430 m) or higher: such values are undeclared voids, mostly -9999, or the sea floor."""
 
 
 class Pixels(Protocol):
@@ -33,7 +33,7 @@ class Raster:
     Attributes
     ----------
     file, format : str
-        Name of the file and what it is: ``SRTM .hgt``, ``GeoTIFF``, ``BigTIFF``, …
+        Name of the file and its kind: ``SRTM .hgt``, ``GeoTIFF``, ``BigTIFF``, …
     rows, columns : int
         Of heights.
     origin : tuple of float
@@ -45,15 +45,15 @@ class Raster:
     registration : str
         ``node``: a height is that of a point; ``cell``: that of a cell about it.
     datum : str
-        What the heights count from: ``EGM96``, ``EGM2008``, ``ellipsoid``, another name, or ``unknown``.
+        Datum of the heights: ``EGM96``, ``EGM2008``, ``ellipsoid``, another name, or ``unknown``.
     unit_m : float
         Length of the unit of the heights.
     pixels : Pixels
-        Where the heights are.
+        Source of the heights.
     packed : str
-        How they are stored, in words.
+        Their storage, in words.
     geoid : Raster, optional
-        Heights of the geoid above the ellipsoid, where the heights count from that; without it EGM96 counts.
+        Heights of the geoid above the ellipsoid, if the heights are above the ellipsoid; without it EGM96 counts.
     """
 
     file: str
@@ -76,7 +76,7 @@ class Raster:
         return bool(_crs(self.crs).is_geographic)
 
     def at(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where places lie in the grid: (row, column); a whole number is a node or the centre of a cell."""
+        """Return the positions of places in the grid: (row, column); a whole number is a node or the centre of a cell."""
         lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
         if self.crs == WGS84:
             x, y = lon, lat
@@ -154,7 +154,7 @@ def _transformer(code: str) -> Any:
 
 
 def checked_crs(code: str, file: str) -> str:
-    """Return a code that pyproj knows; an `InputError` refuses another."""
+    """Return a code that pyproj accepts; an `InputError` refuses others."""
     import pyproj
 
     try:

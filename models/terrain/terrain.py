@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 _AHEAD_M = 3_000.0
-"""So much more than what is requested is read, so that what lies beside it need not be read again."""
+"""Additional extent that is read, so that neighbouring requests need no further reading."""
 _ABOUT_M = 1_000.0
-"""So much about the radius is read, for the cells that a radius is rounded up to."""
+"""Additional extent around the radius that is read, for the cells that a radius is rounded up to."""
 COARSEST_M = 1_000.0
-"""Cells wider than this tell nothing about the ground below a leg."""
+"""Cells wider than this do not represent the ground below a leg."""
 
 
 class Terrain:
@@ -40,11 +40,11 @@ class Terrain:
     rasters : tuple of Raster
         Terrain models, the order of files; of those that overlap the finest counts.
     obstacles : Obstacles
-        What stands on the ground.
+        Obstacles on the ground.
     files : tuple of str
-        All files, as they were named: with datum and unit where these were given.
+        All files, as named: with datum and unit if these were given.
     notes : tuple of str
-        What a person should know of them.
+        Notes on them for a person.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Terrain:
         return self.obstacles.highest(near, lat, lon, radius_m, self._standing_m)
 
     def standing_m(self, obstacle: int) -> float:
-        """Top above mean sea level of an obstacle that `obstacles_near` named."""
+        """Top above mean sea level of an obstacle returned by `obstacles_near`."""
         return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
@@ -114,14 +114,14 @@ class Terrain:
         if found is None:
             known = np.where(
                 np.isnan(patch.height_m), np.float32(np.inf), patch.height_m
-            )  # what is unknown is the highest
+            )  # an unknown height is the highest
             for axis in (0, 1):
                 known = maximum_filter1d(known, 2 * reach[axis] + 1, axis, mode="constant", cval=np.inf)
             found = self._tops[reach] = np.where(np.isinf(known), np.float32(np.nan), known)
         return found
 
     def _over(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> Patch | None:
-        """The patch that holds places and what lies within a radius; it grows with what is requested."""
+        """The patch that contains places and their surroundings; it grows with requests."""
         if not len(lat) or not self.rasters:
             return None
         middle = float(lon[0]) if self._box is None else 0.5 * (self._box[1] + self._box[3])
@@ -136,7 +136,7 @@ class Terrain:
                     max(box[2], self._box[2]),
                     max(box[3], self._box[3]),
                 )
-                if _area(both) <= 2.0 * (_area(box) + _area(self._box)):  # else they lie far apart
+                if _area(both) <= 2.0 * (_area(box) + _area(self._box)):  # otherwise they are far apart
                     box = both
             self._box, self._patch, self._tops = box, patch_of(self.rasters, box), {}
         return self._patch
