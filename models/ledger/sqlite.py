@@ -63,12 +63,8 @@ class SqliteLedger(Ledger):
         ):
             raise InputError("is a database, but no ledger", self._name, remedy="name another file")
         run("PRAGMA journal_mode = WAL")
-        run(
-            "PRAGMA synchronous = NORMAL"
-        )  # no killed process loses anything; a power failure may lose the last moments
-        run(
-            "PRAGMA wal_autocheckpoint = 0"
-        )  # a killed process loses nothing; a power failure may lose the last moments
+        run("PRAGMA synchronous = NORMAL")  # a killed process loses nothing; a power failure may lose the latest data
+        run("PRAGMA wal_autocheckpoint = 0")  # `_put_log_away` does it
         run("PRAGMA foreign_keys = ON")
         run("PRAGMA busy_timeout = 0")  # `_begin` waits
         if version < len(known) or version > len(known):

@@ -1,6 +1,6 @@
 """Files with the load of the pads by other drones.
 
-They say it directly, as rates by hour of the week (`read_load`), or as a record of busy pads (`read_occupancy`).
+They give it directly, as rates by hour of the week (`read_load`), or as a record of busy pads (`read_occupancy`).
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 
 EVERY_STATION = "*"
-"""Station id that stands for every station without a row of its own."""
+"""Station id for all stations without a row of their own."""
 CLAMPED_UTILISATION = 0.95
-"""Utilisation assumed where a record shows every pad busy, which does not tell how many were turned away."""
+"""Utilisation assumed if a record shows every pad busy, since the number of drones turned away is unknown."""
 _NOT_A_CHARGING_TIME = Problem("not a charging time", "minutes, from a second to a week")
 _COLUMNS = ("station", "hour_of_week", "arrivals_per_h", "mean_charging_min")
 
@@ -176,7 +176,7 @@ def _parse_arrivals(text: str) -> float | Problem:
 
 
 def _parse_charging(text: str) -> float | Problem:
-    """Read a charging time, s; 0 is checked later: it is valid where nobody arrives."""
+    """Read a charging time, s; 0 is checked later: it is valid if nobody arrives."""
     charging_s = _number(text) * S_PER_MIN
     return charging_s if charging_s == 0.0 or MIN_CHARGING_S <= charging_s <= MAX_CHARGING_S else _NOT_A_CHARGING_TIME
 
