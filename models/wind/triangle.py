@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 Quantity: TypeAlias = Any
-"""What the equations take: a number, as kernels hand it over, or an array of many legs."""
+"""Input of the equations: a number, as kernels pass it, or an array of many legs."""
 MIN_GROUND_SPEED_MPS = 1.0
-"""Nobody flies a leg that would be slower than this."""
+"""A leg that would be slower than this is not flown."""
 
 
 def vector(speed_mps: ArrayLike, from_deg: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(north, east) velocity of the air, where it moves TOWARDS, of winds given as people say them."""
+    """(north, east) velocity of the air, where it moves TOWARDS, of winds given by speed and FROM direction."""
     angle = np.radians(np.asarray(from_deg, dtype=np.float64))
     speed = np.asarray(speed_mps, dtype=np.float64)
     return -speed * np.cos(angle), -speed * np.sin(angle)
