@@ -20,7 +20,7 @@ _CELL_DEG = 0.01
 
 
 class NearStations:
-    """Finds the stations within `NEAR_STATION_M` of a place, however many there are of both."""
+    """Finds the stations within `NEAR_STATION_M` of a place, fast for any number of both."""
 
     def __init__(self, stations: Sequence[Station]) -> None:
         self._cells: dict[tuple[int, int], list[Station]] = defaultdict(list)
