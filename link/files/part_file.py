@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _AHEAD_BYTES = 8_000_000
-"""What waits for an earlier piece at most; later pieces must come again."""
+"""Limit of the data that wait for an earlier piece; further pieces must be sent again."""
 
 
 class Pieces:
@@ -20,7 +20,7 @@ class Pieces:
         self.end = end
         """Everything before is written."""
         self.top = end
-        """Nothing after has come."""
+        """No data have arrived after this."""
         self._holes: list[tuple[int, int]] = []
         self._waiting: list[tuple[int, bytes]] = []
         self._waiting_bytes = 0
