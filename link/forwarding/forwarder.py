@@ -248,9 +248,7 @@ class Forwarder:
         target = message.fields.get("target_system", 0)
         to = {"target_system": sender[0], "target_component": sender[1]}
         writer = FrameWriter(target, message.fields.get("target_component", 0) or 1)
-        if (
-            not target or self._signs
-        ):  # it has no vehicle's id as target, or the answer would require the vehicle's signature
+        if not target or self._signs:  # it targets no vehicle's id, or the answer would need the vehicle's signature
             return
         if message.name.startswith("COMMAND_"):
             fields = {"command": message["command"], "result": _DENIED, **to}

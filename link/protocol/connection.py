@@ -246,9 +246,7 @@ class Connection(Carrier):
         self._beat_s = now
         fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
         old = any(peer.version == 1 for peer in self.peers.values())
-        for version in (
-            (1, 2) if old else (2,)
-        ):  # a sender of MAVLink 1 may know 2, and waits to receive it (MAV_PROTO_VER 0)
+        for version in (1, 2) if old else (2,):  # one that sends 1 may know 2, and waits for it (MAV_PROTO_VER 0)
             frame = self._writer.frame("HEARTBEAT", fields, version)
             self._own.append(frame)
             self._pass_on(frame, 0)

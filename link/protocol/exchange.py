@@ -26,7 +26,7 @@ _MIN_RETRY_S = 0.03
 _FEW_TRIES = 6
 _UNCLEAR, _SLOWEST = 4, 16.0
 SPREADS = 2.0
-"""Limit of retries for which `RoundTrip.retry_s` waits, for missions: packets sent too early are ignored there."""
+"""Spreads that `RoundTrip.retry_s` waits beyond the mean, for missions: packets sent too early are ignored there."""
 _LONGEST_RETRY_S = 3.0
 
 

@@ -205,7 +205,7 @@ class _Run:
         return (yield from self._give_up(before, found or (), reason, concerned))
 
     def _judged(self, taken_s: float, said: int) -> Steps[UploadOutcome]:
-        """Verified, unless the vehicle reports that it will not fly the mission, in texts after the first `since`."""
+        """Verified, unless the vehicle reports that it will not fly the mission, in texts after the first `said`."""
         holds = f"what was sent, {self._count()}"
         job = self.job
         if job.kind is not MissionKind.MISSION or not job.family.judges_missions or not self.wire:

@@ -87,9 +87,7 @@ def no_earlier(later: Figure, earlier: Figure) -> Figure:
         return later
     step = step_for(later.half_width)
     more = step * math.ceil(rounded_s(earlier) / step) - later.value
-    return replace(
-        later, value=later.value + more, low=later.low + more, high=later.high + more
-    )  # as uncertain as before
+    return replace(later, value=later.value + more, low=later.low + more, high=later.high + more)  # same uncertainty
 
 
 def minutes(figure: Figure) -> str:

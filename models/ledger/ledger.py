@@ -284,9 +284,7 @@ class Ledger(ABC):
     def _near(self, windows: Sequence[Window], keys: dict[tuple[str, int], int]) -> tuple[list[Hold], list[int]]:
         """Bookings of the pads of some windows about their time, and the ids of those whose lease has expired."""
         times = [(keys[one.station, one.pad], self._to_db(one.opens), self._to_db(one.closes)) for one in windows]
-        if any(
-            one.epsilon for one in windows
-        ):  # the epsilon that others have already spent on third bookings counts, too
+        if any(one.epsilon for one in windows):  # epsilon already spent on other bookings counts, too
             begin, end = min(opens for _, opens, _ in times), max(closes for _, _, closes in times)
             where, values = self._touching([(key, begin, end) for key in keys.values()])
             sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE state <> 'released' AND ({where})"

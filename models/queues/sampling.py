@@ -145,7 +145,7 @@ def sample_many(
     known = np.sort(np.array(free_s, dtype=np.float64))
     come = float(arrivals.max()) * (
         end_s - first_s
-    )  # draws of the whole horizon, so that the draws of each path are the same
+    )  # draws of the whole horizon, so that those of each path are the same
     most = int(present.max()) + come + 5.0 * math.sqrt(come)
     draws = rng.standard_exponential((count, pads + 2 * (16 + int(most))))
     while True:

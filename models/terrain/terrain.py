@@ -112,9 +112,7 @@ class Terrain:
         reach = math.ceil(radius_m / south_m) + 1, math.ceil(radius_m / (0.98 * east_m)) + 1
         found = self._tops.get(reach)
         if found is None:
-            known = np.where(
-                np.isnan(patch.height_m), np.float32(np.inf), patch.height_m
-            )  # an unknown height is the highest
+            known = np.where(np.isnan(patch.height_m), np.float32(np.inf), patch.height_m)  # unknown is the highest
             for axis in (0, 1):
                 known = maximum_filter1d(known, 2 * reach[axis] + 1, axis, mode="constant", cval=np.inf)
             found = self._tops[reach] = np.where(np.isinf(known), np.float32(np.nan), known)
