@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""Slacks that are tried: stops end this long before the pad is gone, for the uncertainty of charging."""
+"""Slacks that are tried: stops end this long before the window of the pad, for the uncertainty of charging."""
 
 
 def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
