@@ -68,7 +68,7 @@ class Pieces:
                 self.end = begin + len(piece)
 
     def holes(self, piece_bytes: int) -> Iterator[tuple[int, int]]:
-        """Yield offset and length of what is missing before `top`, in pieces of at most as many bytes."""
+        """Yield offset and length of the missing parts before `top`, in pieces of at most the given size."""
         for begin, end in self._holes:
             for offset in range(begin, end, piece_bytes):
                 yield offset, min(piece_bytes, end - offset)

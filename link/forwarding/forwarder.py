@@ -41,7 +41,7 @@ class Forwarder:
     """Passes packets of the vehicles to clients, and those of clients to the vehicles, as far as permitted.
 
     Nothing here waits: packets that a client does not read are lost to it. `own` is our system and component, `signing` makes the
-    state of a link that must be signed. `open_endpoint` says which errors addresses may have.
+    state of a link that must be signed. `open_endpoint` documents the errors of addresses.
     """
 
     def __init__(

@@ -78,7 +78,7 @@ class Command(Question):
 
 
 class AskFor(Question):
-    """Asks for one message (REQUEST_MESSAGE) until it comes; an answer to the command alone is not enough."""
+    """Requests one message (REQUEST_MESSAGE) until it arrives; an answer to the command alone is not enough."""
 
     give_up_s = 6.0
 

@@ -58,7 +58,7 @@ _PLAN_KEYS = frozenset({"fileType", "version", "groundStation", "mission", "geoF
 def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     """Read the text of a ``.plan`` or ``.mission`` file, which errors name.
 
-    An `InputError` refuses what is not JSON, of a version we do not know, with fields that are missing or wrong, or
+    An `InputError` refuses a text that is not JSON, of an unknown version, with fields that are missing or wrong, or
     with complex items that cannot be expanded.
     """
     try:

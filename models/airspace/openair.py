@@ -73,7 +73,7 @@ class Reader:
         self.zones: list[Zone] = []
 
     def read(self, text: str) -> list[Zone]:
-        """Return the zones; what is not understood is noted."""
+        """Return the zones; parts that are not understood are noted."""
         for number, line in enumerate(text.splitlines(), 1):
             plain = line.split("*", 1)[0].strip()
             if not plain:

@@ -258,7 +258,7 @@ def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = F
 
 
 def later_text(later: Figure) -> str:
-    """Return how much later something arrives on average, or that there is no measurable difference."""
+    """Return the mean delay of an arrival against another, or that there is no measurable difference."""
     if not _known(later):
         return UNKNOWN
     if later.low == later.high == 0.0:

@@ -18,7 +18,7 @@ def divided(value: float, by: float, most: float) -> str | None:
 def range_faults(
     field: str, value: float, low: float, high: float, remedy: str, meant: str | None = None
 ) -> list[Fault]:
-    """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
+    """Faults of a number that must lie in a range; `meant` is its possible meaning in another unit."""
     if not _is_number(value):
         return [Fault("is not a number", field=field, value=value, remedy=remedy)]
     if low <= value <= high:

@@ -127,7 +127,7 @@ def read_table(
 ) -> Iterator[Chunk]:
     """Yield a CSV file in chunks of rows, with the requested columns; faults of its shape are collected.
 
-    Without `required` all columns are given, in the order of the file. An `InputError` refuses what is above 64 MB or 5
+    Without `required` all columns are given, in the order of the file. An `InputError` refuses a file above 64 MB or 5
     million rows, empty, without rows, or without a required column.
     """
     reader = csv.reader(io.StringIO(_text(path), newline=""))

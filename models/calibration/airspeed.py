@@ -1,6 +1,6 @@
 """Calibration of an airspeed sensor and a heading offset from a log of fixed-wing flight.
 
-The length of the velocity through the air, ``|ground velocity - wind|``, is the airspeed whatever the heading says; on several
+The length of the velocity through the air, ``|ground velocity - wind|``, is the airspeed, independent of the heading; on several
 courses this suffices to determine wind and factor. The direction of the same velocity then gives the offset of the heading.
 
 Source: A. Cho et al., "Wind estimation and airspeed calibration using a UAV with a single-antenna GPS receiver and pitot tube",

@@ -96,7 +96,7 @@ class EnergyFit:
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
     """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    An `InputError`, which gives its name, says that power is unknown, or that the motors never ran.
+    An `InputError`, which gives its name, means that power is unknown, or that the motors never ran.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])

@@ -159,7 +159,7 @@ class _Fit:
         value = float(c1 + c2 * typical)
         relative = math.sqrt(max(float(slope @ covariance @ slope), 0.0)) / value
         mean = wind.mean(axis=0)
-        number = int(free[:2].sum())  # places of the two biases among what was free
+        number = int(free[:2].sum())  # positions of the two biases among the free parameters
         level = math.sqrt(max(0.5 * float(np.trace(covariance[number : number + 2, number : number + 2])), 0.0))
         model = DragModel(
             linear_per_s=float(c1),

@@ -242,7 +242,7 @@ class EnergyDistribution:
 
 
 def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:
-    """Every float of a value and of what it holds, with where it stands."""
+    """Every float of a value and of its parts, with its path."""
     if isinstance(value, float):
         yield where.lstrip("."), value
     elif isinstance(value, Mapping):
@@ -374,7 +374,7 @@ class Composition:
     def there_and_back(self) -> Composition:
         """All flights as one chain, the way back after the delivery; itself where there is no way back.
 
-        The time at the target is a stop. Of what is not a flight or a stop it says what the delivery does.
+        The time at the target is a stop. Fields other than flights and stops are those of the delivery.
         """
         way = self.way_back
         if way is None or way.plan is None:

@@ -130,7 +130,7 @@ def save(composition: Composition, path: str | PathLike[str], *, force: bool = F
 def load(path: str | PathLike[str]) -> Composition:
     """Read a composition written by `save` or by ``skyway plan --json``.
 
-    An `InputError` refuses what is unreadable, not JSON, of another schema, or has a field that is missing or out of
+    An `InputError` refuses a file that is unreadable, not JSON, of another schema, or has a field that is missing or out of
     range.
     """
     return from_json(read_text(Path(path), max_bytes=MAX_BYTES), file=str(path))

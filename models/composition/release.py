@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 Release = Literal["gripper", "winch", "place", "hand"]
-"""``gripper``: it lands, and a gripper opens; ``hand``: it lands, and a person takes the package off and says so; ``winch``: it hovers and lowers the
+"""``gripper``: it lands, and a gripper opens; ``hand``: it lands, and a person takes the package off and confirms it; ``winch``: it hovers and lowers the
 package on a line; ``place``: it sinks until the package stands on the ground, lets go and climbs (ArduPilot's NAV_PAYLOAD_PLACE)."""
 RELEASES: tuple[Release, ...] = get_args(Release)
 

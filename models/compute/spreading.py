@@ -40,7 +40,7 @@ def processors() -> int:
     """Processors that this process may use."""
     try:
         return max(len(os.sched_getaffinity(0)), 1)
-    except AttributeError:  # not on this system
+    except AttributeError:  # not available on this system
         return os.cpu_count() or 1
 
 

@@ -27,7 +27,7 @@ INFLOW_MPS = 5.7
 BLADE_SHARE = 0.3
 """Share of the blades' own drag in the power of hover."""
 BLADE_RISE, TIP_MPS = 4.65, 110.0
-"""It grows by so much with the square of the advance ratio; speed of the blades' tips."""
+"""Its growth with the square of the advance ratio; speed of the blades' tips."""
 INDUCED_FACTOR = 1.15
 """Induced power over that of an ideal propeller."""
 

@@ -30,7 +30,7 @@ FLIGHT_TO_FLIGHT_MANOEUVRE = 0.03
 and velocity are not of quite the same instant. In five logged flights (Matrice 100, a quadrotor) the drag seen scatters by 0.18 m/s2 in
 steady flight and by 0.25 to 0.35 at 2 m/s2, of which the scatter that calibration finds has a part already."""
 SLOWEST_MPS = 0.5
-"""Slopes of the drag are those of at least so much airspeed: purely quadratic drag has none at rest."""
+"""Least airspeed at which slopes of the drag are taken: purely quadratic drag has none at rest."""
 MAX_TILT_RAD = math.radians(60.0)
 
 

@@ -22,7 +22,7 @@ class Drone:
     Attributes
     ----------
     id, name, provider : str
-        Unique id, what people call it, who operates it.
+        Unique id, name for people, operator.
     mass_kg : float
         With batteries, without package.
     max_payload_kg : float

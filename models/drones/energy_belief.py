@@ -38,7 +38,7 @@ PUBLISHED_LEG_SD = 0.06
 """Between the legs of a delivery of such an aircraft: those of `LEG_SD` and, by momentum theory in the wind record of New York, 0.055 because the
 airspeed changes from leg to leg (the ground speed is capped in a tail wind)."""
 AIRSPEED_SD = 0.04
-"""Between aircraft where momentum theory tells the power over airspeed (`models.drones.airspeed_load`): that of the flights of the Matrice 100."""
+"""Between aircraft if momentum theory gives the power over airspeed (`models.drones.airspeed_load`): that of the flights of the Matrice 100."""
 AIRSPEED_LEG_SD = 0.04
 """Between the legs of a delivery of such an aircraft: `LEG_SD`, and 0.027 because the wind is known in flight to 0.4 m/s, and the power at 20 m/s grows by 0.067 of
 itself with each m/s (`airspeed_slope` of `benchmarks.tables.energy_error`)."""
@@ -160,7 +160,7 @@ class EnergyBelief:
     def learnt(self, used_soc: float, expected_soc: float, soc_sd: float = SOC_SD) -> EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 
-        The charge that it took, and that the model says for it, are fractions of nameplate; `soc_sd` is the standard
+        The measured charge, and the modelled one, are fractions of nameplate; `soc_sd` is the standard
         deviation of a reported state of charge.
         """
         return _updated(self, used_soc, expected_soc, self.sd_within, soc_sd)

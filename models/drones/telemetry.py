@@ -44,7 +44,7 @@ class TelemetrySample:
     yaw_rad: float = math.nan
     """Body (forward, right, down) in north-east-down; pitch is positive nose up, yaw clockwise from true north."""
     airspeed_mps: float = math.nan
-    """True airspeed of a sensor, as far as it can be told: bridges without a sensor repeat the ground speed."""
+    """True airspeed of a sensor, as far as can be determined: bridges without a sensor repeat the ground speed."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
     """The autopilot's own estimate, where the air moves TOWARDS; NaN while it is not alive (exactly 0)."""

@@ -107,7 +107,7 @@ def level_steps(
     level_m = np.empty(len(floor))
     for (start, level), (until, following) in pairwise([*levels, (len(floor), math.nan)]):
         level_m[start:until] = level
-        if until < len(floor):  # up before what is higher begins, down when it has ended
+        if until < len(floor):  # up before the higher part begins, down when it has ended
             step = float(share[until - 1 if following > level else until])
             knots += [(step, level), (step, following)]
     knots.append((1.0, levels[-1][1]))

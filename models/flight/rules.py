@@ -111,8 +111,8 @@ def air_over(
 ) -> SegmentWind:
     """Lay the ensemble's wind, carried to the height at which each is flown, over the segments of a network.
 
-    Over a terrain model segments are longer by what is climbed and descended beyond the cruise height, see `lifts_s`: as far as
-    is flown meanwhile at the drone's greatest ground speed, so that no wind makes it take less.
+    Over a terrain model segments are longer by the climbs and descents beyond the cruise height, see `lifts_s`: by the distance
+    flown meanwhile at the drone's greatest ground speed, so that no wind makes it take less.
 
     Without a planned airspeed it is the drone's for cruising. An `InputError` refuses a speed, height or length that is
     not finite and above 0: kernels would never end, or read beyond their arrays.

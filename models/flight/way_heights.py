@@ -110,7 +110,7 @@ def way_heights(
     places : sequence of (lat, lon)
         Begin, stations overflown, end; degrees.
     ground_m : sequence of float
-        Above mean sea level, at each place; NaN where it is unknown and the terrain tells it.
+        Above mean sea level, at each place; NaN if it is unknown and to be taken from the terrain.
     cruise_height_m : float
         Above the ground; over a terrain model its own counts.
     over : Over, optional
@@ -238,7 +238,7 @@ class StraightWays(NamedTuple):
 
 
 def straight_ways(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> StraightWays:
-    """Return what is below straight ways from a place to others, and how high they are flown: those of diverts and of turns in flight."""
+    """Return the ground below straight ways from a place to others, and their heights of flight: those of diverts and of turns in flight."""
     length, bearing = geodesy.inverse(*here, lat, lon)
     count = np.ceil(length / TURN_EVERY_M).astype(np.int64) + 1
     first = np.concatenate(([0], np.cumsum(count)))

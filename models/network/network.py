@@ -46,7 +46,7 @@ class Station:
     Attributes
     ----------
     id, name : str
-        Unique id, what people call it.
+        Unique id, name for people.
     lat, lon : float
         Degrees, WGS-84.
     elevation_m : float or None

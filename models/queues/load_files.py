@@ -83,7 +83,7 @@ def read_occupancy(
     the week (a local hour that comes twice or not at all when the clock changes is averaged over the rows there are),
     and arrivals = busy pads / mean charging time (Little). Empty cells and ``nan`` are gaps.
 
-    Warnings tell stations without a column (they get no load), columns that are not stations, gaps, and hours of the week
+    Warnings name stations without a column (they get no load), columns that are not stations, gaps, and hours of the week
     in which on average every one of the `pads`, shape (stations,), is busy (counted as `CLAMPED_UTILISATION` of them).
     An `InputError` carries every fault found (twenty are listed, the others counted): times and values that cannot be
     read, negative values, hours of the week without any value, two columns of one name, an empty file, an unknown time

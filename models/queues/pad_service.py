@@ -28,7 +28,7 @@ DroneState = Literal["absent", "waiting", "charging", "done"]
 
 
 class PadServiceError(LinkError):
-    """The pad service refused a request or failed; the message says what to do."""
+    """The pad service refused a request or failed; the message gives the remedy."""
 
 
 class DroneOnPad(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,7 +64,7 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
     holding_free: int
     """Spots beside the pads, and how many of them are free."""
     drones: tuple[DroneOnPad, ...] = ()
-    """Drones that asked to be charged here."""
+    """Drones that requested charging here."""
 
     @property
     def present(self) -> int:

@@ -2,7 +2,7 @@
 
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
-that any time of arrival finds its answer and nobody overtakes. (Independent draws per arrival would let a
+that any time of arrival has its answer and no drone overtakes. (Independent draws per arrival would let a
 later arrival start earlier.) Paths are sampled by `models.queues.sampling`.
 """
 

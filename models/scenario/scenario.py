@@ -43,7 +43,7 @@ class Scenario:
     Attributes
     ----------
     name : str
-        What people call it.
+        Name for people.
     network : Network
         Stations and segments.
     drones : tuple of Drone

@@ -123,7 +123,7 @@ def read_named(files: Sequence[str]) -> Terrain:
 
 
 def with_obstacles(terrain: Terrain, files: Sequence[str]) -> Terrain:
-    """Return a terrain model with more obstacles; an `InputError` lists what is wrong with their files."""
+    """Return a terrain model with more obstacles; an `InputError` lists the faults of their files."""
     faults: list[Fault] = []
     parts = _obstacles(files, faults)
     refuse(faults)

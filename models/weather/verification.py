@@ -3,7 +3,7 @@
 Bias and root mean square error (RMSE) are of the ensemble mean; the CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
 
-What is learnt is EMOS for each component: the observation is Gaussian about the mean without its bias, with the variance c + d S^2 of the ensemble's
+The learnt model is EMOS for each component: the observation is Gaussian about the mean without its bias, with the variance c + d S^2 of the ensemble's
 variance S^2, where c and d minimise the CRPS.
 
 Sources: T. Gneiting, A. E. Raftery, A. H. Westveld, T. Goldman, "Calibrated Probabilistic Forecasting Using Ensemble Model Output Statistics and Minimum
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 LEAST_PAIRS = 20
 """Per lead: leads with fewer pairs are combined with the next one."""
 PRIOR_PAIRS = 10.0
-"""The published figures count as this many pairs in the average with what is learnt."""
+"""The published figures count as this many pairs in the average with the learnt ones."""
 STRETCH_COST = 0.01
 """If c and d are interchangeable, as they are if the spread hardly varies, members are stretched less and c is larger."""
 

@@ -24,7 +24,7 @@ def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     """Cut a mission as `recharged` does.
 
     A drone may arrive later, and charge longer, than planned. If a pad is available for a limited time, stops end earlier by a slack with
-    which the simulated flights keep the reserve; a note says if no slack does.
+    which the simulated flights keep the reserve; a note reports if no slack does.
     """
     found = cut_as_planned(ready, options)
     if not options.windows or options.swap_s is not None:

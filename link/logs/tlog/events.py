@@ -70,7 +70,7 @@ class TlogEvents:
         return tuple(sorted(found, key=lambda event: event.time_s))
 
     def doubted(self) -> dict[int, tuple[tuple[float, float], ...]]:
-        """Spans in which each vehicle said that it does not trust its position."""
+        """Spans in which each vehicle reported that it does not trust its position."""
         return {system: spans for system, doubts in self._doubts.items() if (spans := doubts.spans())}
 
     def _say(self, time_s: float, system: int, text: str | Callable[[Kind], str]) -> None:

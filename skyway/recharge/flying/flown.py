@@ -51,7 +51,7 @@ class SetPlanner:
     Attributes
     ----------
     found : Recharged
-        The mission as it was cut.
+        The mission after cutting.
     document : MissionDocument
         The mission that was cut, with its fence and rally points.
     places : WorkPlaces

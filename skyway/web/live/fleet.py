@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MOST_WATCHES = 16
 RECORDINGS = "recordings"
-"""Folder of the work folder for recordings of what is received."""
+"""Subfolder of the work folder for recordings of received messages."""
 GONE_S = 300.0
 """A vehicle that has been silent for this long is left out of the digest."""
 EVERY_S = 0.1
