@@ -127,7 +127,7 @@ def _setting(name: str) -> tuple[Setting, Name] | None:
 
 
 def _pair(text: str) -> tuple[str, float]:
-    """Name and value of a line; NaN where it has no finite one."""
+    """Name and value of a line; NaN if it has no finite one."""
     words = text.split("\t")
     words = words[2:4] if len(words) == _QGC_FIELDS else re.split(r"[,\s]+", text.strip(", "))
     value = finite(words[1]) if len(words) == 2 else None

@@ -158,7 +158,7 @@ def _ways(
 def _above_terrain(
     lat: NDArray[np.float64], lon: NDArray[np.float64], height_m: NDArray[np.float64], over: Over
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite where it is unknown."""
+    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite if it is unknown."""
     length_m, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
     count = np.ceil(length_m / SAMPLE_M).astype(np.int64) + 2
     first = np.concatenate(([0], np.cumsum(count)[:-1]))

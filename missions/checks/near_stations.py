@@ -39,7 +39,7 @@ class NearStations:
                         yield station
 
     def ground_m(self, point: Point | None) -> float | None:
-        """Height above sea level of the ground of a station at a place, None where none is known."""
+        """Height above sea level of the ground of a station at a place, None if none is known."""
         return next((station.elevation_m for station in self.at(point) if station.elevation_m is not None), None)
 
 

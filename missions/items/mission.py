@@ -40,7 +40,7 @@ class MissionItem:
     param2: float = 0.0
     param3: float = 0.0
     param4: float = 0.0
-    """As the command defines them; 0 where unused, NaN where the command lets the vehicle choose."""
+    """As the command defines them; 0 where unused, NaN if the command lets the vehicle choose."""
     x: int | None = 0
     y: int | None = 0
     """Parameters 5 and 6 in units of 1e-7: for a located command latitude and longitude in 1e-7 degree. None means not
@@ -84,12 +84,12 @@ class MissionItem:
 
     @property
     def param5(self) -> float:
-        """Parameter 5 as a number; NaN where not given."""
+        """Parameter 5 as a number; NaN if not given."""
         return math.nan if self.x is None else self.x / E7
 
     @property
     def param6(self) -> float:
-        """Parameter 6 as a number; NaN where not given."""
+        """Parameter 6 as a number; NaN if not given."""
         return math.nan if self.y is None else self.y / E7
 
     @property

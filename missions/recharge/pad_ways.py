@@ -64,7 +64,7 @@ class PadWays:
     ground_m: tuple[float, ...]
     """Of each pad, above the home of the mission."""
     level_m: NDArray[np.float64]
-    """Shape (points, pads). Height above home of the way; NaN where there is none."""
+    """Shape (points, pads). Height above home of the way; NaN if there is none."""
     back_level_m: NDArray[np.float64]
     """Likewise, of the way back, which may lead to another place (`WorkPoint.resume_share`)."""
     between_level_m: NDArray[np.float64]
@@ -153,7 +153,7 @@ def pad_ways(
         for number, pad in enumerate(pads):
             if rules.over is not None:
                 top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
-                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is unknown
+                found[:, number] = np.maximum(found[:, number], top)  # NaN if the ground is unknown
             ends = np.empty((len(places), 2, 2))
             ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
             shut = np.flatnonzero(shut_ways(ends))

@@ -254,7 +254,7 @@ class _Divider:
         return any(role_of(one) == "condition" or one.command == Command.CONDITION_YAW for one in self.after[number])
 
     def _bearing(self, number: int) -> float | None:
-        """Bearing of the way to a step; None where there is none."""
+        """Bearing of the way to a step; None if there is none."""
         if number < 1:
             return None
         length, bearing = geodesy.inverse(*self.work.places[number], *self.work.places[number + 1])

@@ -157,7 +157,7 @@ def _window_text(window: Window) -> str:
 
 
 def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> float | None:
-    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None where it does not occur that day.
+    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None if it does not occur that day.
 
     Raises a `ModuleNotFoundError` if astral (extra ``weather``) is not installed.
     """
@@ -172,9 +172,9 @@ def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> fl
 
 
 def clock_s(text: str) -> tuple[float, tzinfo | None] | None:
-    """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None where it has none.
+    """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None if it has none.
 
-    None where it is not a time of day.
+    None if it is not a time of day.
     """
     found = _CLOCK.fullmatch(text.strip())
     if found is None:

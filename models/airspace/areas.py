@@ -32,7 +32,7 @@ Place = tuple[float, float]
 
 
 def circle(lon: float, lat: float, radius_m: float, notes: Notes) -> shapely.Geometry | None:
-    """Return the polygon of a circle; None, with a fault, where the circle is impossible."""
+    """Return the polygon of a circle; None, with a fault, if the circle is impossible."""
     import shapely
 
     if not _sound([(lon, lat)], notes):

@@ -68,7 +68,7 @@ def is_ed318(feature: object) -> bool:
 
 
 def zone_of_ed269(item: dict[str, Any], notes: Notes, source: str) -> Zone | None:
-    """Read a zone of ED-269; None, with a fault, where it cannot be placed."""
+    """Read a zone of ED-269; None, with a fault, if it cannot be placed."""
     volumes = []
     geometry = item.get("geometry")
     parts = geometry if isinstance(geometry, list) else [geometry]
@@ -95,7 +95,7 @@ def zone_of_ed269(item: dict[str, Any], notes: Notes, source: str) -> Zone | Non
 
 
 def zone_of_ed318(feature: dict[str, Any], notes: Notes, source: str) -> Zone | None:
-    """Read a feature of ED-318; None, with a fault, where it cannot be placed."""
+    """Read a feature of ED-318; None, with a fault, if it cannot be placed."""
     properties, geometry = feature.get("properties"), feature.get("geometry")
     item = properties if isinstance(properties, dict) else {}
     volumes = []

@@ -48,7 +48,7 @@ _DANISH: dict[str, Kind] = {"modelflyveplads": "conditional"}
 
 
 def zone_of_feature(feature: dict[str, Any], number: int, notes: Notes, source: str) -> Zone | None:
-    """Read one feature; None, with a fault, where it cannot be placed."""
+    """Read one feature; None, with a fault, if it cannot be placed."""
     found = feature.get("properties")
     properties = found if isinstance(found, dict) else {}
     upper = {str(key).upper(): value for key, value in properties.items()}

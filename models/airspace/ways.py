@@ -27,7 +27,7 @@ class Ways(NamedTuple):
     lon2: NDArray[np.float64]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
-    """Least and greatest height above sea level; infinite where they are unknown."""
+    """Least and greatest height above sea level; infinite if they are unknown."""
     low_agl_m: NDArray[np.float64]
     high_agl_m: NDArray[np.float64]
     """Least and greatest height above the ground."""

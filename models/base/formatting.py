@@ -62,7 +62,7 @@ def about(figure: Figure) -> str:
 
 
 def between(figure: Figure) -> str:
-    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty where nothing was sampled.
+    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty if nothing was sampled.
 
     Each end is rounded by its own distance from the value, so that the step of a long upper tail does not hide the lower end.
     """

@@ -21,7 +21,7 @@ class Figure:
     value: float
     low: float
     high: float
-    """95 % interval; both are the value where nothing was sampled."""
+    """95 % interval; both are the value if nothing was sampled."""
     error: float = 0.0
     """Standard error; the days of a forecast are treated as a sample of possible days."""
     seed_error: float = 0.0

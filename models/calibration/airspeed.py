@@ -46,12 +46,12 @@ class AirspeedFit:
     reason: str
     """The reason why it was not identified, or the data that it was found from."""
     model: AirspeedModel | None = None
-    """None where it was not identified."""
+    """None if it was not identified."""
     factor_sigma: float = math.inf
-    """Standard deviation of the factor; infinite where nothing was fitted."""
+    """Standard deviation of the factor; infinite if nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
-    """Mean wind, TOWARDS, found along with it; NaN where nothing was fitted."""
+    """Mean wind, TOWARDS, found along with it; NaN if nothing was fitted."""
 
 
 def identify_airspeed(air: Blocks) -> AirspeedFit:

@@ -51,10 +51,10 @@ class DragFit:
     """Uncertainty for this flight; `models.drones.drag.DragModel.another_flight` for the next. None if the
     flight does not determine it."""
     relative_sigma: float = math.inf
-    """Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted."""
+    """Relative standard deviation of the drag at the typical airspeed; infinite if nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
-    """Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted."""
+    """Mean wind of the flight, TOWARDS, found along with it; NaN if nothing was fitted."""
     course_spread_deg: float = 0.0
     """How far the courses flown differ, 0 to 180."""
 

@@ -305,7 +305,7 @@ class Composition:
     conditions : tuple of Condition
         Winds and pads observed at the time of planning that the promise rests on.
     terrain : TerrainUse or None
-        Terrain that the legs are flown over; None where the ground is known at stations alone.
+        Terrain that the legs are flown over; None if the ground is known at stations alone.
     authorized : tuple of str
         Zones for which the plan counts on an authorization.
     zones : tuple of str

@@ -135,7 +135,7 @@ def least_words(heights: LegHeights) -> str:
 
 
 def least_at_m(along_m: Sequence[float], heights_m: Sequence[float], place_m: float) -> float:
-    """Height of a flown way at a distance along it; the lower one where it changes at once."""
+    """Height of a flown way at a distance along it; the lower one if it changes at once."""
     found = [
         min(h0, h1) if a1 == a0 else h0 + (place_m - a0) / (a1 - a0) * (h1 - h0)
         for (a0, h0), (a1, h1) in pairwise(zip(along_m, heights_m, strict=True))

@@ -112,7 +112,7 @@ def thrust_acceleration(
 ) -> NDArray[np.float64]:
     """Horizontal acceleration (north, east) that a tilted thrust gives while it holds the vehicle up, shape (n, 2).
 
-    NaN where the vehicle is tilted by more than 60 degrees: nothing is held up then.
+    NaN if the vehicle is tilted by more than 60 degrees: nothing is held up then.
     """
     cos_roll, sin_roll = np.cos(roll_rad), np.sin(roll_rad)
     cos_pitch, sin_pitch = np.cos(pitch_rad), np.sin(pitch_rad)

@@ -80,7 +80,7 @@ class TelemetrySample:
 
     @property
     def ground_speed_mps(self) -> float:
-        """Speed over the ground, m/s; NaN where it is unknown."""
+        """Speed over the ground, m/s; NaN if it is unknown."""
         return math.hypot(self.vel_north_mps, self.vel_east_mps)
 
 

@@ -45,7 +45,7 @@ class Desk:
         self.ledger, self.dispatcher = ledger, dispatcher
 
     def get(self, kind: Kind, id: str) -> Entry | None:  # noqa: A002  the field's word
-        """Return one entry; None where there is none."""
+        """Return one entry; None if there is none."""
         found = self._found("kind = ? AND id = ?", (kind, id))
         return found[0] if found else None
 

@@ -245,7 +245,7 @@ class Ledger(ABC):
         self.rows(f"INSERT INTO booking ({columns}) VALUES {', '.join([marks] * len(rows))}", values)
 
     def _own_version(self, lease: Lease, itinerary: str) -> int:
-        """Version of an itinerary, 0 where it is new; refuse that of another holder."""
+        """Version of an itinerary, 0 if it is new; refuse that of another holder."""
         found = self.rows(f"SELECT version, holder FROM itinerary WHERE id = ? {self.LOCK}", (itinerary,))
         if found and found[0][1] != lease.holder:
             raise FencedError(one_line(f"{itinerary} is booked by {found[0][1]}, not by {lease.holder}"))
@@ -356,7 +356,7 @@ class Ledger(ABC):
         return [self._hold(row) for row in rows]
 
     def itinerary(self, itinerary: str) -> list[Hold]:
-        """Return the windows of the newest version of an itinerary, released ones as well; empty where there is none."""
+        """Return the windows of the newest version of an itinerary, released ones as well; empty if there is none."""
         sql = (
             f"SELECT {HELD} FROM booking WHERE itinerary = ? AND version = "
             "(SELECT version FROM itinerary WHERE id = ?) ORDER BY number"

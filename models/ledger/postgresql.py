@@ -84,7 +84,7 @@ class PostgresqlLedger(Ledger):
 
     @property
     def version(self) -> int:
-        """Version of its tables; 0 where there are none."""
+        """Version of its tables; 0 if there are none."""
         run = self._connection.execute
         if run("SELECT to_regclass('ledger_version')").fetchone() == (None,):
             return 0

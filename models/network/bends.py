@@ -107,7 +107,7 @@ class Bends:
     def around(self, way: Ways, counted: NDArray[np.bool_]) -> list[Bend] | None:
         """Return the bends of the shortest way between the ends of one way, flown at its heights, around the volumes that count.
 
-        None where there is none of at most `max_detour` times its length; empty where the way itself is free.
+        None if there is none of at most `max_detour` times its length; empty if the way itself is free.
         """
         ends = [(float(way.lat1[0]), float(way.lon1[0])), (float(way.lat2[0]), float(way.lon2[0]))]
         straight_m = geodesy.distance_m(*ends[0], *ends[1])
@@ -134,7 +134,7 @@ class Bends:
     ) -> list[tuple[tuple[float, float], ...] | None]:
         """Return the bends of the shortest ways from many places (latitude, longitude) to one, around all volumes at any height.
 
-        None where there is none of at most `max_detour` times the length, or there are too many corners to look at.
+        None if there is none of at most `max_detour` times the length, or there are too many corners to look at.
         """
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
@@ -221,7 +221,7 @@ class Bends:
     def _shortest(
         self, ends: Sequence[tuple[float, float]], corners: Sequence[Corner], obstacles: frozenset[int], limit_m: float
     ) -> list[Corner] | None:
-        """Return the corners of the shortest way that touches none of some obstacles; None where it is too long."""
+        """Return the corners of the shortest way that touches none of some obstacles; None if it is too long."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 

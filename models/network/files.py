@@ -113,7 +113,7 @@ class _Row:
     def number(
         self, field: str, low: float = -math.inf, high: float = math.inf, remedy: str | None = None
     ) -> float | None:
-        """Read a number in [low, high]; None, without a fault, where the cell is empty."""
+        """Read a number in [low, high]; None, without a fault, if the cell is empty."""
         text = self.text(field)
         if not text:
             return None
@@ -135,7 +135,7 @@ class _Row:
         return int(number)
 
     def position(self) -> tuple[float, float]:
-        """Read (lat, lon); 0, 0 where they are wrong."""
+        """Read (lat, lon); 0, 0 if they are wrong."""
         values = [self.number(field) for field in ("lat", "lon")]
         for field, value in zip(("lat", "lon"), values, strict=True):
             if value is None and not self.text(field):

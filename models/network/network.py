@@ -117,11 +117,11 @@ class Network:
     distance_m, bearing_deg : ndarray, shape (segments,)
         Geodesic length (at least `SHORTEST_M`) and initial bearing from tail to head.
     rule : ConnectionRule or None
-        The rule the segments were made by; None where they were given.
+        The rule the segments were made by; None if they were given.
     zones : Airspace or None
         Zones; no segment crosses one that is closed at all times.
     over : Over or None
-        Terrain model that segments are flown over; None where the ground is known at stations alone.
+        Terrain model that segments are flown over; None if the ground is known at stations alone.
     restricted : ndarray of int, shape (pairs, 2)
         Segments that come into a zone which is closed at some times, or until it is authorized, each with the number of the
         volume in ``zones.volumes``; in order of segments.
@@ -227,13 +227,13 @@ class Network:
 
     @cached_property
     def ground_m(self) -> NDArray[np.float64]:
-        """Ground above mean sea level at each node, metres, shape (nodes,); NaN where it is not known."""
+        """Ground above mean sea level at each node, metres, shape (nodes,); NaN if it is not known."""
         return ground_of(self.stations)
 
     def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
         """Ground at places, metres above mean sea level, shape (places,): from the terrain model, otherwise interpolated between the stations whose ground is known, as wind is.
 
-        NaN where none is known.
+        NaN if none is known.
         """
         if self.over is not None:
             here, there = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in (lat, lon))
@@ -263,7 +263,7 @@ class Network:
         return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over, least_of(self.stations))
 
     def least_at(self, places: Sequence[tuple[float, float]]) -> list[Least] | None:
-        """Least heights of places of a way, those of the nodes that stand there; None where there are none."""
+        """Least heights of places of a way, those of the nodes that stand there; None if there are none."""
         if not self._leasts:
             return None
         found = [self._leasts.get((float(lat), float(lon)), NO_LEAST) for lat, lon in places]

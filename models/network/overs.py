@@ -86,7 +86,7 @@ def joined_pairs(first: Joined, second: Joined, known: int) -> Joined:
 
 
 def _spans(airspace: Airspace, way: Ways, volumes: Sequence[int]) -> list[_Span] | None:
-    """Return the parts of a way over some volumes, those that touch together; None where it cannot be flown over all."""
+    """Return the parts of a way over some volumes, those that touch together; None if it cannot be flown over all."""
     import shapely
 
     line = lines(way)[0]

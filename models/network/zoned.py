@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
-    """Ground above mean sea level at each station, metres; NaN where it is unknown."""
+    """Ground above mean sea level at each station, metres; NaN if it is unknown."""
     heights = [station.elevation_m for station in stations]
     return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 
 
 def least_of(stations: Sequence[Station]) -> NDArray[np.float64] | None:
-    """Least heights of places that are flown over, above mean sea level and above the ground, shape (nodes, 2); None where no place has any."""
+    """Least heights of places that are flown over, above mean sea level and above the ground, shape (nodes, 2); None if no place has any."""
     found = np.array([(one.least_m, one.least_agl_m) for one in stations], dtype=np.float64).reshape(-1, 2)
     return found if np.isfinite(found).any() else None
 

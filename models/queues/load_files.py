@@ -114,7 +114,7 @@ def read_occupancy(
 
 
 def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector) -> NDArray[np.float64]:
-    """Arrivals per s and mean charging s, shape (2, stations, 168), NaN where there is no row."""
+    """Arrivals per s and mean charging s, shape (2, stations, 168), NaN if there is no row."""
     parse_known = partial(parse_station, stations=stations)
     parts = []
     for chunk in read_table(path, _COLUMNS, faults):
@@ -142,7 +142,7 @@ def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector)
 
 
 def _number(text: str) -> float:
-    """Return a float, NaN where the text is not a plain number."""
+    """Return a float, NaN if the text is not a plain number."""
     try:
         return math.nan if "_" in text else float(text)
     except ValueError:
@@ -213,7 +213,7 @@ def sum_by_hour(
 ) -> tuple[list[str], NDArray[np.float64], NDArray[np.int64], int]:
     """Ids in the header, sum and number of values of the stations among them, shape (168, columns), and gaps.
 
-    `parse` reads a value, NaN where it is a gap.
+    `parse` reads a value, NaN if it is a gap.
     """
     parse_time = partial(_parse_local_hour, place=place)
     total, count, gaps = np.zeros((WEEK_H, 0)), np.zeros((WEEK_H, 0), dtype=np.int64), 0

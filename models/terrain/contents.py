@@ -41,7 +41,7 @@ class TerrainContents:
     voids : int
         Points without a height.
     least_m, greatest_m : float or None
-        Of the heights that are known, metres above the datum; None where none is.
+        Of the heights that are known, metres above the datum; None if none is.
     note : str or None
         Note for a person.
     """

@@ -140,7 +140,7 @@ def _fine_enough(raster: Raster) -> Raster:
 
 
 def datum_note(raster: Raster) -> str | None:
-    """Note on the vertical datum of a file; None where it is mean sea level, or is converted to it."""
+    """Note on the vertical datum of a file; None if it is mean sea level, or is converted to it."""
     name = Path(raster.file).name
     if raster.datum == "unknown":
         return (

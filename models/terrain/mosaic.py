@@ -35,7 +35,7 @@ class Patch:
     row, column : int
         Of its first height, counted from the raster's first; either may be below 0 where another tile lies there.
     height_m : ndarray of float32, shape (rows, columns)
-        Above mean sea level; NaN where no file has a height.
+        Above mean sea level; NaN if no file has a height.
     """
 
     raster: Raster
@@ -49,7 +49,7 @@ class Patch:
         return row - self.row, column - self.column
 
     def interpolated_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height at places: bilinear between the four about it; NaN where one of them that counts is unknown."""
+        """Height at places: bilinear between the four about it; NaN if one of them that counts is unknown."""
         row, column = self.at(lat, lon)
         rows, columns = self.height_m.shape
         row, column = _on_node(row), _on_node(column)

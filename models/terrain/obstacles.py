@@ -147,7 +147,7 @@ class _Points:
         self.faults.add(problem, remedy, line=where.line, field=where.field(key), value=value)
 
     def height(self, given: Mapping[str, Any], where: _Where) -> tuple[float, float, float] | None:
-        """Height above ground, above the sea, and the radius, metres; a fault and None where there is none."""
+        """Height above ground, above the sea, and the radius, metres; a fault and None if there is none."""
         given = _with_units(given)
         found = [math.nan, math.nan]
         for place, table in enumerate((ABOVE_GROUND, ABOVE_SEA)):

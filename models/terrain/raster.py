@@ -23,7 +23,7 @@ class Pixels(Protocol):
     """Source of the pixels of a raster."""
 
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
-        """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN where there is none."""
+        """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN if there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +111,7 @@ class Raster:
         return geodesy.distance_m(*here, *below), geodesy.distance_m(*here, *beside)
 
     def heights_m(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
-        """Heights of rows and columns [from, to) in metres above the raster's datum; NaN where there is none."""
+        """Heights of rows and columns [from, to) in metres above the raster's datum; NaN if there is none."""
         values = self.pixels.read(rows, columns)
         if self.unit_m != 1.0:
             values = values * np.float32(self.unit_m)
@@ -181,7 +181,7 @@ def crs_name(code: str) -> str:
 
 @cache
 def vertical_unit_m(code: int) -> float | None:
-    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is unknown."""
+    """Length of the unit of a vertical coordinate reference system by its EPSG code; None if it is unknown."""
     import pyproj
 
     try:

@@ -68,12 +68,12 @@ class Terrain:
         return float(boxes[:, 0].min()), float(boxes[:, 1].min()), float(boxes[:, 2].max()), float(boxes[:, 3].max())
 
     def ground_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of the ground at places, shape (places,): bilinear between those of the model; NaN where it has none."""
+        """Height of the ground at places, shape (places,): bilinear between those of the model; NaN if it has none."""
         patch = self._over(lat, lon, 0.0)
         return np.full(len(lat), np.nan) if patch is None else patch.interpolated_m(lat, lon)
 
     def top_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is unknown throughout.
+        """Highest ground or obstacle within a radius of places, shape (places,); NaN if the ground there is unknown throughout.
 
         Never lower than any ground within the radius; the ground of up to two cells more counts, and that of the corners of a
         square about the place.
@@ -105,7 +105,7 @@ class Terrain:
         return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
-        """Highest ground within a radius of each height of a patch; NaN where one of them is unknown."""
+        """Highest ground within a radius of each height of a patch; NaN if one of them is unknown."""
         from scipy.ndimage import maximum_filter1d
 
         south_m, east_m = patch.raster.spacing_m()

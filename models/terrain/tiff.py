@@ -228,7 +228,7 @@ class _Reader:
         return self._unpack("I", 4)[0]
 
     def directory(self, at: int) -> tuple[dict[int, tuple[float, ...] | str], int]:
-        """All tags of a directory, and where the next one is; 0 where there is none."""
+        """All tags of a directory, and where the next one is; 0 if there is none."""
         if not at:
             raise InputError("has no image", self.file)
         (count,) = self._unpack("Q" if self.big else "H", at)

@@ -123,7 +123,7 @@ def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], e
 
 
 def _members(one: Weather, placing: Placing, seen: WindObservation, exponent: float) -> NDArray[np.float64] | None:
-    """(2, members) at an observation; None where the forecast has a gap."""
+    """(2, members) at an observation; None if the forecast has a gap."""
     after = int(np.clip(np.searchsorted(one.times_s, seen.time_s), 1, max(len(one.times_s) - 1, 1)))
     rows = [0] if len(one.times_s) == 1 else [after - 1, after]
     levels, heights = [], []

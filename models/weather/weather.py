@@ -119,7 +119,7 @@ class Places:
 
     lat: NDArray[np.float64]
     lon: NDArray[np.float64]
-    """Shape (points,). Degrees, WGS-84; NaN where a station's place is unknown."""
+    """Shape (points,). Degrees, WGS-84; NaN if a station's place is unknown."""
     kind: str
     """For people, such as ``lambert 93 x 65``, ``3 points``."""
     spacing_m: float = math.nan
@@ -129,7 +129,7 @@ class Places:
 
     @cached_property
     def box(self) -> Box | None:
-        """Bounds of the places; None where they are unknown."""
+        """Bounds of the places; None if they are unknown."""
         known = np.isfinite(self.lat) & np.isfinite(self.lon)
         return Box.around(self.lat[known], self.lon[known]) if known.any() else None
 

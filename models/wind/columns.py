@@ -41,7 +41,7 @@ class WindColumns:
 
     time: str = "time"
     site: str | None = "site"
-    """Column with the site's id; None where the file has one site."""
+    """Column with the site's id; None if the file has one site."""
     speed: str = "speed_mps"
     from_: str = "from_deg"
     """Where the wind blows FROM, degrees; the name of a column, as `time` and `speed` are."""

@@ -36,7 +36,7 @@ class HourlyWeather:
     slot_s: float
     """POSIX seconds at which the first slot begins, and the length of a slot."""
     values: dict[str, NDArray[np.float64]]
-    """Shape (slots,) each, NaN where it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
+    """Shape (slots,) each, NaN if it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
     the members); ``gust_sd``: standard deviation of gusts as a share of the wind at the height of flight, the mean of places and members."""
 
     def between(self, name: str, begin_s: float, end_s: float) -> NDArray[np.float64]:

@@ -91,7 +91,7 @@ class WindHistory:
     """POSIX seconds at which slot 0 begins, a whole hour."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
-    """Shape (slots, sites) each. m/s TOWARDS, at the height of the measurement; NaN where nothing is known."""
+    """Shape (slots, sites) each. m/s TOWARDS, at the height of the measurement; NaN if nothing is known."""
     measured_at_m: float
     """Height of the instruments above ground."""
     source: str = ""
@@ -288,7 +288,7 @@ def _from_time(
 def _from_sites(
     north: NDArray[np.float64], east: NDArray[np.float64], closeness: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean of the other sites of the same hour by inverse square of distance; NaN where none is known."""
+    """Mean of the other sites of the same hour by inverse square of distance; NaN if none is known."""
     known = np.isfinite(north)
     weight = known.astype(np.float64) @ closeness
     means = []

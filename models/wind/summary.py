@@ -131,7 +131,7 @@ class WindSummary:
 
 
 def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
-    """Return the summary from `WindSummary.as_data`; None where its speeds are unknown. The mean vector is not kept."""
+    """Return the summary from `WindSummary.as_data`; None if its speeds are unknown. The mean vector is not kept."""
     speeds = [data.get(name) for name in ("mean_mps", "p10_mps", "p90_mps")]
     mean, low, high = (math.nan if speed is None else speed for speed in speeds)
     if not math.isfinite(mean + low + high):

@@ -48,7 +48,7 @@ def along_across(north: Quantity, east: Quantity, cos_bearing: Quantity, sin_bea
 
 
 def forward_mps(airspeed_mps: Quantity, across_mps: Quantity) -> Any:
-    """B: what the crosswind leaves of the airspeed along the course, m/s; 0 where it leaves none. Numbers or arrays; also compiled."""
+    """B: what the crosswind leaves of the airspeed along the course, m/s; 0 if it leaves none. Numbers or arrays; also compiled."""
     square = airspeed_mps * airspeed_mps - across_mps * across_mps
     return np.sqrt(0.5 * (square + abs(square)))  # the root of max(square, 0), without a branch
 
@@ -66,7 +66,7 @@ def ground_speed(
     wind_limit_mps: ArrayLike = math.inf,
     max_ground_speed_mps: ArrayLike = math.inf,
 ) -> NDArray[np.float64]:
-    """Ground speed of many legs, broadcast; 0 where a leg cannot be flown, never NaN."""
+    """Ground speed of many legs, broadcast; 0 if a leg cannot be flown, never NaN."""
     s, a, c, limit = (
         np.asarray(v, dtype=np.float64) for v in (airspeed_mps, tailwind_mps, crosswind_mps, wind_limit_mps)
     )

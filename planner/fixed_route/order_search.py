@@ -200,7 +200,7 @@ class _Search:
         return True
 
     def _starts(self) -> list[Tours]:
-        """Initial orders: units inserted one by one where they cost least, the most expensive first and at random."""
+        """Initial orders: units inserted one by one if they cost least, the most expensive first and at random."""
         turns = [turn for tour in self.begin for turn in tour]
         far = sorted(turns, key=lambda turn: -float(self.way[self.edge, turn]))
         empty: Tours = [[] for _ in self.begin]

@@ -220,7 +220,7 @@ class _Audit:
         return down_s
 
     def _cruise(self, segments: tuple[int, ...], off_s: float) -> float:
-        """End of the cruise; infinite where a segment is closed in any slot from take-off to touch-down."""
+        """End of the cruise; infinite if a segment is closed in any slot from take-off to touch-down."""
         air = self.problem.air
         now_s = off_s + self.problem.rules.climb_s
         for segment in segments:
@@ -266,7 +266,7 @@ class _Audit:
         return bool(network.zones.conflicts(together(level, chosen(climbs, pair[0][landed])), begin_s, end_s))
 
     def _triangle_mps(self, segment: int, slot: int) -> float:
-        """Ground speed by the law of cosines, 0 where the wind forbids the segment."""
+        """Ground speed by the law of cosines, 0 if the wind forbids the segment."""
         problem = self.problem
         wind = problem.ensemble
         begin_s = wind.start_s + slot * wind.slot_s

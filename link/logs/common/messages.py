@@ -58,7 +58,7 @@ def _among(values: Any, wanted: tuple[int, ...]) -> Any:
 
 
 def _real(values: Any, unknown: Any, scale: float = 1.0) -> Any:
-    """Scaled numbers, NaN where `unknown` holds."""
+    """Scaled numbers, NaN if `unknown` holds."""
     if isinstance(values, int | float):
         return math.nan if unknown else values * scale
     return np.where(unknown, np.nan, np.asarray(values, dtype=np.float64) * scale)

@@ -343,7 +343,7 @@ def loaded_eccodes() -> Any:
 
 
 def _unpacked(octets: bytes) -> NDArray[np.float64] | None:
-    """Values of a message by gribberish, missing ones NaN; None where it is not installed or refuses."""
+    """Values of a message by gribberish, missing ones NaN; None if it is not installed or refuses."""
     try:
         import gribberish
     except ImportError:

@@ -53,7 +53,7 @@ class Variable:
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """A numeric attribute; empty where there is none."""
+        """A numeric attribute; empty if there is none."""
         try:
             return np.atleast_1d(np.asarray(self.attributes.get(name, []), dtype=np.float64)).ravel()
         except (TypeError, ValueError):

@@ -66,7 +66,7 @@ def at_heights(fields: Fields) -> tuple[Fields, list[str], list[str]]:
 
 
 def _ground_m(fields: Fields) -> float | None:
-    """Mean of the model's orography; None where it is not in the file."""
+    """Mean of the model's orography; None if it is not in the file."""
     for quantity, factor in ((ALTITUDE, 1.0), (GEOPOTENTIAL, 1.0 / GRAVITY_MPS2)):
         values = fields.get(FieldKey(quantity, 0.0))
         if values is not None and np.isfinite(values).any():

@@ -69,7 +69,7 @@ class Blocks:
 
     @property
     def turn_rad_s(self) -> NDArray[np.float64]:
-        """Turn rate of the course over the ground, clockwise, shape (n,); NaN where the acceleration is unknown."""
+        """Turn rate of the course over the ground, clockwise, shape (n,); NaN if the acceleration is unknown."""
         (north, east), change = self.velocity.T, self.acceleration
         return np.asarray((north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0))
 

@@ -47,7 +47,7 @@ class MetarWind:
     time_s: float
     """POSIX seconds of the observation."""
     speed_mps: float | None
-    """Mean; None where it is missing."""
+    """Mean; None if it is missing."""
     from_deg: float | None
     """None if it is variable or missing, and in a calm."""
     gust_mps: float | None

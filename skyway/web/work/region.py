@@ -85,7 +85,7 @@ def region(scenario: str | None) -> dict[str, Any]:
 def ground(scenario: str | None) -> dict[str, Any]:
     """Return heights of the ground over the region, rows from the north at equal distances on a Mercator map; nothing without terrain.
 
-    Heights are metres above mean sea level, None where the model has none.
+    Heights are metres above mean sea level, None if the model has none.
     """
     world = loaded(scenario)
     if world.network.over is None:
