@@ -11,12 +11,12 @@ GUST_SD = 0.15
 GUST_TIME_S = 180.0
 """Their time constant."""
 GUST_LENGTH_M = 5_000.0
-"""Gusts at places this far apart are uncorrelated."""
+"""Gusts of places this far apart are unlike."""
 PEAK_FACTOR = 3.0
-"""A forecast gust, the strongest 3 s of an hour, is this many standard deviations above the mean: 2.5 to 3.5 (Davenport, "Note on the distribution of
+"""A gust as it is forecast, the strongest 3 s of an hour, is so many standard deviations above the mean: 2.5 to 3.5 (Davenport, "Note on the distribution of
 the largest value of a random function", ICE 28, 1964; WMO/TD-1555, 2010)."""
 LEAST_GUST_SD, MOST_GUST_SD = 0.05, 0.5
-"""Bounds of the forecast's gusts: in light winds its gusts are showers, not proportional to the wind."""
+"""Bounds of what a forecast is believed to say of them: in light winds its gusts are showers, and no share of the wind."""
 
 
 @compiled_lean

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 Quantity: TypeAlias = Any
-"""Input of the equations: a number, as kernels pass it, or an array of many legs."""
+"""What the equations take: a number, as kernels hand it over, or an array of many legs."""
 MIN_GROUND_SPEED_MPS = 1.0
-"""A leg that would be slower than this is not flown."""
+"""Nobody flies a leg that would be slower than this."""
 
 
 def vector(speed_mps: ArrayLike, from_deg: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(north, east) velocity of the air, where it moves TOWARDS, of winds given by speed and FROM direction."""
+    """(north, east) velocity of the air, where it moves TOWARDS, of winds given as people say them."""
     angle = np.radians(np.asarray(from_deg, dtype=np.float64))
     speed = np.asarray(speed_mps, dtype=np.float64)
     return -speed * np.cos(angle), -speed * np.sin(angle)
@@ -48,7 +48,7 @@ def along_across(north: Quantity, east: Quantity, cos_bearing: Quantity, sin_bea
 
 
 def forward_mps(airspeed_mps: Quantity, across_mps: Quantity) -> Any:
-    """B: what the crosswind leaves of the airspeed along the course, m/s; 0 if it leaves none. Numbers or arrays; also compiled."""
+    """B: what the crosswind leaves of the airspeed along the course, m/s; 0 where it leaves none. Numbers or arrays; also compiled."""
     square = airspeed_mps * airspeed_mps - across_mps * across_mps
     return np.sqrt(0.5 * (square + abs(square)))  # the root of max(square, 0), without a branch
 
@@ -66,7 +66,7 @@ def ground_speed(
     wind_limit_mps: ArrayLike = math.inf,
     max_ground_speed_mps: ArrayLike = math.inf,
 ) -> NDArray[np.float64]:
-    """Ground speed of many legs, broadcast; 0 if a leg cannot be flown, never NaN."""
+    """Ground speed of many legs, broadcast; 0 where a leg cannot be flown, never NaN."""
     s, a, c, limit = (
         np.asarray(v, dtype=np.float64) for v in (airspeed_mps, tailwind_mps, crosswind_mps, wind_limit_mps)
     )
