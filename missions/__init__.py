@@ -1,8 +1,8 @@
 """Missions: their items, files, checks and construction.
 
-`read` and `write` files, `check` any mission, `diff` what was sent with what was read back, `leg_mission`,
-`whole_mission` and `armed_mission` make missions of a composition, `family_named` is all in which one autopilot differs from
-another.
+`read` and `write` files, `check` any mission, `diff` the mission sent with the mission read back, `leg_mission`,
+`whole_mission` and `armed_mission` make missions of a composition, `family_named` returns all differences of one autopilot from the
+others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The logs on a vehicle: listed, and read by the protocol that it has."""
+"""The logs on a vehicle: listed and read, by whichever protocol it supports."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Way = Literal["auto", "ftp", "requests"]
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._ -]{0,63}")
 _FOLDERS = 3
-"""Folders below each other at most."""
+"""Greatest depth of folders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +33,11 @@ class LogAboard:
     """Its path below the folder of logs, such as ``2026-11-22/14_03_22.ulg``, or a name made from its number."""
     size_bytes: int
     time_utc: int = 0
-    """POSIX seconds; 0 where the vehicle does not tell."""
+    """POSIX seconds; 0 if the vehicle does not report it."""
     path: str = ""
-    """Its path on the vehicle, where it is read by FTP."""
+    """Its path on the vehicle, if it is read by FTP."""
     number: int = -1
-    """Its number, where it is read by log requests."""
+    """Its number, if it is read by log requests."""
 
 
 class LogStore:
@@ -47,7 +47,7 @@ class LogStore:
         self.vehicle, self.way = vehicle, way
         self.ftp = FtpClient(vehicle)
         self.skipped: list[str] = []
-        """Names in its folders that are no names of files: they are not touched."""
+        """Entries of its folders with invalid file names: they are not used."""
         self._listed = False
 
     def logs(self) -> list[LogAboard]:
@@ -57,7 +57,7 @@ class LogStore:
         return self._by_ftp() if self.way == "ftp" else self._by_requests()
 
     def _choose(self) -> Way:
-        """FTP where it says that it has it, and answers."""
+        """FTP if the vehicle reports the capability, and answers."""
         known = self.vehicle.identify().capabilities
         if known and not known & FTP_CAPABILITY:
             return "requests"
@@ -109,13 +109,13 @@ class LogStore:
         return size
 
     def crc32(self, log: LogAboard, size_bytes: int) -> int | None:
-        """Checksum of a log computed by the vehicle; None where it offers none."""
+        """Checksum of a log computed by the vehicle; None if it offers none."""
         return self.ftp.crc32(log.path, size_bytes) if self.way == "ftp" else None
 
     def read(
         self, log: LogAboard, pieces: Pieces, size_bytes: int, progress: Callable[[int], None] | None = None
     ) -> ReadFtp | ReadLog:
-        """Read a log from the end of the pieces on; returns the reason for the end."""
+        """Read a log from the end of the local part on; returns the reason for the end."""
         target = self.vehicle.peer.target
         if self.way != "ftp":
             if not self._listed:  # PX4 reads no log unless it has listed them since the last end
@@ -124,12 +124,12 @@ class LogStore:
         session, _ = self.ftp.open(log.path)
         read = self.vehicle.carry_out(ReadFtp(target, self.ftp.numbers, session, pieces, size_bytes, progress))
         if not read.session_lost and not read.problem.startswith("nothing"):
-            with contextlib.suppress(VehicleTimeoutError):  # it closes by itself
+            with contextlib.suppress(VehicleTimeoutError):  # the session closes by itself
                 self.ftp.close(session)
         return read
 
     def end(self) -> None:
-        """Let the vehicle resume logging; no error if the vehicle has gone."""
+        """Let the vehicle resume logging; no error if the link to the vehicle is lost."""
         self._listed = False
         if self.way == "requests":
             with contextlib.suppress(LinkError):

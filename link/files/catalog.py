@@ -29,7 +29,7 @@ class FetchedLog(msgspec.Struct, frozen=True, kw_only=True):
     size_bytes: int
     crc32: str
     recordings: tuple[str, ...] = ()
-    """Names of the recordings (.tlog) and the journal of its flight, as far as they are known."""
+    """Names of the recordings (.tlog) and the journal of its flight, as far as known."""
 
 
 def remember(found: Fetched, system: int, flight: Sequence[Path] = ()) -> None:
@@ -52,7 +52,7 @@ def remember(found: Fetched, system: int, flight: Sequence[Path] = ()) -> None:
 
 
 def known_logs(folder: Path) -> list[FetchedLog]:
-    """Entries of the list in a folder; lines that make no sense are omitted."""
+    """Entries of the list in a folder; invalid lines are omitted."""
     path = folder / NAME
     try:
         with path.open("rb") as stream:
@@ -71,7 +71,7 @@ def known_logs(folder: Path) -> list[FetchedLog]:
 
 
 def logs_of(flight: Path, system: int | None = None) -> list[Path]:
-    """Return the full logs of the flight of a recording or a journal, the earliest first, as far as they are beside it: of one vehicle, or of all."""
+    """Return the full logs of the flight of a recording or a journal, the earliest first, as far as they are in the folder: of one vehicle, or of all."""
     return [
         path
         for known in known_logs(flight.parent)

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from skyway.link.files.aboard import LogAboard, LogStore
 
 TRIES = 3
-"""Broken transfers in a row that bring nothing before it is given up."""
+"""Consecutive transfers without new data after which it is abandoned."""
 GROWS, GROWS_S = 15, 2.0
-"""So often a log that is still written is followed to its new end, so long apart."""
+"""Number of times that a log that is still being written is followed to its new end, and the interval."""
 SAMPLE_BYTES = 180
 _CHUNK_BYTES = 1_000_000
 _SPARE_BYTES = 1_000_000
@@ -31,19 +31,19 @@ _SPARE_BYTES = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """A log that is here now."""
+    """A log that is available locally."""
 
     path: Path
     size_bytes: int
     crc32: int
-    """Of the file, as autopilots count it."""
+    """CRC of the file, as computed by autopilots."""
     by_crc: bool
-    """The vehicle tells the same checksum; otherwise only its size was compared, and the packets' checksums."""
+    """Whether the vehicle reports the same checksum; otherwise only its size was compared, and the packets' checksums."""
     came_bytes: int
-    """What was transferred now."""
+    """Bytes transferred by this call."""
     took_s: float
     notes: tuple[str, ...] = ()
-    """What was out of the ordinary."""
+    """Irregularities."""
 
     @property
     def verified_by(self) -> str:
@@ -52,7 +52,7 @@ class Fetched:
 
     @property
     def rate_byteps(self) -> float:
-        """Bytes a second, of those that were transferred."""
+        """Bytes a second, of those transferred by this call."""
         return self.came_bytes / self.took_s if self.took_s > 0.0 else 0.0
 
 
@@ -71,8 +71,8 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    A file that is there already is continued with where the log has grown since. Raises an `InputError` if it cannot be written or
-    has other content, a `LinkError` if the vehicle, or the link, failed: then what has come is kept, and the same call goes on
+    An existing file is extended if the log has grown since. Raises an `InputError` if it cannot be written or
+    has other content, a `LinkError` if the vehicle, or the link, failed: then the received part is kept, and the same call continues
     from there.
     """
     if store.vehicle.armed:
@@ -98,7 +98,7 @@ def fetch(
 
 
 def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
-    """Compare a file that is there already."""
+    """Compare an existing file."""
     size, ours = path.stat().st_size, file_crc32(path)
     theirs = store.crc32(log, log.size_bytes)
     if size != log.size_bytes:
@@ -114,14 +114,14 @@ def _other(path: Path, differs: str) -> InputError:
 
 
 def _finish(part: Path, path: Path) -> None:
-    """Give a whole file its name."""
+    """Give a complete file its final name."""
     with part.open("rb") as stream:
         os.fsync(stream.fileno())
     part.replace(path)
 
 
 def file_crc32(path: Path, size_bytes: int | None = None) -> int:
-    """Checksum of a file, or of so many bytes at its beginning, as autopilots count it."""
+    """Checksum of a file, or of a number of bytes at its beginning, as computed by autopilots."""
     found = 0
     with path.open("rb") as stream:
         left = path.stat().st_size if size_bytes is None else size_bytes
@@ -132,7 +132,7 @@ def file_crc32(path: Path, size_bytes: int | None = None) -> int:
 
 
 class _Fetching:
-    """One log under way."""
+    """One log in transfer."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class _Fetching:
         self._anew = self._lied = False
 
     def run(self) -> tuple[int, int, bool, int, float, tuple[str, ...]]:
-        """Transfer it, compare it, and follow it where it grows; returns the fields of `Fetched` after the path."""
+        """Transfer it, compare it, and follow its growth; returns the fields of `Fetched` after the path."""
         self._enough_room()
         begin = self._resumable()
         self._anew = begin == 0
@@ -175,7 +175,7 @@ class _Fetching:
         raise LinkError(f"{self._log.name} grows faster than the download: disarm the vehicle, then try again")
 
     def _refuse_other(self, whole_bytes: int) -> None:
-        """Refuse to replace a file that is not the beginning of this log: of another vehicle, or another card."""
+        """Refuse to replace a file that is not the beginning of this log: it is of another vehicle, or another card."""
         if self._earlier is None:
             return
         size = self._earlier.stat().st_size
@@ -184,7 +184,7 @@ class _Fetching:
             raise _other(self._earlier, "it is not its beginning")
 
     def _differs(self, ours: int, theirs: int | None) -> int:
-        """What to do about another checksum: again from the beginning, then no more."""
+        """Handle a wrong checksum: once again from the beginning, then fail."""
         if self._anew and "from the beginning" in " ".join(self._notes):
             self._part.unlink()
             raise LinkError(
@@ -207,7 +207,7 @@ class _Fetching:
             raise InputError(f"the disk is full: {need}", str(self._part.parent), remedy="another folder with --to")
 
     def _resumable(self) -> int:
-        """Bytes of an earlier attempt that are the beginning of this log, by a look at both ends of them."""
+        """Bytes of an earlier attempt that are the beginning of this log, checked at both of its ends."""
         if not self._part.exists():
             return 0
         there = self._part.stat().st_size
@@ -231,7 +231,7 @@ class _Fetching:
         return kept.getvalue()
 
     def _transfer(self, begin: int) -> None:
-        """Read up to the size; broken transfers are taken up again as long as they bring something."""
+        """Read up to the size; broken transfers are resumed as long as they bring new data."""
         failures = 0
         with self._part.open("r+b" if begin else "wb") as stream:
             stream.truncate(begin)
@@ -256,7 +256,7 @@ class _Fetching:
                 pieces = Pieces(stream, pieces.end)
 
     def _give_up(self, end: int, problem: str) -> None:
-        """Say what is kept; nothing is kept of nothing."""
+        """Report the kept part; an empty part is not kept."""
         kept = f"{bytes_text(end)} of {bytes_text(self._size)} are kept in {self._part.name}: run the same command to continue"
         if not end:
             self._part.unlink()
@@ -264,7 +264,7 @@ class _Fetching:
         raise LinkError(f"{self._log.name}: {problem}; {kept}")
 
     def _ended_early(self, pieces: Pieces, problem: str) -> None:
-        """A vehicle that has told a wrong size: what came counts where its checksum says that it is all."""
+        """For a vehicle that reported a wrong size: the received data are accepted if the checksum confirms that they are complete."""
         theirs = self._store.crc32(self._log, pieces.end)
         self._size, self._lied = pieces.end, True
         if theirs is None:

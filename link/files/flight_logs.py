@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 TOLD_S = 20.0
 """Interval between progress reports of a transfer."""
 _QUIET_HZ = 0.5
-"""Telemetry while logs come."""
+"""Telemetry rate during transfers of logs."""
 _LONG_S = 60.0
 
 
@@ -51,8 +51,8 @@ def fetch_added(
 ) -> list[Fetched]:
     """Fetch the logs that a delivery has added on the vehicle: new ones, and those that have grown; without `before` the latest.
 
-    Nothing that goes wrong is raised: `tell` takes a line about each log, and about what is missing. The list beside the logs says
-    of which recordings and which journal (`flight`) they are.
+    Failures are not raised: `tell` is called with a line about each log, and about missing ones. The list beside the logs records
+    their recordings and their journal (`flight`).
     """
     if vehicle.armed:
         tell("log not fetched: the vehicle is armed; run skyway logs fetch when it is disarmed")
@@ -69,7 +69,7 @@ def fetch_added(
             try:
                 one = fetch(store, log, folder, progress=_Progress(log, tell, vehicle.connection.clock.now_s))
                 remember(one, vehicle.system, flight)
-            except InputError as error:  # of this file: the others may do
+            except InputError as error:  # of this file: the others may succeed
                 tell(f"log not fetched: {one_line(str(error))}")
                 continue
             found.append(one)
@@ -89,7 +89,7 @@ def _added(now: Sequence[LogAboard], before: LogsBefore | None) -> list[LogAboar
 
 
 class _Progress:
-    """Says now and then how far a log is."""
+    """Reports the progress of a log at intervals."""
 
     def __init__(self, log: LogAboard, tell: Callable[[str], None], now_s: Callable[[], float]) -> None:
         self._log, self._tell, self._now_s = log, tell, now_s

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from skyway.link.wire.messages import Message
 
 ANSWER_S = 6.0
-"""Without an answer for so long, there is none."""
+"""An answer is not expected after this time."""
 CRC_S, CRC_BYTEPS = 10.0, 500_000.0
 """Time limit of a checksum, and bytes per second that extend it: a card is slow."""
 _MAX_ENTRIES = 20_000
@@ -23,7 +23,7 @@ _MESSAGE = "FILE_TRANSFER_PROTOCOL"
 
 
 class Numbers:
-    """Sequence numbers of requests to one vehicle: it takes one that it has just answered for the same request again."""
+    """Sequence numbers of requests to one vehicle: a repeated number would be taken for a repetition of the request just answered."""
 
     def __init__(self, first: int) -> None:
         self._next = first
@@ -35,7 +35,7 @@ class Numbers:
 
 
 class FtpQuestion(Question):
-    """One request, put again under the same number until it is answered."""
+    """One request, repeated under the same number until it is answered."""
 
     transfers = "FILE_TRANSFER"
 
@@ -48,10 +48,10 @@ class FtpQuestion(Question):
         self.give_up_s = give_up_s
         self._op, self._sequence = op, sequence
         self.answer: FtpMessage | None = None
-        """None for silence."""
+        """None: no answer."""
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take the answer to it, and no other."""
+        """Accept the answer to it, and no other."""
         if message.name != _MESSAGE:
             return
         told = read_payload(bytes(message["payload"]))
@@ -68,7 +68,7 @@ class Entry:
 
     name: str
     size_bytes: int | None
-    """None of a folder."""
+    """None for a folder."""
 
 
 class FtpClient:
@@ -78,7 +78,7 @@ class FtpClient:
         self.vehicle = vehicle
         self.numbers = Numbers(int(vehicle.connection.clock.posix_s() * 16.0) & 0xFFFF)
         self.answered = False
-        """Whether it has ever answered."""
+        """Whether it has answered at all."""
 
     def ask(self, what: str, op: Op, *, give_up_s: float = ANSWER_S, session: int = 0, offset: int = 0, size: int = 0, text: str = "") -> FtpMessage:  # fmt: skip
         """Send a request, and return the answer, including errors."""
@@ -97,7 +97,7 @@ class FtpClient:
         self.ask("close files that are open", Op.RESET)
 
     def entries(self, folder: str) -> list[Entry] | None:
-        """Entries of a folder; None where the folder does not exist."""
+        """Entries of a folder; None if the folder does not exist."""
         found: list[Entry] = []
         offset = 0
         while offset < _MAX_ENTRIES:
@@ -124,11 +124,11 @@ class FtpClient:
         return answer.session, int.from_bytes(answer.data[:4], "little")
 
     def close(self, session: int) -> None:
-        """Close a file; what it answers does not matter."""
+        """Close a file; the answer is ignored."""
         self.ask("close a file", Op.TERMINATE, session=session)
 
     def crc32(self, path: str, size_bytes: int) -> int | None:
-        """Checksum of a file as the vehicle reads it from its card; None where it knows none."""
+        """Checksum of a file as the vehicle reads it from its card; None if it offers none."""
         answer = self.ask(
             f"checksum of {path}", Op.CRC32, text=path, give_up_s=CRC_S + size_bytes / CRC_BYTEPS
         )  # fmt: skip
@@ -144,7 +144,7 @@ def _words(error: int) -> str:
 
 
 def _entry(line: bytes) -> Entry | None:
-    """Entry of a folder from its line; None for one that is skipped, or that makes no sense."""
+    """Entry of a folder from its line; None for one that is skipped or invalid."""
     text = line[1:].decode("utf-8", "replace")
     if line[:1] == b"D":
         return Entry(text, None)

@@ -1,10 +1,10 @@
 """Reading a file by MAVLink FTP at the full rate of the link.
 
-Several reads are under way at a time, as many as the link holds: their number grows as long as answers do not come later,
-and shrinks when they queue (as TCP Vegas does). A link that a few do not fill is fast or long: there more are put under way as long as that brings
-more (`wide_window`). No answer lets more than two requests go, as vehicles let few wait (ArduPilot five). Where many do not fill it either, bursts
-are requested, and what is lost of them is read singly. A burst that comes slower than reads did (one autopilot leaves two thirds of a link without flow
-control to others) was the last one.
+Several reads are outstanding at a time, as many as the link holds: their number grows as long as answers are not delayed,
+and shrinks when they queue (as in TCP Vegas). A link that is not full with a few reads is fast or long: there the number grows as long as the rate
+does (`wide_window`). At most two requests are sent per answer, since vehicles queue few (ArduPilot five). If many reads do not fill it either, bursts
+are requested, and their lost parts are read singly. If a burst is slower than reads were (one autopilot leaves two thirds of a link without flow
+control to others), no further burst is requested.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from skyway.link.wire.messages import Message
 
 STALL_S = 8.0
-"""Nothing for so long: the transfer stands still."""
+"""After this time without data, the transfer is stalled."""
 LEAST_WINDOW, MOST_WINDOW = 2, 16
 QUEUE_LOW, QUEUE_HIGH = 1.5, 4.0
-"""Reads that wait in the link's queue: with fewer the window grows, with more it shrinks."""
+"""Number of reads that wait in the link's queue: with fewer the window grows, with more it shrinks."""
 PASSED = 3
 """A read counts as lost when this many later ones have been answered."""
 UNFILLED = 1.6
-"""Round trips up to this multiple of the shortest, with most reads under way, show that the link is not full."""
+"""Round trips up to this multiple of the shortest, with most reads outstanding, show that the link is not full."""
 SLOWER = 0.9
-"""Bursts that bring less than this share of what reads brought are not requested again."""
+"""Bursts slower than this share of the rate of reads are not requested again."""
 PER_ANSWER, PER_TICK = 2, 4
-"""So many requests go at most when an answer comes, and when none does: what vehicles let wait is little."""
+"""Greatest number of requests sent per answer, and without an answer: vehicles queue few."""
 _FULL_ROUNDS = 2
 _LEAST_RTT_S = 1e-3
 _BURST_SILENCE_S, _SILENT_PIECES = 1.0, 6.0
@@ -53,7 +53,7 @@ class _Read:
     sent_s: float
     again: bool
     passed: int = 0
-    """How many that were sent later were answered."""
+    """Number of later reads that were answered."""
 
 
 class ReadFtp(Reading):
@@ -88,15 +88,15 @@ class ReadFtp(Reading):
         self._burst_begun_s = self._burst_data_s = self._heard_s = 0.0
         self._burst_bytes = 0
 
-    # Asking
+    # Requests
 
     def begin(self, now_s: float) -> None:
-        """Ask for the first pieces."""
+        """Request the first pieces."""
         self._heard_s = self._round_s = now_s
         self._more(now_s, PER_TICK)
 
     def _more(self, now_s: float, most: int) -> None:
-        """Ask for as much as may be under way, but for no more than so much at once."""
+        """Request as much as the window allows, but only a limited number at once."""
         if self.pieces.end >= self.size_bytes:
             self.finish()
             return
@@ -129,7 +129,7 @@ class ReadFtp(Reading):
         self._send(self._burst, Op.BURST, offset, DATA_BYTES)
 
     def _ask_ahead(self, offset: int, now_s: float) -> None:
-        """Ask for the next burst a round trip before this one ends, where it is known how long they are."""
+        """Request the next burst a round trip before this one ends, if the duration of bursts is known."""
         came, took_s = offset - self._burst_first, now_s - self._burst_begun_s
         following = self._burst_first + self._burst_length
         if self._burst_length and took_s > 0.0 and following < self.size_bytes:
@@ -141,10 +141,10 @@ class ReadFtp(Reading):
         asked = payload(number, op, session=self._session, offset=offset, size=size)
         self.send("FILE_TRANSFER_PROTOCOL", payload=asked)
 
-    # Hearing
+    # Answers
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take a piece."""
+        """Process a piece."""
         if message.name != "FILE_TRANSFER_PROTOCOL":
             return
         told = read_payload(bytes(message["payload"]))
@@ -179,7 +179,7 @@ class ReadFtp(Reading):
             self._more(now_s, PER_ANSWER)
 
     def _count_passed(self, answered: _Read) -> None:
-        """Count as lost what was requested well before an answered request."""
+        """Count as lost the requests sent well before an answered request."""
         for number, read in list(self._reads.items()):
             if read.sent_s > answered.sent_s or (read.sent_s == answered.sent_s and read.offset > answered.offset):
                 break
@@ -188,7 +188,7 @@ class ReadFtp(Reading):
                 self._give_up(number)
 
     def _give_up(self, number: int) -> None:
-        """Ask again for what is lost; it may come late all the same."""
+        """Repeat lost requests; the data may still come late."""
         read = self._late[number] = self._reads.pop(number)
         if self._wide is not None:
             self._wide.lost += 1
@@ -197,7 +197,7 @@ class ReadFtp(Reading):
             del self._late[next(iter(self._late))]
 
     def _learn(self, took_s: float, now_s: float) -> None:
-        """Fit the number of reads under way, once each round trip."""
+        """Adapt the number of outstanding reads, once each round trip."""
         self._trip.learn(took_s)
         took_s = max(took_s, _LEAST_RTT_S)
         self._least_rtt_s = min(self._least_rtt_s, took_s)
@@ -219,7 +219,7 @@ class ReadFtp(Reading):
             self._wide = WideWindow(self._window, now_s, self.came_bytes)
 
     def _widen(self, wide: WideWindow, now_s: float) -> None:
-        """Put more under way as long as that brings more; bursts where nothing shows that the link is full, or many are lost."""
+        """Increase the number of outstanding reads as long as the rate grows; use bursts if there is no sign of a full link, or many are lost."""
         self._window = wide.learn(now_s, self.came_bytes, self._recent_s, self._least_rtt_s)
         if wide.settled and self._bursts_help and (wide.crowded or not wide.full):
             self._bursting = True
@@ -232,7 +232,7 @@ class ReadFtp(Reading):
             new, earlier = self._take(told.offset, told.data), told.offset < self._burst_first
             self._burst_bytes += 0 if earlier else new
             if earlier:
-                pass  # of the one before, whose end was not waited for
+                pass  # of the previous one, whose end was not waited for
             elif told.complete:
                 self._burst_length = told.offset + len(told.data) - self._burst_first
                 self._end_burst(now_s)
@@ -250,7 +250,7 @@ class ReadFtp(Reading):
             self._more(now_s, PER_ANSWER)
 
     def _end_burst(self, now_s: float) -> None:
-        """Look whether it was faster than reads."""
+        """Check whether it was faster than reads."""
         self._burst = None
         took_s = max(now_s - self._burst_begun_s, _LEAST_RTT_S)
         by_reads = 0.0 if self._wide is None else self._wide.best_byteps
@@ -272,7 +272,7 @@ class ReadFtp(Reading):
         return self._trip.retry_s(1)
 
     def tick(self, now_s: float) -> None:
-        """Ask again for what did not come."""
+        """Repeat requests without an answer."""
         if now_s >= self._heard_s + STALL_S:
             self._end(f"nothing came for {STALL_S:g} s")
             return
@@ -282,7 +282,7 @@ class ReadFtp(Reading):
             if now_s > self._burst_data_s + max(_BURST_SILENCE_S, _SILENT_PIECES * usual_s):
                 self._burst = None
         streaming = self._burst is not None and now_s < self._burst_data_s + _BURST_SILENCE_S
-        if not streaming:  # during a burst some vehicles answer nothing else
+        if not streaming:  # during a burst some vehicles do not answer
             patience_s = self._patience_s()
             for number in [n for n, read in self._reads.items() if now_s > read.sent_s + patience_s]:
                 self._trip.unclear()

@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 DATA_BYTES = 239
-"""Data of one message at most."""
+"""Greatest size of the data of one message."""
 _HEAD = struct.Struct("<HBBBBBxI")
 _PAYLOAD_BYTES = 251
 _INVERTED = 0xFFFFFFFF
@@ -17,7 +17,7 @@ FTP_CAPABILITY = 32
 
 
 class Op(IntEnum):
-    """Opcodes: those that are asked, and the two of answers."""
+    """Opcodes: those of requests, and the two of answers."""
 
     TERMINATE = 1
     RESET = 2
@@ -31,7 +31,7 @@ class Op(IntEnum):
 
 
 class Nak(IntEnum):
-    """Error codes that are acted upon."""
+    """Error codes with a reaction."""
 
     FAIL = 1
     FAIL_ERRNO = 2
@@ -56,7 +56,7 @@ class FtpMessage(NamedTuple):
     session: int
     op: int
     asked: int
-    """The opcode that is answered."""
+    """The opcode of the answered request."""
     complete: bool
     """Whether a burst ends here."""
     offset: int
@@ -64,7 +64,7 @@ class FtpMessage(NamedTuple):
 
     @property
     def error(self) -> int | None:
-        """Error code of a refusal; None of anything else."""
+        """Error code of a refusal; None for anything else."""
         if self.op != Op.NAK:
             return None
         return self.data[0] if self.data else Nak.FAIL
@@ -77,7 +77,7 @@ def payload(sequence: int, op: Op, *, session: int = 0, offset: int = 0, size: i
 
 
 def read_payload(given: bytes) -> FtpMessage | None:
-    """Read the payload of a message; None where it claims more data than fit."""
+    """Read the payload of a message; None if it claims more data than fit."""
     sequence, session, op, size, asked, complete, offset = _HEAD.unpack_from(given)
     if size > DATA_BYTES:
         return None
@@ -86,5 +86,5 @@ def read_payload(given: bytes) -> FtpMessage | None:
 
 
 def crc32(data: bytes, before: int = 0) -> int:
-    """Checksum that autopilots tell of files: CRC-32 (IEEE) from 0 on, not inverted at the end."""
+    """Checksum of files on autopilots: CRC-32 (IEEE) from 0 on, not inverted at the end."""
     return zlib.crc32(data, before ^ _INVERTED) ^ _INVERTED

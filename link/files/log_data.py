@@ -1,7 +1,7 @@
 """Logs by LOG_REQUEST_LIST and LOG_REQUEST_DATA, for vehicles without file transfers.
 
-A vehicle sends one part at a time; some ignore what is asked meanwhile, others break off what they were sending. So a log is
-requested in long parts, and what is lost of a part is requested when it has ended: singly, one request after the other at the
+A vehicle sends one part at a time; some ignore requests meanwhile, others abort the current part. So a log is
+requested in long parts, and lost pieces of a part are requested when it has ended: singly, one request after the other at the
 pace of the link, without waiting for each answer.
 """
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from skyway.link.wire.messages import Message
 
 STALL_S = 8.0
-"""Nothing for so long: the transfer stands still."""
+"""After this time without data, the transfer is stalled."""
 PIECE_BYTES = 90
 """Data of one LOG_DATA."""
 LEAST_PART_BYTES, MOST_PART_BYTES, PART_S = 512 * PIECE_BYTES, 40_000 * PIECE_BYTES, 10.0
-"""A part is what comes in so long, within limits."""
+"""Duration of a part, within limits."""
 _LAST = 0xFFFF
 _LEAST_PACE_S, _SLOWER = 0.01, 1.3
 _LEAST_SILENCE_S, _SILENT_PIECES = 0.6, 8.0
@@ -38,11 +38,11 @@ class LogEntry:
     number: int
     size_bytes: int
     time_utc: int
-    """When it started or ended, POSIX seconds; 0 where the vehicle does not know."""
+    """When it started or ended, POSIX seconds; 0 if the vehicle does not know."""
 
 
 class ListLogs(Exchange):
-    """Lists all logs, or one of a number, and asks again for those that did not come."""
+    """Lists all logs, or the one of a number, and repeats the request for missing entries."""
 
     transfers = "LOG_"
 
@@ -52,12 +52,12 @@ class ListLogs(Exchange):
         self.found: dict[int, LogEntry] = {}
         """By number."""
         self.complete = False
-        """Whether all have come."""
+        """Whether all have arrived."""
         self._count = self._last = 0
         self._heard_s = 0.0
 
     def begin(self, now_s: float) -> None:
-        """Ask for all."""
+        """Request all."""
         self._heard_s = now_s
         self._ask(now_s)
 
@@ -71,7 +71,7 @@ class ListLogs(Exchange):
         self.next_s = now_s + max(self.round_trip.retry_s(1), 0.5)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take one."""
+        """Process one."""
         if message.name != "LOG_ENTRY":
             return
         self._heard_s = now_s
@@ -86,7 +86,7 @@ class ListLogs(Exchange):
             self.finish()
 
     def tick(self, now_s: float) -> None:
-        """Ask again."""
+        """Repeat the request."""
         if now_s >= self._heard_s + STALL_S:
             self.finish()
         else:
@@ -94,7 +94,7 @@ class ListLogs(Exchange):
 
 
 class EndLogs(Question):
-    """Ends log transfers, so that the vehicle logs again; it does not answer."""
+    """Ends log transfers, so that the vehicle logs again; there is no answer."""
 
     give_up_s = 0.0
 
@@ -108,7 +108,7 @@ class EndLogs(Question):
         self.next_s = now_s
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Nothing is answered."""
+        """There is no answer."""
 
 
 class ReadLog(Reading):
@@ -135,12 +135,12 @@ class ReadLog(Reading):
         self._short: int | None = None
 
     def begin(self, now_s: float) -> None:
-        """Ask for the first part."""
+        """Request the first part."""
         self._heard_s = now_s
         self._more(now_s)
 
     def _more(self, now_s: float) -> None:
-        """Ask for what is missing of the last part, else for the next."""
+        """Request the missing pieces of the last part, otherwise the next part."""
         if self.pieces.end >= self.size_bytes:
             self.finish()
             return
@@ -150,7 +150,7 @@ class ReadLog(Reading):
             self._asked_s[hole[0]] = now_s
             self.next_s = now_s + self._pace_s
         elif self.pieces.end < self.pieces.top:
-            self.next_s = now_s + self._pace_s  # all that is missing is on its way
+            self.next_s = now_s + self._pace_s  # all missing pieces are requested
         elif self._short is not None and self._short <= self.pieces.end:
             self.ended_early = True
             self._end(f"the log ends at byte {self._short}, but should have {self.size_bytes}")
@@ -179,7 +179,7 @@ class ReadLog(Reading):
         return max(_LEAST_SILENCE_S, _SILENT_PIECES * self._pace_s, self.round_trip.retry_s(1) if first else 0.0)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take a piece."""
+        """Process a piece."""
         if message.name != "LOG_DATA" or message["id"] != self._number:
             return
         offset, count = message["ofs"], min(message["count"], PIECE_BYTES)
@@ -208,7 +208,7 @@ class ReadLog(Reading):
         )
 
     def _end_part(self, now_s: float) -> None:
-        """Learn the pace of the link from a part that has come."""
+        """Learn the pace of the link from a received part."""
         took_s = now_s - self._begun_s
         if self._came_bytes > 10 * PIECE_BYTES:
             self._pace_s = max(_SLOWER * took_s * PIECE_BYTES / self._came_bytes, _LEAST_PACE_S)
@@ -219,7 +219,7 @@ class ReadLog(Reading):
         self._more(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Go on: the part has broken off, or the next request is due."""
+        """Continue: the part has ended early, or the next request is due."""
         if now_s >= self._heard_s + STALL_S:
             self._end(f"nothing came for {STALL_S:g} s")
         elif self._part is not None:

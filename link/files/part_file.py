@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _AHEAD_BYTES = 8_000_000
-"""What waits for an earlier piece at most; later pieces must come again."""
+"""Limit of the data that wait for an earlier piece; further pieces must be sent again."""
 
 
 class Pieces:
@@ -20,7 +20,7 @@ class Pieces:
         self.end = end
         """Everything before is written."""
         self.top = end
-        """Nothing after has come."""
+        """No data have arrived after this."""
         self._holes: list[tuple[int, int]] = []
         self._waiting: list[tuple[int, bytes]] = []
         self._waiting_bytes = 0
@@ -68,7 +68,7 @@ class Pieces:
                 self.end = begin + len(piece)
 
     def holes(self, piece_bytes: int) -> Iterator[tuple[int, int]]:
-        """Yield offset and length of what is missing before `top`, in pieces of at most as many bytes."""
+        """Yield offset and length of the missing parts before `top`, in pieces of at most the given size."""
         for begin, end in self._holes:
             for offset in range(begin, end, piece_bytes):
                 yield offset, min(piece_bytes, end - offset)

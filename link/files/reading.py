@@ -1,4 +1,4 @@
-"""Common parts of reading a file and reading a log: the destination of the pieces, and the reason of the end."""
+"""Common parts of reading a file and reading a log: the destination of the pieces, and the reason for the end."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class Reading(Exchange):
         super().__init__(target)
         self.pieces, self.size_bytes = pieces, size_bytes
         self.problem = ""
-        """Why it ended before all was there; empty where it did not."""
+        """The reason for an early end; empty if it was complete."""
         self.ended_early = False
-        """The vehicle says that it ends before its size."""
+        """The vehicle reports an end before its size."""
         self.came_bytes = 0
-        """Bytes that came, each counted once."""
+        """Bytes received, each counted once."""
         self._progress = progress
 
     def _take(self, offset: int, data: bytes) -> int:
-        """Keep a piece; returns how many bytes of it were new."""
+        """Store a piece; returns how many of its bytes were new."""
         new = self.pieces.put(offset, data[: max(self.size_bytes - offset, 0)])
         self.came_bytes += new
         if new and self._progress is not None:

@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from skyway.models.base.address import Address
 
 MAX_CLIENTS = 8
-"""At one listening address."""
+"""Per listening address."""
 _READ_BYTES = 2048
-"""Of a datagram; whole frames are shorter, and more would be the means to keep us busy."""
+"""Limit of a datagram; complete frames are shorter, and larger ones would only cost time."""
 _POLLED = 1000
-"""Datagrams that are taken at once: those of a client that floods are dropped one by one, and must not keep those of others out of the buffer of the socket."""
+"""Datagrams that are read at once: those of a flooding client are dropped one by one, and must not displace those of others in the buffer of the socket."""
 _DATAGRAM_BYTES = 1200
 _BACKLOG_BYTES = _SOCKET_BYTES = 65_536
-"""What a slow client may be behind: beyond it packets are lost to it, rather than late."""
+"""Backlog of a slow client: beyond it packets to it are dropped, rather than delayed."""
 GONE_S = 30.0
-"""A client at a listening UDP address that has been silent for so long is forgotten."""
+"""A client at a listening UDP address that has been silent for this long is removed."""
 _STUCK_S = 10.0
-"""A TCP client that takes nothing for so long is cut off."""
+"""A TCP client that reads nothing for this long is disconnected."""
 RATE_BYTES, BURST_BYTES = 25_000.0, 65_536.0
-"""What a client may say: bytes a second, and at once. A telemetry radio carries less."""
+"""Rate limit of a client: bytes a second, and burst. A telemetry radio carries less."""
 RATE_PACKETS = 200.0
 """Packets per second: a short packet costs a vehicle as much work as a long one."""
 
@@ -59,49 +59,49 @@ class Allowance:
 
 
 class Way(Protocol):
-    """How one client is reached."""
+    """Connection to one client."""
 
     def write(self, data: bytes) -> None:
-        """Send frames; what does not go at once waits within bounds, or is lost."""
+        """Send frames; what cannot be sent at once waits within bounds, or is lost."""
         ...
 
     def close(self) -> None:
-        """End it."""
+        """Close it."""
         ...
 
 
 @dataclass(eq=False, slots=True)
 class Client:
-    """One client, as far as it has been heard."""
+    """One client, with its state as received so far."""
 
     name: str
-    """Where it is, for a person."""
+    """Its address, for a person."""
     way: Way
     reader: FrameReader
     heard_s: float
-    """When it was heard last, by the clock."""
+    """Time of its last packet, by the clock."""
     allowance: Allowance = field(default_factory=Allowance)
     speakers: dict[tuple[int, int], float] = field(default_factory=dict)
-    """System and component of whoever speaks through it, and when they were heard last."""
+    """System and component of the stations behind it, and when each was last received."""
     flooded: int = 0
     noted_s: deque[float] = field(default_factory=deque)
-    """When something was told of it that it can have told in any number."""
-    """Packets of it that were not looked at."""
+    """Time of the last note on frequent events of it."""
+    """Number of its packets that were not processed."""
     garbage_bytes: int = 0
-    """Bytes of it that were no MAVLink, since the last message."""
+    """Number of its bytes outside MAVLink, since the last message."""
     waiting: list[bytes] = field(default_factory=list)
     waiting_bytes: int = 0
     """`waiting`, `waiting_bytes`: frames to go out together."""
 
     def put(self, frame: bytes) -> None:
-        """Take a frame for it."""
+        """Queue a frame for it."""
         if self.waiting_bytes + len(frame) > _DATAGRAM_BYTES:
             self.flush()
         self.waiting.append(frame)
         self.waiting_bytes += len(frame)
 
     def flush(self) -> None:
-        """Send what waits, as one datagram."""
+        """Send the queued frames, as one datagram."""
         if self.waiting:
             self.way.write(b"".join(self.waiting))
             self.waiting.clear()
@@ -109,12 +109,12 @@ class Client:
 
 
 class Endpoint(Protocol):
-    """One address to forward to: one client, or the clients that connect to it."""
+    """One address for forwarding: one client, or the clients that connect to it."""
 
     clients: list[Client]
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
-        """Yield what has come, a datagram or piece of a stream at a time; never waits."""
+        """Yield received data, a datagram or piece of a stream at a time; never waits."""
         ...
 
     def close(self) -> None:
@@ -131,12 +131,12 @@ class SingleClient:
         self.clients = [Client(str(address), self._transport, FrameReader(signing, datagrams), 0.0)]
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
-        """Yield what has come."""
+        """Yield received data."""
         client = self.clients[0]
         for _ in range(MAX_CLIENTS):
             try:
                 data = self._transport.read(0.0)
-            except LinkLostError:  # a device that is gone: this client is lost, the flight is not
+            except LinkLostError:  # the device is gone: this client is lost, the flight is not affected
                 return
             if not data:
                 return
@@ -149,18 +149,18 @@ class SingleClient:
 
 
 class _Datagrams:
-    """The way to one sender of datagrams."""
+    """The path to one sender of datagrams."""
 
     def __init__(self, shared: socket.socket, there: Any) -> None:
         self._shared, self._there = shared, there
 
     def write(self, data: bytes) -> None:
-        """Send; what does not go through is lost, as datagrams may be."""
+        """Send; failed datagrams are lost, as is normal for datagrams."""
         with contextlib.suppress(OSError):
             self._shared.sendto(data, self._there)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to close."""
 
 
 class UdpClients:
@@ -176,11 +176,11 @@ class UdpClients:
         self.clients: list[Client] = []
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
-        """Yield received packets; a client that has been silent for long gives up its place."""
+        """Yield received packets; a client that has been silent for long is removed."""
         for _ in range(_POLLED):
             try:
                 data, there = self._socket.recvfrom(_READ_BYTES)
-            except OSError:  # nothing more, or an answer that somebody is gone
+            except OSError:  # no more data, or the report that a client is gone
                 return
             client = self._known.get(there) or self._meet(there, now_s)
             if client is not None:
@@ -203,7 +203,7 @@ class UdpClients:
 
 
 class _Stream:
-    """The way to one TCP client: whole frames wait up to a bound, and are lost beyond it."""
+    """The path to one TCP client: complete frames wait up to a bound, and are lost beyond it."""
 
     def __init__(self, made: socket.socket) -> None:
         made.settimeout(0.0)
@@ -223,7 +223,7 @@ class _Stream:
         self.push()
 
     def push(self) -> bool:
-        """Send what waits; returns whether any of it went, or none waits."""
+        """Send queued data; returns whether any was sent, or none is queued."""
         while self._backlog and self.socket is not None:
             try:
                 sent = self.socket.send(self._backlog[0])
@@ -239,7 +239,7 @@ class _Stream:
         return True
 
     def read(self) -> bytes | None:
-        """Bytes received; None where the client has gone."""
+        """Bytes received; None if the client has disconnected."""
         if self.socket is None:
             return None
         try:
@@ -250,7 +250,7 @@ class _Stream:
             return None
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         if self.socket is not None:
             self.socket.close()
         self.socket = None
@@ -272,7 +272,7 @@ class TcpClients:
         self.clients: list[Client] = []
 
     def poll(self, now_s: float) -> Iterator[tuple[Client, bytes]]:
-        """Yield what has come; who hangs up, or takes nothing any more, is let go."""
+        """Yield received data; clients that disconnect, or read nothing any more, are removed."""
         self._accept(now_s)
         for client, stream in list(self._streams.items()):
             data = stream.read()
@@ -310,9 +310,9 @@ class TcpClients:
 
 
 def open_endpoint(text: str, signing: Callable[[], Signing | None]) -> Endpoint:
-    """Open an address to forward to.
+    """Open an address for forwarding.
 
-    Raises an `InputError` if it is not a connection string, or if it is taken; a `LinkLostError` if nobody answers there.
+    Raises an `InputError` if it is not a connection string, or if it is taken; a `LinkLostError` if there is no answer.
     """
     address = parse_address(text, option="--forward")
     try:

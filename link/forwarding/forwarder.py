@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from skyway.link.wire.signing import Signing
 
 POLL_S = 0.02
-"""Clients are looked at so often, at least."""
+"""Longest interval between reads of the clients."""
 SILENT_S = 5.0
-"""A sender that has been silent for so long may be found elsewhere."""
+"""A sender that has been silent for this long may move to another client."""
 _MUTED_S = 10.0
 _GARBAGE_BYTES = 4096
 _MAX_SENDERS = 64
@@ -38,10 +38,10 @@ _UPLOADS = frozenset(("MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTI
 
 
 class Forwarder:
-    """Hands packets of the vehicles to clients, and those of clients to the vehicles, as far as that is allowed.
+    """Passes packets of the vehicles to clients, and those of clients to the vehicles, as far as permitted.
 
-    Nothing here waits: what a client does not take is lost to it. `own` is our system and component, `signing` makes the
-    state of a link that must be signed. `open_endpoint` says which errors addresses may have.
+    Nothing here waits: packets that a client does not read are lost to it. `own` is our system and component, `signing` makes the
+    state of a link that must be signed. `open_endpoint` documents the errors of addresses.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Forwarder:
         self.permission, self.own = permission, own
         self.endpoints: list[Endpoint] = []
         self.rates_kept: Collection[int] = ()
-        """Ids of the messages whose rates we ask for ourselves."""
+        """Ids of the messages whose rates we set ourselves."""
         self._noted = Notes()
         self._vehicles: dict[int, float] = {}
         self._to_clients, self._to_vehicles = SeenFrames(), SeenFrames()
@@ -70,13 +70,13 @@ class Forwarder:
             raise
 
     def clients(self) -> Iterator[Client]:
-        """Yield all clients there are."""
+        """Yield all clients."""
         for endpoint in self.endpoints:
             yield from endpoint.clients
 
     @property
     def tell(self) -> Callable[[Note], None] | None:
-        """Told of each note at once; without it notes are kept for `notes`."""
+        """Called with each note at once; without it notes are kept for `notes`."""
         return self._noted.tell
 
     @tell.setter
@@ -84,16 +84,16 @@ class Forwarder:
         self._noted.tell = told
 
     def notes(self) -> list[Note]:
-        """Return what was noticed since this was asked last, the oldest first."""
+        """Return the notes since the last call, the oldest first."""
         return self._noted.all()
 
     # From the vehicles
 
     def hand_out(self, frame: bytes, message: Message | None, now_s: float) -> None:
-        """Hand a frame of the vehicles' side to the clients that it is for."""
+        """Pass a frame from the vehicles' side to its target clients."""
         sender = _sender(frame) if message is None else (message.system, message.component)
         if self._lives_with_client(sender[0], now_s):
-            return  # it came from a client, and has found its way back
+            return  # it came from a client, and has been sent back
         self._vehicles[sender[0]] = now_s
         if len(self._vehicles) > 255:
             self._vehicles.clear()
@@ -106,18 +106,18 @@ class Forwarder:
         for_one = message is not None and message.name in _LOGS
         for client in self.clients():
             if for_one and client is not self._wants_logs:
-                continue  # pieces of a log name no target: they are for the latest requester
+                continue  # pieces of a log have no target: they are for the latest requester
             if system == 0 or _hears(client, system, component):
                 client.put(frame)
 
     def announce(self, frame: bytes, now_s: float) -> None:
-        """Hand a broadcast of our own to all clients."""
+        """Pass a broadcast of our own to all clients."""
         self._to_clients.fresh(frame, now_s)
         for client in self.clients():
             client.put(frame)
 
     def came_back(self, frame: bytes, now_s: float) -> bool:
-        """Whether a frame from the vehicles' side is an echo of one that a client had us pass on."""
+        """Whether a frame from the vehicles' side is an echo of a frame passed on from a client."""
         return self._to_vehicles.holds(frame, now_s)
 
     def _lives_with_client(self, system: int, now_s: float) -> bool:
@@ -130,16 +130,16 @@ class Forwarder:
         )
 
     def flush(self) -> None:
-        """Send what waits for the clients."""
+        """Send the queued data of the clients."""
         for client in self.clients():
             client.flush()
 
     # From the clients
 
     def collect(self, now_s: float, busy: str = "") -> Iterator[tuple[int, bytes, Message]]:
-        """Yield what clients say to the vehicles and may: target system (0: all), frame and message.
+        """Yield the permitted packets from clients to the vehicles: target system (0: all), frame and message.
 
-        Messages that begin with `busy` are kept back: a transfer of our own of that kind is under way.
+        Messages that begin with `busy` are held back: a transfer of our own of that kind is in progress.
         """
         if busy and any(name.startswith(busy) for name in _LOGS):
             self._wants_logs = None
@@ -156,7 +156,7 @@ class Forwarder:
                 self._weigh_garbage(client, 0 if found else len(data), now_s)
 
     def _within(self, client: Client, size: int, now_s: float) -> bool:
-        """Whether a client says no more than it may."""
+        """Whether a client is within its rate limit."""
         if now_s < self._muted.get(client, now_s):
             return False
         if client.allowance.takes(size, now_s):
@@ -179,16 +179,16 @@ class Forwarder:
         )
 
     def _taken(self, client: Client, frame: bytes, message: Message | None, now_s: float, busy: str) -> int | None:
-        """Target of a frame that passes; None for one that does not."""
+        """Target of a permitted frame; None for any other."""
         sender = _sender(frame) if message is None else (message.system, message.component)
         if self._refused_sender(client, frame, message, sender, now_s) or self._to_vehicles.holds(frame, now_s):
             return None
         if message is None or (busy and message.name.startswith(busy)):
-            return None  # nobody here can tell whom it is for; or a vehicle does one such transfer at a time
+            return None  # its target is unknown; or a vehicle does one such transfer at a time
         self._meet(client, sender, now_s)
         does = effect(message, self.rates_kept)
         if does is Effect.CHANGE and "target_system" not in message.fields:
-            return None  # telemetry of another vehicle: no vehicle needs it
+            return None  # telemetry of another vehicle: vehicles do not use it
         target: int = message.fields.get("target_system", 0)
         if passes(does, self.permission):
             self._to_vehicles.fresh(frame, now_s)
@@ -217,7 +217,7 @@ class Forwarder:
         return True
 
     def _is_vehicle(self, system: int, message: Message | None, now_s: float) -> bool:
-        """Whether a system is known as a vehicle, or says that it is one."""
+        """Whether a system is known as a vehicle, or claims to be one."""
         if message is not None and message.name == "HEARTBEAT" and message["autopilot"] != _INVALID_AUTOPILOT:
             return True
         return system in self._vehicles and now_s <= self._vehicles[system] + SILENT_S
@@ -244,11 +244,11 @@ class Forwarder:
         self._answer(client, message, sender)
 
     def _answer(self, client: Client, message: Message, sender: tuple[int, int]) -> None:
-        """Answer in the vehicle's place what it will not hear of."""
+        """Answer in the vehicle's place a message that is not passed on."""
         target = message.fields.get("target_system", 0)
         to = {"target_system": sender[0], "target_component": sender[1]}
         writer = FrameWriter(target, message.fields.get("target_component", 0) or 1)
-        if not target or self._signs:  # asks no vehicle by its id, or an answer would have to be signed by the vehicle
+        if not target or self._signs:  # it targets no vehicle's id, or the answer would need the vehicle's signature
             return
         if message.name.startswith("COMMAND_"):
             fields = {"command": message["command"], "result": _DENIED, **to}
@@ -258,14 +258,14 @@ class Forwarder:
             client.put(writer.frame("MISSION_ACK", fields))
 
     def close(self) -> None:
-        """Close all endpoints; what waits is sent first."""
+        """Close all endpoints; queued data are sent first."""
         self.flush()
         for endpoint in self.endpoints:
             endpoint.close()
 
 
 def _hears(client: Client, system: int, component: int) -> bool:
-    """Whether somebody of that system and component (0: any) speaks through a client."""
+    """Whether a client has a station of that system and component (0: any)."""
     if component:
         return (system, component) in client.speakers
     return any(known == system for known, _ in client.speakers)

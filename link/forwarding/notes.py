@@ -12,25 +12,25 @@ if TYPE_CHECKING:
     from skyway.link.forwarding.clients import Client
 
 _FOLD_S = 5.0
-"""What a client says again within so long is not told again."""
+"""Within this time, a repeated event of a client is not noted again."""
 _MAX_NOTES, _MAX_TOLD = 200, 256
 _MANY, _MANY_S = 8, 10.0
-"""Largest number of notes about one client within a time; after that one note says that there are more, until the client has been quiet for as long."""
+"""Largest number of notes about one client within a time; then one note reports that there are more, until the client has been quiet for as long."""
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something that was noticed of a client, for the operator and the journal."""
+    """An event of a client, for the operator and the journal."""
 
     client: str
-    """Where it is."""
+    """Its address."""
     system: int | None
     component: int | None
-    """`system`, `component`: who spoke; None where that does not matter."""
+    """`system`, `component`: the sender; None if irrelevant."""
     what: str
     """``joined``, ``passed``, ``refused``, ``impersonates`` (also by a loop of routers), ``flood`` or ``garbage``."""
     order: str | None
-    """What was ordered, as MAVLink names it."""
+    """The command, by its MAVLink name."""
     said: str
     """A sentence."""
 
@@ -40,12 +40,12 @@ class Notes:
     """All notes, without repetitions."""
 
     tell: Callable[[Note], None] | None = None
-    """Told of each note at once; without it they are kept for `all`."""
+    """Called with each note at once; without it they are kept for `all`."""
     _kept: deque[Note] = field(default_factory=lambda: deque(maxlen=_MAX_NOTES))
     _told: dict[tuple[Any, ...], float] = field(default_factory=dict)
 
     def all(self) -> list[Note]:
-        """Return what was noticed since this was asked last, the oldest first."""
+        """Return the notes since the last call, the oldest first."""
         found = list(self._kept)
         self._kept.clear()
         return found
@@ -82,11 +82,11 @@ class Notes:
 
 
 def _is_one_of_many(noted_s: deque[float], now_s: float) -> bool:
-    """Whether so much has been told of a client lately that this is not."""
+    """Whether a note is suppressed because there were many about a client lately."""
     while noted_s and now_s > noted_s[0] + _MANY_S:
         noted_s.popleft()
     many = len(noted_s) >= _MANY
     if many:
         noted_s.popleft()
-    noted_s.append(now_s)  # what is not told counts, too: so it is many while it goes on
+    noted_s.append(now_s)  # suppressed notes count, too: so the suppression continues while the events do
     return many

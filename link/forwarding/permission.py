@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Permission(StrEnum):
-    """What of other ground stations passes to the vehicles."""
+    """Messages of other ground stations that are passed to the vehicles."""
 
     NONE = "none"
     """They read: telemetry, parameters, missions, logs."""
@@ -27,13 +27,13 @@ class Effect(StrEnum):
     """Effect of a message on a vehicle."""
 
     READ = "read"
-    """It asks, or says that somebody is there."""
+    """It requests data, or announces a station."""
     PILOT = "pilot"
-    """It does what a pilot does."""
+    """It flies the vehicle, like a pilot."""
     CHANGE = "change"
-    """It changes what the vehicle holds, or anything else."""
+    """It changes the contents of the vehicle, or anything else."""
     RATE = "rate"
-    """It changes how often a message comes that we ask for ourselves."""
+    """It changes the rate of a message that we set ourselves."""
 
 
 _READS = frozenset(
@@ -60,14 +60,14 @@ _FLYING_COMMANDS = frozenset(
         *range(530, 538), *range(1000, 1004), *range(2000, 2006), *range(2500, 2506),
     )
 )  # fmt: skip
-"""Of MAV_CMD: where to, modes, speed, landing, arming, termination, region of interest, gimbal and camera, operator control."""
+"""Of MAV_CMD: destination, modes, speed, landing, arming, termination, region of interest, gimbal and camera, operator control."""
 SET_INTERVAL = 511
 _TRANSFER = "FILE_TRANSFER_PROTOCOL"
 _OPCODE_AT = 3
 _READING_OPCODES = frozenset((0, 1, 2, 3, 4, 5, 14, 15))
 """Of MAVLink FTP: sessions, listings, reading, checksums."""
 _HEARTBEAT_STREAMS = frozenset((1, 3, 4))
-"""Groups of REQUEST_DATA_STREAM with nothing in them that we ask for: raw sensors, remote control, raw controller."""
+"""Groups of REQUEST_DATA_STREAM without messages that we request: raw sensors, remote control, raw controller."""
 
 
 def effect(message: Message, ours: Collection[int] = ()) -> Effect:

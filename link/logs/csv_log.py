@@ -37,7 +37,7 @@ SCHEMA = "skyway.log-columns/1"
 PIECE_ROWS = 10_000
 MAX_LINE = 1_000_000
 EPOCH_1990_S = 631_152_000.0
-"""Times below this are no POSIX seconds."""
+"""Times below this are not POSIX seconds."""
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
 
@@ -53,12 +53,12 @@ class ColumnOf:
 
 @dataclass(frozen=True, slots=True)
 class LogColumns:
-    """Which column of a table is what."""
+    """Meaning of the columns of a table."""
 
     time: str
     time_unit: str
     """`time`, `time_unit`: column of the time, and ``iso``, ``s``, ``ms`` or ``us``; numbers count from the log's own
-    zero unless they are plainly POSIX seconds."""
+    zero unless they are clearly POSIX seconds."""
     quantities: dict[str, ColumnOf] = field(default_factory=dict)
     """By the names of `TelemetrySample`."""
     quaternion_ned_frd: tuple[str, ...] = ()
@@ -70,7 +70,7 @@ class LogColumns:
     payload: ColumnOf | None = None
     """Mass of the package, kg."""
     vehicle: Kind = "unknown"
-    """What it is (`link.logs.common.vehicle_kind.KINDS`), where the table's author says it."""
+    """Kind of the vehicle (`link.logs.common.vehicle_kind.KINDS`), if the table's author states it."""
 
 
 M100 = LogColumns(
@@ -87,7 +87,7 @@ M100 = LogColumns(
     payload=ColumnOf("payload", 1e-3),
     vehicle="multirotor",
 )
-"""The DJI Matrice 100 flights of Rodrigues et al. (2021), known by their header."""
+"""The DJI Matrice 100 flights of Rodrigues et al. (2021), recognised by their header."""
 
 
 def read_columns(path: Path) -> LogColumns:
@@ -132,7 +132,7 @@ def _several(table: Table, key: str, count: int) -> tuple[str, ...]:
 class CsvLog:
     """A table of telemetry of one vehicle: read once piece by piece to check it, and again for each use.
 
-    Which column is what is found out from the header where `columns` do not say it. Raises an `InputError` if there is
+    The meaning of columns is derived from the header if `columns` does not give it. Raises an `InputError` if there is
     no table, or if a column is missing.
     """
 
@@ -194,7 +194,7 @@ class CsvLog:
         )
 
     def _kept(self) -> Iterator[tuple[list[list[str]], list[list[str]], NDArray[np.float64], NDArray[np.float64]]]:
-        """Read the rows that have a time and those that have none, the times, which never decrease, and as written."""
+        """Read the rows with a time and those without, the times, made non-decreasing, and as written."""
         latest = -math.inf
         for rows in self._pieces():
             times = self._times(rows)
@@ -205,7 +205,7 @@ class CsvLog:
             yield kept, lost, held, times[good]
 
     def _vehicle(self, hangs: set[float]) -> Vehicle:
-        """What it is: what the mapping says, else what its column ``fixed_wing`` holds."""
+        """Kind of the vehicle: from the mapping, otherwise from its column ``fixed_wing``."""
         if self._columns.vehicle != "unknown":
             return Vehicle(self._columns.vehicle, "its columns")
         if {0.0, 1.0} <= hangs:
@@ -264,7 +264,7 @@ class CsvLog:
         return self._place[name]
 
     def _times(self, rows: list[list[str]]) -> NDArray[np.float64]:
-        """Times of rows, NaN where there is none; the first piece tells whether they are instants."""
+        """Times of rows, NaN if there is none; the first piece determines whether they are instants."""
         columns = self._columns
         if columns.time_unit == "iso":
             self._absolute = True
@@ -296,7 +296,7 @@ class CsvLog:
 
 
 def _lines(stream: TextIO) -> Iterator[str]:
-    """Lines of a table, none of them endless."""
+    """Lines of a table, of limited length."""
     while line := stream.readline(MAX_LINE):
         if len(line) == MAX_LINE and not line.endswith("\n"):
             raise csv.Error(f"a line is longer than {MAX_LINE} characters")

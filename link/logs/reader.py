@@ -32,7 +32,7 @@ class LogFormat:
     begins: Callable[[bytes, Path], bool]
     """Whether a file is of this format, from its first bytes and its path."""
     within: Callable[[bytes], bool] | None = None
-    """The same for a file with a damaged beginning, which no `begins` has recognised."""
+    """The same for a file with a damaged beginning that no `begins` has recognised."""
     takes_columns: bool = False
     """The reader also takes a mapping of columns."""
 
@@ -47,7 +47,7 @@ def _is_text(head: bytes) -> bool:
 
 
 def _tlog_within(head: bytes) -> bool:
-    """Return whether a whole frame stands behind a time stamp anywhere."""
+    """Return whether a complete frame follows a time stamp anywhere."""
     from skyway.link.logs.tlog.beginning import frame_within
 
     return frame_within(head)
@@ -79,7 +79,7 @@ FORMATS: Mapping[str, LogFormat] = {
         takes_columns=True,
     ),
 }
-"""Formats by name, in the order in which they are tried; ``csv`` is any text, so it is the last."""
+"""Formats by name, in the order in which they are tried; ``csv`` accepts any text, so it is the last."""
 
 
 def titles() -> str:
@@ -95,7 +95,7 @@ def suffixes() -> str:
 
 
 def format_of(path: Path) -> str:
-    """Return the format of a log, a name in `FORMATS`, found from its first bytes.
+    """Return the format of a log, a name in `FORMATS`, from its first bytes.
 
     Raises an `InputError` if the file cannot be read, is empty, or is none of these.
     """

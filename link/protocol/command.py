@@ -28,7 +28,7 @@ RESULTS = {
 
 
 class Place(NamedTuple):
-    """Where a command is to be executed."""
+    """Place at which a command is to be executed."""
 
     x: int
     y: int
@@ -36,11 +36,11 @@ class Place(NamedTuple):
     z: float
     """Height, m."""
     frame: int
-    """MAV_FRAME: what the height counts from."""
+    """MAV_FRAME: the reference of the height."""
 
 
 class Command(Question):
-    """Gives a command (MAV_CMD) with its first parameters, the rest 0, and waits for the answer to it.
+    """Sends a command (MAV_CMD) with its first parameters, the rest 0, and waits for its answer.
 
     With a place it is a COMMAND_INT. It ends without an answer after `give_up_s`.
     """
@@ -57,7 +57,7 @@ class Command(Question):
         self.number, self.place = number, place
         self.give_up_s = give_up_s
         self.result: int | None = None
-        """MAV_RESULT; None for silence."""
+        """MAV_RESULT; None: no answer."""
 
     def ask(self) -> None:
         """Send it; a COMMAND_LONG carries the number of attempts."""
@@ -66,7 +66,7 @@ class Command(Question):
             self.outbox[-1][1]["confirmation"] = min(self._tries, 255)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """End at the answer; progress lengthens the wait."""
+        """End at the answer; progress reports extend the wait."""
         if message.name != "COMMAND_ACK" or message["command"] != self.number:
             return
         if message["result"] == IN_PROGRESS:
@@ -78,7 +78,7 @@ class Command(Question):
 
 
 class AskFor(Question):
-    """Asks for one message (REQUEST_MESSAGE) until it comes; an answer to the command alone is not enough."""
+    """Requests one message (REQUEST_MESSAGE) until it arrives; an answer to the command alone is not enough."""
 
     give_up_s = 6.0
 
@@ -86,10 +86,10 @@ class AskFor(Question):
         super().__init__(target, "COMMAND_LONG", command=512, param1=float(number))
         self.name, self.number = name, number
         self.message: Message | None = None
-        """What came; None for nothing."""
+        """The message; None: no answer."""
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take the message; a refusal may be overtaken by it for a moment."""
+        """Process the message; a refusal may arrive shortly before it."""
         if message.name == self.name:
             self.message = message
             self.finish()
@@ -107,10 +107,10 @@ class SetCurrent(Question):
         super().__init__(target, "MISSION_SET_CURRENT", seq=number)
         self.number = number
         self.confirmed = False
-        """Whether the vehicle says so."""
+        """Whether the vehicle confirms it."""
 
     def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
-        """End when it is so."""
+        """End when it is confirmed."""
         if message.name == "MISSION_CURRENT" and message["seq"] == self.number:
             self.confirmed = True
             self.finish()

@@ -30,21 +30,21 @@ if TYPE_CHECKING:
 HEARTBEAT_S = 1.0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 PLANNER_COMPONENT = 195
-"""Our component id where other ground stations share the link: theirs is mostly 190, and their system id mostly ours."""
+"""Our component id if other ground stations share the link: theirs is mostly 190, and their system id mostly equals ours."""
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
-"""Types (MAV_TYPE) of what else sends heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
+"""Types (MAV_TYPE) of other senders of heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
 autopilot's firmware."""
 _MAX_SYSTEMS = 255
 _BESIDE = frozenset(("OPEN_DRONE_ID_ARM_STATUS", "WINCH_STATUS"))
-"""What parts of a vehicle tell in their own name, or the autopilot in theirs."""
+"""Messages that parts of a vehicle send in their own name, or the autopilot in theirs."""
 _FILES = frozenset(("FILE_TRANSFER_PROTOCOL", "LOG_DATA"))
-"""Pieces of files, which are kept as files: recorded as well, a log would be there twice."""
+"""Pieces of files, which are stored as files: recording them would store a log twice."""
 _CHUNK, _CHUNK_S = 50, 1.0
-"""Characters of a piece of a long text, and how long the next piece may take."""
+"""Characters of a piece of a long text, and the longest wait for the next piece."""
 _MAX_TEXTS = 200
 _GUEST_S = 0.002
-"""So long at most the other runner's messages wait while we wait for the vehicle's."""
+"""Longest delay of the other runner's messages while we wait for the vehicle's."""
 
 
 @dataclass(slots=True)
@@ -60,19 +60,19 @@ class Peer:
     version: int = 2
     met_s: float = -math.inf
     heard_s: float = -math.inf
-    """`met_s`, `heard_s`: when it was heard first and last, by the connection's clock."""
+    """`met_s`, `heard_s`: times of its first and latest packet, by the connection's clock."""
     received: int = 0
     lost: int = 0
     """`received`, `lost`: packets, and gaps in their numbers."""
     sequence: int | None = None
     texts: list[tuple[int, str]] = field(default_factory=list)
-    """What it said, severity and text, the newest last; only the last ones are kept."""
+    """Its texts, severity and text, the newest last; only the latest ones are kept."""
     said: int = 0
-    """How many texts it has said in all."""
+    """Total number of its texts."""
     latest: dict[str, Message] = field(default_factory=dict)
     """Newest message of each name."""
     beside: dict[str, tuple[float, Message]] = field(default_factory=dict)
-    """Newest of what its Remote ID module and its winch tell, and when, by the connection's clock; heartbeats of other components as
+    """Newest messages of its Remote ID module and its winch, with their times, by the connection's clock; heartbeats of other components as
     ``HEARTBEAT`` with their type."""
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     text_s: float = -math.inf
@@ -81,25 +81,25 @@ class Peer:
 
     @property
     def target(self) -> Target:
-        """Whom to speak with."""
+        """Target of messages to it."""
         return Target(self.system, self.component, self.round_trip)
 
     @property
     def loss(self) -> float:
-        """Share of its packets that did not arrive, 0-1."""
+        """Share of its packets that were lost, 0-1."""
         return self.lost / max(1, self.lost + self.received)
 
     def texts_since(self, said: int) -> list[str]:
-        """Return its texts after the first `count`, as far as they are kept."""
+        """Return its texts after the first `count`, as far as they are stored."""
         fresh = self.said - said
         return [text for _, text in self.texts[-fresh:]] if fresh > 0 else []
 
     def text_unfinished(self, now_s: float) -> bool:
-        """Whether more of the newest text may come."""
+        """Whether more pieces of the newest text may come."""
         return self._text_open and now_s < self.text_s + _CHUNK_S
 
     def take_text(self, message: Message, now_s: float) -> None:
-        """Take a STATUSTEXT; chunks of one text (MAVLink 2) are put together."""
+        """Process a STATUSTEXT; chunks of one text (MAVLink 2) are joined."""
         severity, text = message["severity"], message["text"]
         number, chunk = message["id"], message["chunk_seq"]
         if number and chunk and self.texts and self._text == (number, chunk - 1):
@@ -113,21 +113,21 @@ class Peer:
 
 
 class SharedClient(Protocol):
-    """Another MAVLink library that speaks on a connection in our name, with a heartbeat of its own."""
+    """Another MAVLink library that sends on a connection in our name, with a heartbeat of its own."""
 
     def hear(self, frame: bytes) -> None:
-        """Take an accepted frame."""
+        """Process an accepted frame."""
         ...
 
     def frames(self) -> Iterable[tuple[int, bytes]]:
-        """Yield its outgoing frames, each with the system that it is for; 0 is broadcast."""
+        """Yield its outgoing frames, each with its target system; 0 is broadcast."""
         ...
 
 
 class Connection(Carrier):
     """Frames in and out of one transport, all of them recorded; `system` is our id.
 
-    With a signing key only well signed packets are believed.
+    With a signing key only correctly signed packets are accepted.
     """
 
     def __init__(
@@ -144,33 +144,33 @@ class Connection(Carrier):
             signing.advance_to(clock.posix_s())
         self.transport, self.clock, self.recorder = transport, clock, recorder
         self.forwarder = forwarder
-        """Hands packets to other ground stations, and theirs to the vehicles."""
+        """Passes packets to other ground stations, and theirs to the vehicles."""
         self.system, self.component = (system, GROUND_COMPONENT) if forwarder is None else forwarder.own
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
-        """Set once another ground station is heard with our id; nothing is said to a vehicle then."""
+        """Set once another ground station with our id is received; nothing is sent to a vehicle then."""
         self.stations = Stations()
-        """Other ground stations that are heard, also those that the link is forwarded to."""
+        """Other ground stations on the link, also those to which it is forwarded."""
         self.supervises: int | None = None
-        """System of the vehicle that we supervise: told to all other stations, every second."""
+        """System of the vehicle that we supervise: announced to all other stations, every second."""
         self.commanded = False
-        """Whether we have commanded that vehicle already; told with it."""
+        """Whether we have already commanded that vehicle; announced with it."""
         self.namesake = False
-        """A vehicle has our id; it cannot be told from ourselves."""
+        """A vehicle has our id; its packets are indistinguishable from our own."""
         self.shared_client: SharedClient | None = None
         """Another sender on this connection; our own heartbeats pause meanwhile."""
         self.fence: Callable[[], None] | None = None
-        """Called before each exchange: raises where we may no longer command what is connected."""
+        """Called before each exchange: raises if we may no longer command the vehicle."""
         self._writer = FrameWriter(self.system, self.component, signing=signing)
         self._routed = transport if isinstance(transport, UdpSocket) else None
         self.radios = transport if isinstance(transport, RedundantTransport) else None
-        """The radios, where there are several."""
+        """The radios, if there are several."""
         self._quality = RadioQuality("radio")
         self._reader = FrameReader(signing, datagrams=self._routed is not None or self.radios is not None)
         self._beat_s = self._second_s = -math.inf
         self.every_second: list[Callable[[], None]] = []
-        """Called once a second: what has to be said again and again."""
+        """Called once a second, for messages that must be repeated."""
         self._own: deque[bytes] = deque(maxlen=16)
         self._exchange: Exchange | None = None
 
@@ -181,7 +181,7 @@ class Connection(Carrier):
 
     @property
     def qualities(self) -> tuple[RadioQuality, ...]:
-        """Quality of each radio, the one in use first."""
+        """Quality of each radio, the active one first."""
         if self.radios is None:
             return (self._quality,)
         used = self.radios.used
@@ -198,7 +198,7 @@ class Connection(Carrier):
         return self._reader.heard_signed and not self.signed
 
     def send(self, name: str, system: int = 0, **fields: Any) -> None:
-        """Send a message; MAVLink 1 to a vehicle that speaks nothing else."""
+        """Send a message; as MAVLink 1 to a vehicle that uses only that."""
         peer = self.peers.get(system)
         self._pass_on(self._writer.frame(name, fields, None if peer is None else peer.version), system)
 
@@ -211,7 +211,7 @@ class Connection(Carrier):
             self.transport.write(frame)
 
     def pump(self, timeout_s: float = 0.0) -> None:
-        """Take what has come, waiting for it at most so long; keep our heartbeat."""
+        """Process received data, waiting for them at most a given time; send our heartbeat."""
         now = self.clock.now_s()
         if self.forwarder is not None:
             timeout_s = min(timeout_s, POLL_S)
@@ -246,7 +246,7 @@ class Connection(Carrier):
         self._beat_s = now
         fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
         old = any(peer.version == 1 for peer in self.peers.values())
-        for version in (1, 2) if old else (2,):  # who speaks 1 may know 2, and waits to hear it (MAV_PROTO_VER 0)
+        for version in (1, 2) if old else (2,):  # one that sends 1 may know 2, and waits for it (MAV_PROTO_VER 0)
             frame = self._writer.frame("HEARTBEAT", fields, version)
             self._own.append(frame)
             self._pass_on(frame, 0)
@@ -271,7 +271,7 @@ class Connection(Carrier):
                     continue
                 if frame not in self._own:
                     self.forwarder.hand_out(frame, message, now)
-            if message is not None and frame not in self._own:  # routers send our own words back
+            if message is not None and frame not in self._own:  # routers send our own packets back
                 self._hear(message, now)
             if self.shared_client is not None:
                 self.shared_client.hear(frame)
@@ -279,9 +279,9 @@ class Connection(Carrier):
     def _hear(self, message: Message, now: float) -> None:
         name = message.name
         if name in STATUS:
-            if self.radios is None:  # of several radios each takes its own
+            if self.radios is None:  # each of several radios has its own
                 self._quality.hear_status(message)
-            return  # in nobody's name, and even unsigned
+            return  # without a sender, and even unsigned
         if message.system == self.system:
             self._hear_namesake(message)
             return
@@ -319,23 +319,23 @@ class Connection(Carrier):
             self.namesake = True
 
     def keep_rates(self, numbers: Collection[int]) -> None:
-        """Let no other ground station change how often these messages come."""
+        """Prevent other ground stations from changing the rates of these messages."""
         if self.forwarder is not None:
             self.forwarder.rates_kept = frozenset((*self.forwarder.rates_kept, *numbers))
 
     def supervise(self, system: int | None, *, commanded: bool = False) -> None:
-        """Announce to all other stations, every second, that we supervise a vehicle, and whether we have commanded it already."""
+        """Announce to all other stations, every second, that we supervise a vehicle, and whether we have already commanded it."""
         self.supervises, self.commanded = system, commanded
 
     @property
     def transferring(self) -> bool:
-        """Whether a transfer of ours is under way, during which no other of its kind may start."""
+        """Whether a transfer of ours is in progress, during which no other of its kind may start."""
         return self._exchange is not None and not self._exchange.done and bool(self._exchange.transfers)
 
     def refuse_conflict(self) -> None:
-        """Refuse to send to a vehicle that cannot tell us from another station.
+        """Refuse to send to a vehicle that cannot distinguish us from another station.
 
-        Raises a `StationConflictError` if another station speaks with our system id.
+        Raises a `StationConflictError` if another station uses our system id.
         """
         if self.conflict is not None:
             raise StationConflictError(self.conflict.system, self.conflict.component)
@@ -351,7 +351,7 @@ class Connection(Carrier):
         return peer
 
     def _count(self, peer: Peer, message: Message, now: float) -> None:
-        if peer.sequence is not None and self.radios is None:  # of several radios each counts its own
+        if peer.sequence is not None and self.radios is None:  # each of several radios counts its own
             gap = (message.sequence - peer.sequence - 1) & 0xFF
             if gap < 128:
                 peer.lost += gap
@@ -390,7 +390,7 @@ class Connection(Carrier):
         exchange.outbox.clear()
 
     def wait(self, condition: Callable[[], bool], longest_s: float) -> bool:
-        """Take what comes until a condition holds; False where it has not in time."""
+        """Process received data until a condition holds; False if it does not hold in time."""
         end = self.clock.now_s() + longest_s
         while not condition():
             left = end - self.clock.now_s()
@@ -400,7 +400,7 @@ class Connection(Carrier):
         return True
 
     def run_for(self, duration_s: float) -> None:
-        """Take what comes for a while."""
+        """Process received data for a while."""
         self.wait(lambda: False, duration_s)
 
     def close(self) -> None:

@@ -27,7 +27,7 @@ def wire_item(message: Message) -> WireItem:
 
 
 class Download(Exchange):
-    """Downloads a list of a vehicle, item by item in order: PX4 ends the transfer at any other."""
+    """Downloads a list of a vehicle, item by item in order: PX4 ends the transfer on any other order."""
 
     transfers = "MISSION_"
 
@@ -41,9 +41,9 @@ class Download(Exchange):
         super().__init__(target)
         self.kind = kind
         self.items: tuple[WireItem, ...] | None = None
-        """What it holds; None where it could not be read."""
+        """The list; None if it could not be read."""
         self.problem = ""
-        """Why not."""
+        """Reason for a failure."""
         self._got: list[WireItem] = []
         self._count: int | None = None
         self._tries = 0
@@ -54,7 +54,7 @@ class Download(Exchange):
         self._pause = False
 
     def begin(self, now_s: float) -> None:
-        """Ask how many items there are."""
+        """Request the number of items."""
         self._heard_s = now_s
         self._ask(now_s)
 
@@ -68,7 +68,7 @@ class Download(Exchange):
         self.next_s = now_s + self.round_trip.retry_s(self._tries, spreads=SPREADS)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take the count, and item after item."""
+        """Process the count, and item after item."""
         if message.name not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
             return
         if message["mission_type"] != self.kind or self._pause:
@@ -82,7 +82,7 @@ class Download(Exchange):
                 self._got.append(wire_item(message))
                 self._next(now_s)
         elif message["type"] == ERROR and self._count is not None:
-            # Either it has ended the transfer, and is silent from now on, or it speaks of a packet that came late.
+            # Either it has ended the transfer, and is silent from now on, or this answers a packet that came late.
             self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
             self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
         elif message["type"] != ACCEPTED:
@@ -105,7 +105,7 @@ class Download(Exchange):
             self._ask(now_s)
 
     def _may_begin_again(self, costs: int, problem: str) -> bool:
-        """Whether it may begin again: the vehicle was busy, has forgotten the transfer, or has changed what it holds."""
+        """Whether it may begin again: the vehicle was busy, has forgotten the transfer, or has changed the list."""
         self._restarts += costs
         if self._restarts > _MAX_RESTARTS:
             self.problem = problem
@@ -113,7 +113,7 @@ class Download(Exchange):
         return not self.done
 
     def tick(self, now_s: float) -> None:
-        """Ask again."""
+        """Repeat the request."""
         if self._pause:
             self._pause, self._count, self._got, self._tries = False, None, [], 0
         elif now_s >= self._heard_s + GIVE_UP_S:
@@ -137,7 +137,7 @@ class Clear(Question):
         super().__init__(target, "MISSION_CLEAR_ALL", mission_type=int(kind))
         self.kind = kind
         self.answer: int | None = None
-        """MAV_MISSION_RESULT; None for silence."""
+        """MAV_MISSION_RESULT; None: no answer."""
 
     def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
         """End at the acknowledgement."""

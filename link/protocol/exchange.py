@@ -1,8 +1,8 @@
 """Exchanges: request-reply state machines with one vehicle, without any input or output of their own.
 
-An exchange receives messages and the time, and returns what to send and when it must next see the time. The same
+An exchange receives messages and the time, and returns the messages to send and the time of its next call. The same
 one runs on sockets at wall time and against a simulated vehicle in virtual time. A procedure is a generator of
-exchanges: it yields one, and goes on when that is done.
+exchanges: it yields one, and continues when that is done.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Steps = Generator["Exchange", None, T]
-"""A procedure: yields exchanges one after the other and returns what came of them."""
+"""A procedure: yields exchanges one after the other and returns their result."""
 
 FIRST_RETRY_S = 0.25
-"""What MAVLink allows for an item, while the round trip is unknown."""
+"""MAVLink's time limit for an item, while the round trip is unknown."""
 _MIN_RETRY_S = 0.03
 _FEW_TRIES = 6
 _UNCLEAR, _SLOWEST = 4, 16.0
 SPREADS = 2.0
-"""For missions, `RoundTrip.retry_s` waits for no more than so many: what is sent too early there is ignored."""
+"""Spreads that `RoundTrip.retry_s` waits beyond the mean, for missions: packets sent too early are ignored there."""
 _LONGEST_RETRY_S = 3.0
 
 
 @dataclass(slots=True)
 class RoundTrip:
-    """How long an answer takes, learnt as TCP does it (RFC 6298)."""
+    """Time until an answer, learnt as in TCP (RFC 6298)."""
 
     mean_s: float = math.nan
     spread_s: float = 0.0
@@ -41,7 +41,7 @@ class RoundTrip:
     _slower: float = 1.0
 
     def learn(self, took_s: float) -> None:
-        """Add one measurement: an answer to a question asked once."""
+        """Add one measurement: an answer to a request sent once."""
         self._unclear, self._slower = 0, 1.0
         if math.isnan(self.mean_s):
             self.mean_s, self.spread_s = took_s, took_s / 2.0
@@ -50,10 +50,10 @@ class RoundTrip:
             self.mean_s += 0.125 * (took_s - self.mean_s)
 
     def unclear(self) -> None:
-        """Take an answer to a repeated request: it does not show which request, so no round trip is learnt.
+        """Process an answer to a repeated request: it is unknown to which request it belongs, so no round trip is learnt.
 
-        Several in a row mean that the link may have become slower than we wait: then we wait longer, until an answer
-        is clear again. Without this a slow link is never learnt, and is asked ever more.
+        Several in a row mean that the link may have become slower than our wait: then the wait grows, until an answer
+        is unambiguous again. Without this the round trip of a slow link is never learnt, and requests are repeated ever more often.
         """
         self._unclear += 1
         if self._unclear >= _UNCLEAR:
@@ -63,7 +63,7 @@ class RoundTrip:
     def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
         """Time to wait for an answer before repeating the request; longer with each `attempt` after the first few.
 
-        An answer may be `spreads` later than usual; few where asking too early costs nothing but a packet.
+        An answer may be `spreads` later than usual; use few if an early repetition costs only a packet.
         """
         first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(spreads * self.spread_s, 0.01)
         return min(max(first, _MIN_RETRY_S) * self._slower * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
@@ -71,7 +71,7 @@ class RoundTrip:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """System and component of an exchange, and how long they take to answer; packets of others are ignored."""
+    """System and component of an exchange, with their round trip; packets of others are ignored."""
 
     system: int
     component: int = 1
@@ -79,10 +79,10 @@ class Target:
 
 
 class Exchange(ABC):
-    """One question with its answers."""
+    """One request with its answers."""
 
     transfers = ""
-    """What the names of its messages begin with, where a vehicle can do only one such transfer at a time."""
+    """Prefix of the names of its messages, if a vehicle can do only one such transfer at a time."""
 
     def __init__(self, target: Target) -> None:
         self.target, self.round_trip = target, target.round_trip
@@ -91,35 +91,35 @@ class Exchange(ABC):
         self.done = False
 
     def send(self, name: str, **fields: Any) -> None:
-        """Put a message to the target into the outbox."""
+        """Queue a message to the target."""
         addressed = {"target_system": self.target.system, "target_component": self.target.component}
         self.outbox.append((name, addressed | fields))
 
     def finish(self) -> None:
-        """Nothing more is expected."""
+        """End the exchange."""
         self.done = True
         self.next_s = math.inf
 
     @abstractmethod
     def begin(self, now_s: float) -> None:
-        """Ask."""
+        """Send the request."""
 
     @abstractmethod
     def hear(self, message: Message, now_s: float) -> None:
-        """Take a message of the target, addressed to us or broadcast."""
+        """Process a message of the target, addressed to us or broadcast."""
 
     @abstractmethod
     def tick(self, now_s: float) -> None:
-        """Time has come: ask again, or give up."""
+        """The time is up: repeat the request, or give up."""
 
 
 class Question(Exchange):
-    """An exchange whose question is repeated until it is answered or given up."""
+    """An exchange whose request is repeated until it is answered or abandoned."""
 
     give_up_s = 5.0
-    """Without an answer for so long, it ends."""
+    """Time without an answer after which it ends."""
     soonest_s = 0.1
-    """The question is put again after no shorter time."""
+    """Shortest interval between requests."""
 
     def __init__(self, target: Target, name: str, **fields: Any) -> None:
         super().__init__(target)
@@ -128,17 +128,17 @@ class Question(Exchange):
         self._sent_s = self._end_s = 0.0
 
     def ask(self) -> None:
-        """Send the question."""
+        """Send the request."""
         name, fields = self._question
         self.send(name, **fields)
 
     def begin(self, now_s: float) -> None:
-        """Ask."""
+        """Send the request for the first time."""
         self._end_s = now_s + self.give_up_s
         self._put(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Ask again, or give up."""
+        """Repeat the request, or give up."""
         if now_s >= self._end_s:
             self.finish()
         else:
@@ -151,7 +151,7 @@ class Question(Exchange):
         self.next_s = now_s + max(self.round_trip.retry_s(self._tries), self.soonest_s)
 
     def _learn(self, now_s: float) -> None:
-        """Learn the round trip of an answer, where the question was put once."""
+        """Learn the round trip of an answer, if the request was sent once."""
         if self._tries == 1:
             self.round_trip.learn(now_s - self._sent_s)
 
@@ -160,9 +160,9 @@ class Carrier(ABC):
     """Runner of exchanges with a vehicle: the connection itself, or another library on it."""
 
     def perform(self, steps: Steps[T]) -> T:
-        """Carry a procedure out, and return what came of it.
+        """Execute a procedure, and return its result.
 
-        Raises a `StationConflictError` if another station speaks with our system id.
+        Raises a `StationConflictError` if another station uses our system id.
         """
         try:
             while True:
@@ -177,4 +177,4 @@ class Carrier(ABC):
 
     @abstractmethod
     def _carry_out(self, exchange: Exchange) -> None:
-        """Carry one exchange out."""
+        """Execute one exchange."""

@@ -29,7 +29,7 @@ INVALID_SEQUENCE = 13
 DENIED = 14
 CANCELLED = 15
 PASSING = frozenset({ERROR, DENIED, CANCELLED})
-"""Answers that also come to a packet that was late or doubled, or while somebody else is being served."""
+"""Answers that may also be to a late or duplicate packet, or come while the vehicle serves another station."""
 
 RESULTS = {
     0: "accepted",

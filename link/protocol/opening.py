@@ -36,7 +36,7 @@ def read_key(file: Path | None = None) -> bytes | None:
     """Signing key from a file (32 bytes, or 64 hexadecimal digits), or else from the environment; None for no key.
 
     The environment holds 64 hexadecimal digits (`KEY_VARIABLE`) or names a file (`KEY_FILE_VARIABLE`). An `InputError`
-    says that the file cannot be read, that others may read it, or that it holds no key. It never shows the key.
+    means that the file cannot be read, that others may read it, or that it contains no key. It never shows the key.
     """
     text = os.environ.get(KEY_VARIABLE, "").strip()
     if file is None and not text and os.environ.get(KEY_FILE_VARIABLE):
@@ -78,8 +78,8 @@ def open_connection(
 ) -> Connection:
     """Open a connection string, or several (radios to the same vehicle), such as ``udpin:127.0.0.1:14540``, with our system id, 1-255, and a signing key.
 
-    It is recorded in the folder `record`; None records nothing, which only tests do. Other ground stations at the addresses
-    `forward` share it, and may order what `permission` allows. An `InputError` or `LinkLostError` says that it cannot be opened.
+    It is recorded in the folder `record`; None records nothing, which is only for tests. Other ground stations at the addresses
+    `forward` share it, and may send commands allowed by `permission`. An `InputError` or `LinkLostError` means that it cannot be opened.
     """
     if not 1 <= system <= 255:
         raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
@@ -103,13 +103,13 @@ def open_connection(
         if recorder is not None:
             recorder.close()
             for path in recorder.paths:
-                path.unlink(missing_ok=True)  # nothing was said
+                path.unlink(missing_ok=True)  # no communication took place
         raise
     return Connection(transport, clock, recorder=recorder, system=system, signing=signing, forwarder=forwarder)
 
 
 def _open_radios(addresses: Sequence[Address]) -> Transport:
-    """Open one radio, or several as one; what was opened is closed again where one cannot be."""
+    """Open one radio, or several as one; if one cannot be opened, the others are closed again."""
     opened: list[tuple[str, Transport]] = []
     try:
         for address in addresses:

@@ -33,9 +33,9 @@ class ParameterLine:
     """One parameter of a file."""
 
     number: int
-    """Of its line, from 1."""
+    """Number of its line, from 1."""
     component: int | None
-    """Of the vehicle; None where the file does not say."""
+    """Of the vehicle; None if the file does not state it."""
     name: str
     value: float
 
@@ -66,8 +66,8 @@ def read_parameters(path: Path) -> dict[str, float]:
 def read_required(path: Path) -> tuple[Parameter, ...]:
     """Read the parameters that a mission needs, with their rules, as ``skyway mission`` writes them.
 
-    A line without a rule before it is ``equal``. A parameter that other firmware calls otherwise is needed under any of
-    its names, whichever the file has.
+    A line without a rule before it is ``equal``. A parameter that has other names in other firmware is accepted under any of
+    its names.
     """
     values = read_parameters(path)
     wanted: list[Parameter] = []
@@ -93,7 +93,7 @@ def read_required(path: Path) -> tuple[Parameter, ...]:
 
 
 def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:
-    """A parameter of the file, with its meaning where we know it; the file is of a version, so its name alone."""
+    """A parameter of the file, with its meaning if known; the file is for one version, so only under its name."""
     found = _setting(name)
     if found is None:
         return Parameter(name, rule, value, why)
@@ -103,7 +103,7 @@ def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:
 
 
 def _elsewhere(line: re.Match[str], first: Parameter) -> Parameter:
-    """What a comment says of other firmware."""
+    """Parameter of other firmware in a comment."""
     rule: Rule = (
         "read" if line[3] is None else cast("Rule", (line[2] or "equal").replace("at ", "at-").replace("with ", ""))
     )
@@ -111,7 +111,7 @@ def _elsewhere(line: re.Match[str], first: Parameter) -> Parameter:
 
 
 def _every_name(parameter: Parameter) -> Parameter:
-    """Add the names of other versions; those that the file gives in comments stay as they are."""
+    """Add the names of other versions; those in comments of the file stay unchanged."""
     found = _setting(parameter.name)
     if found is None:
         return parameter
@@ -122,12 +122,12 @@ def _every_name(parameter: Parameter) -> Parameter:
 
 
 def _setting(name: str) -> tuple[Setting, Name] | None:
-    """The setting that a parameter of either autopilot is."""
+    """The setting of a parameter of either autopilot."""
     return next((found for known in FAMILIES.values() if (found := known.settings.find(name)) is not None), None)
 
 
 def _pair(text: str) -> tuple[str, float]:
-    """Name and value of a line; NaN where it has no finite one."""
+    """Name and value of a line; NaN if it has no finite one."""
     words = text.split("\t")
     words = words[2:4] if len(words) == _QGC_FIELDS else re.split(r"[,\s]+", text.strip(", "))
     value = finite(words[1]) if len(words) == 2 else None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
 
 MISSION_PLANNER, QGROUNDCONTROL = (".param", ".parm"), (".params",)
-"""Endings of the files."""
+"""Suffixes of the files."""
 _AUTOPILOT = 1
 """MAVLink component of the autopilot itself."""
 _STACK = re.compile(r"#\s*Stack:\s*(\w+)", re.IGNORECASE)
@@ -37,7 +37,7 @@ class SavedSet:
     path: Path
     values: dict[str, float]
     stack: str = ""
-    """The autopilot that the file names, in small letters; empty where it names none."""
+    """The autopilot named in the file, in lower case; empty if it names none."""
     of_others: int = 0
     """Lines for other components of the vehicle (camera, gimbal), which are omitted."""
 
@@ -47,11 +47,11 @@ class SetChange:
     """A parameter that a set changes."""
 
     name: str
-    """As the vehicle calls it."""
+    """Its name on the vehicle."""
     now: float
     then: float
     file_name: str
-    """As the file calls it: another name where the firmware has renamed it."""
+    """Its name in the file: differs if the firmware has renamed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +60,16 @@ class SetDifference:
 
     changes: tuple[SetChange, ...]
     renamed: tuple[tuple[str, str], ...]
-    """Name in the file, and name on the vehicle, also of those that are the same."""
+    """Name in the file, and name on the vehicle, also of unchanged ones."""
     absent: tuple[str, ...]
-    """Those that the vehicle does not have under any name that we know."""
+    """Those that the vehicle has under no known name."""
     left: tuple[tuple[str, str], ...]
-    """Those that differ and are left as they are, and why."""
+    """Those that differ and are not changed, with the reason."""
     same: int
 
 
 def check_ending(path: Path) -> None:
-    """Refuse a file to be written that no ground station would read."""
+    """Refuse to write a file that no ground station would read."""
     if path.suffix.lower() not in (*MISSION_PLANNER, *QGROUNDCONTROL):
         remedy = "FILE.param (Mission Planner) or FILE.params (QGroundControl)"
         raise InputError("unknown form of a parameter file", str(path), value=path.suffix, remedy=remedy)
@@ -122,7 +122,7 @@ def read_set(path: Path) -> SavedSet:
 def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: Family) -> SetDifference:
     """Compare a set with what a vehicle has.
 
-    Raises an `InputError` if the set is for another autopilot, or with the values that its parameters cannot hold.
+    Raises an `InputError` if the set is for another autopilot, or with the values that do not fit the type of its parameters.
     """
     if saved.stack and not saved.stack.startswith(family.name):
         remedy = f"a set that was saved from {family.name}"
@@ -160,7 +160,7 @@ def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: F
 
 
 def _left(name: str, family: Family) -> str:
-    """Why a parameter is never restored; empty for one that is."""
+    """Reason why a parameter is never restored; empty if it is."""
     if name in family.system_id_names:
         return "the system id is the vehicle's own, and the link would be lost"
     return "the autopilot writes it itself" if name.startswith(CHANGE_BY_THEMSELVES) else ""
@@ -169,7 +169,7 @@ def _left(name: str, family: Family) -> str:
 def _on_vehicle(
     name: str, value: float, values: Mapping[str, float], actual: Mapping[str, ParameterValue], family: Family
 ) -> tuple[str, float]:
-    """Name and value on the vehicle, which may have it under another name and in another unit."""
+    """Name and value on the vehicle, which may have another name and unit for it."""
     known = family.settings.find(name)
     if name in actual or known is None:
         return name, value
@@ -181,7 +181,7 @@ def _on_vehicle(
 
 
 def _misfit(value: float, kind: int) -> str:
-    """Why a parameter cannot hold a value."""
+    """Reason why a parameter cannot hold a value."""
     try:
         if is_whole(kind):
             wire_value(value, kind, bytewise=True)

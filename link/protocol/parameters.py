@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 REAL32 = 9
 CHANGE_BY_THEMSELVES = ("STAT_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK")
-"""Beginnings of the names of parameters that autopilots write themselves."""
+"""Prefixes of the names of parameters that autopilots write themselves."""
 GIVE_UP_S = 5.0
 _LIST_GIVE_UP_S = 8.0
 _LIST_QUIET_S = 0.6
 _LONGEST_S = 60.0
-"""Reading by name takes no longer, also where somebody else keeps the vehicle telling parameters."""
+"""Time limit of reading by name, also if another station constantly requests parameters."""
 _ASK_AT_ONCE = 10
 _CHANCE = 1e-4
-"""So unlikely it may be that a parameter taken for absent is there, and that its answers were lost."""
+"""Accepted probability that a parameter counts as absent although it exists and its answers were lost."""
 _ANSWERS = ("PARAM_VALUE", "PARAM_ERROR")
 _DOES_NOT_EXIST = 1
 PARAMETER_ERRORS = {
@@ -36,12 +36,12 @@ PARAMETER_ERRORS = {
 }  # fmt: skip
 """MAV_PARAM_ERROR in words."""
 _WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
-"""MAV_PARAM_TYPE of whole numbers, and how their bytes lie in those of a float."""
+"""MAV_PARAM_TYPE of whole numbers, and the layout of their bytes in those of a float."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
-    """A parameter as the vehicle has it."""
+    """A parameter with its value on the vehicle."""
 
     name: str
     """The autopilot's name."""
@@ -76,14 +76,14 @@ def is_whole(kind: int) -> bool:
 
 
 def same_value(wanted: float, actual: float, kind: int) -> bool:
-    """Whether a value read back is the one that was set."""
+    """Whether a value read back equals the value set."""
     if kind in _WHOLE:
         return round(wanted) == round(actual)
     return math.isclose(wanted, actual, rel_tol=1e-6, abs_tol=1e-9)
 
 
 class SetParameter(Question):
-    """Sets one parameter and waits for the value that it got."""
+    """Sets one parameter and waits for the resulting value."""
 
     def __init__(
         self,
@@ -99,12 +99,12 @@ class SetParameter(Question):
         super().__init__(target, "PARAM_SET", param_id=name, param_value=wire, param_type=kind)
         self.name, self.value, self.kind, self.bytewise = name, value, kind, bytewise
         self.found: ParameterValue | None = None
-        """What the vehicle answered; None for silence."""
+        """The vehicle's answer; None: no answer."""
         self.refused: int | None = None
-        """MAV_PARAM_ERROR, where it says that it does not take the value."""
+        """MAV_PARAM_ERROR, if it reports that it does not accept the value."""
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take the answer."""
+        """Process the answer."""
         if message.name not in _ANSWERS or message["param_id"] != self.name:
             return
         self._learn(now_s)
@@ -118,10 +118,10 @@ class SetParameter(Question):
 class ReadParameters(Exchange):
     """Reads parameters by name, and distinguishes absent parameters from lost answers.
 
-    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are requested in
-    rounds, and each round ends with a question that every vehicle answers: the first parameter of its list. Where that
-    answer comes and those to a name requested before it do not, round after round, so often that losses do not explain it
-    (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. Where nothing comes at
+    Newer firmware reports that a parameter is absent (PARAM_ERROR); older firmware is silent. So the names are requested in
+    rounds, and each round ends with a request that every vehicle answers: the first parameter of its list. If that
+    answer comes and those to a name requested before it do not, in so many rounds that losses do not explain it
+    (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. If nothing comes at
     all for `GIVE_UP_S`, the link is lost, and nothing is known.
     """
 
@@ -131,7 +131,7 @@ class ReadParameters(Exchange):
             _check_name(name)
         self.bytewise = bytewise
         self.found: dict[str, ParameterValue] = {}
-        """What came, by name."""
+        """The received parameters, by name."""
         self.absent: set[str] = set()
         """Names of parameters that the vehicle does not have."""
         self._silent = dict.fromkeys(names, 0)
@@ -145,12 +145,12 @@ class ReadParameters(Exchange):
         return [name for name in self._silent if name not in self.found and name not in self.absent]
 
     def begin(self, now_s: float) -> None:
-        """Ask for the first."""
+        """Request the first."""
         self._begun_s = self._heard_s = now_s
         self._ask(now_s)
 
     def _ask(self, now_s: float) -> None:
-        """Begin a round: those that were requested least often, and last the question that is always answered."""
+        """Begin a round: those that were requested least often, and last the request that is always answered."""
         self._round = tuple(sorted(self._open, key=self._silent.__getitem__)[:_ASK_AT_ONCE])
         if not self._round:
             self.finish()
@@ -162,7 +162,7 @@ class ReadParameters(Exchange):
         self.next_s = now_s + max(self.round_trip.retry_s(1 + self._missed), 0.1)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take an answer; the next round begins with the last one of this."""
+        """Process an answer; the next round begins with the last one of this."""
         if message.name not in _ANSWERS:
             return
         name = message["param_id"]
@@ -210,7 +210,7 @@ def _check_name(name: str) -> None:
 
 
 class ListParameters(Exchange):
-    """Reads all parameters, and asks by number for those that did not arrive."""
+    """Reads all parameters, and requests missing ones by number."""
 
     def __init__(self, target: Target, *, bytewise: bool) -> None:
         super().__init__(target)
@@ -218,22 +218,22 @@ class ListParameters(Exchange):
         self.found: dict[int, ParameterValue] = {}
         """By number."""
         self.total: int | None = None
-        """How many there are; None as long as nothing has come."""
+        """Number of parameters; None until the first arrives."""
         self._heard_s = 0.0
 
     @property
     def complete(self) -> bool:
-        """Whether all have come."""
+        """Whether all have arrived."""
         return self.total is not None and len(self.found) >= self.total
 
     def begin(self, now_s: float) -> None:
-        """Ask for all."""
+        """Request all."""
         self._heard_s = now_s
         self.send("PARAM_REQUEST_LIST")
         self.next_s = now_s + 1.0
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take one."""
+        """Process one."""
         if message.name != "PARAM_VALUE":
             return
         index = message["param_index"]
@@ -246,7 +246,7 @@ class ListParameters(Exchange):
             self.finish()
 
     def tick(self, now_s: float) -> None:
-        """Ask for what is missing."""
+        """Request the missing ones."""
         if now_s >= self._heard_s + _LIST_GIVE_UP_S:
             self.finish()
             return
@@ -264,20 +264,20 @@ class ParameterCheck:
     """One required parameter compared with the vehicle's value."""
 
     wanted: Parameter
-    """What a mission relies on, as this vehicle's firmware has it; the first way where it has none."""
+    """The required parameter in the form for this vehicle's firmware; the first alternative if it has none."""
     actual: float | None
-    """What the vehicle has; None where it has no such parameter, or did not answer."""
+    """The vehicle's value; None if it has no such parameter, or did not answer."""
     absent: bool = False
-    """It answers, and has a parameter of none of the names."""
+    """It answers, but has a parameter of none of the names."""
 
     @property
     def ok(self) -> bool:
-        """Whether it will do."""
+        """Whether the value is acceptable."""
         return self.actual is not None and self.wanted.accepts(self.actual)
 
     @property
     def to_set(self) -> float | None:
-        """Value to set; None where nothing is to be set."""
+        """Value to set; None if nothing is to be set."""
         if self.ok or self.wanted.value is None or self.actual is None or not self.wanted.believes(self.actual):
             return None
         if self.wanted.rule == "bits":
@@ -286,7 +286,7 @@ class ParameterCheck:
 
     @property
     def problem(self) -> str:
-        """The problem with its remedy; empty where there is none."""
+        """The problem with its remedy; empty if there is none."""
         wanted = self.wanted
         if self.ok:
             return ""
@@ -305,15 +305,15 @@ class ParameterCheck:
 def check_parameters(
     wanted: Sequence[Parameter], actual: Mapping[str, float], absent: Collection[str] = frozenset()
 ) -> tuple[ParameterCheck, ...]:
-    """Compare the parameters that a mission relies on with those that the vehicle has, and does not have.
+    """Compare the required parameters of a mission with those that the vehicle has, and does not have.
 
-    A name in neither was not answered, and could be there.
+    A name in neither was not answered, and may exist.
     """
     return tuple(_check(parameter, actual, absent) for parameter in wanted)
 
 
 def _check(wanted: Parameter, actual: Mapping[str, float], absent: Collection[str]) -> ParameterCheck:
-    """The first way that the vehicle has decides; before one that it has not told, none after it does."""
+    """The first alternative that the vehicle has decides; later ones are not considered while an earlier one is unanswered."""
     for way in wanted.ways:
         if way.paired and way.paired in absent:
             continue

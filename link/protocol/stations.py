@@ -27,7 +27,7 @@ class Supervisor:
     component: int
     """`system`, `component`: of the supervisor itself."""
     under_way: bool
-    """Whether it has commanded the vehicle already."""
+    """Whether it has already commanded the vehicle."""
 
     def __str__(self) -> str:
         return f"another skyway (system {self.system}, component {self.component})"
@@ -35,14 +35,14 @@ class Supervisor:
 
 @dataclass(slots=True)
 class Stations:
-    """The stations that a connection hears."""
+    """The stations received on a connection."""
 
     heard_s: dict[Who, float] = field(default_factory=dict)
-    """When each was heard last."""
+    """Time of each one's latest packet."""
     _supervises: dict[Who, tuple[int, bool, float]] = field(default_factory=dict)
 
     def hear(self, message: Message, now_s: float) -> bool:
-        """Take a message; returns whether it is one by which a station shows itself."""
+        """Process a message; returns whether it reveals a station."""
         who = message.system, message.component
         if message.name == "HEARTBEAT" and message["type"] == _GROUND_STATION:
             if who in self.heard_s or len(self.heard_s) < _MAX_STATIONS:
@@ -56,7 +56,7 @@ class Stations:
         return True
 
     def supervisor_of(self, vehicle: int, now_s: float) -> Supervisor | None:
-        """Return the other stations that supervise a vehicle at this time; those that have commanded it come first."""
+        """Return the other stations that supervise a vehicle at present; those that have commanded it come first."""
         found = [
             Supervisor(*who, under_way)
             for who, (system, under_way, at_s) in self._supervises.items()

@@ -1,8 +1,8 @@
 """Upload by the MAVLink mission protocol: the ground side, as a state machine.
 
-The vehicle asks for items and repeats its question by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
-longer than a round trip for its next question: then either our item or its question was lost, and we cannot know
-which. So we send that item and the one after it: a vehicle that has not got the first takes both, one that has got it
+The vehicle requests items and repeats its requests by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
+longer than a round trip for its next request: then either our item or its request was lost, and it is unknown
+which. So we send that item and the one after it: a vehicle that lacks the first takes both, one that has it
 takes the second, and an item that is not expected is ignored. The transfer is never restarted on silence.
 """
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.wire import WireItem
 
 GIVE_UP_S = 10.0
-"""Silence after which the transfer is over: both autopilots have given up before (5 s and 8 s)."""
+"""Silence after which the transfer is over: both autopilots give up earlier (5 s and 8 s)."""
 BUSY_S = 12.0
-"""How long a vehicle may be busy with somebody else."""
+"""Longest time for which a vehicle may be busy with another station."""
 _DOUBT_S = 1.5
 _STUCK_S = 15.0
 """Limit for repeated requests of one item."""
 _LAST_TRIES = 12
-"""When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
+"""If only the acknowledgement is missing, reading back is faster than waiting for it."""
 _BUSY_AGAIN_S = 0.5
 _AHEAD = 4
-"""Items that are sent at most beyond the one asked for."""
+"""Greatest number of items sent beyond the requested one."""
 _HEARD = frozenset(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MISSION_COUNT"))
 
 
 class UploadEnd(Enum):
-    """End of a transfer, as far as it is known without reading back."""
+    """End of a transfer, as far as known without reading back."""
 
     RUNNING = "running"
     ACCEPTED = "accepted"
@@ -67,18 +67,18 @@ class Upload(Exchange):
         self.items = tuple(items)
         self.kind = kind
         self.end = UploadEnd.RUNNING
-        """How it ended."""
+        """Result of the transfer."""
         self.answer = ACCEPTED
         """MAV_MISSION_RESULT of the last acknowledgement."""
         self.asked = self.sent = self._furthest = -1
         """`sent`: greatest number sent; -1 before the first."""
-        """`asked`: number of the item asked for last; -1 before the first."""
+        """`asked`: number of the latest requested item; -1 before the first."""
         self.guessed = False
         self._progress = progress
         self._tries = 0
         self._times = [0] * len(self.items)
         self.heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
-        """`heard_s`: when the vehicle was last heard in this transfer."""
+        """`heard_s`: time of the vehicle's latest packet in this transfer."""
         self._doubt_s = math.inf
         self._busy = self._listed = False
 
@@ -103,7 +103,7 @@ class Upload(Exchange):
         self.send("MISSION_ITEM_INT", **{name: getattr(item, name) for name in ITEM_FIELDS})
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Answer questions, end at an acknowledgement."""
+        """Answer requests, end at an acknowledgement."""
         if message.name not in _HEARD or message["mission_type"] != self.kind:
             return
         if message.name == "MISSION_COUNT":
@@ -117,7 +117,7 @@ class Upload(Exchange):
 
     def _asked(self, number: int, now_s: float) -> None:
         if number > self.sent + 1:
-            return  # of an older transfer: nobody asks for what comes after the next one
+            return  # of an older transfer: only the next item is ever requested
         fresh = number > self.asked
         if number > self._furthest:
             self._furthest, self._moved_s = number, now_s
@@ -126,7 +126,7 @@ class Upload(Exchange):
             self._end(UploadEnd.BROKEN, CANCELLED)
             return
         if not fresh and now_s < self._sent_s + self.round_trip.retry_s(1, spreads=SPREADS):
-            return  # a doubled packet, or asked before our item can have arrived
+            return  # a duplicate packet, or requested before our item can have arrived
         if number == self.asked + 1:
             self._learn(now_s)
         self.heard_s, self._doubt_s, self._busy = now_s, math.inf, False
@@ -138,7 +138,7 @@ class Upload(Exchange):
         self._wait(now_s)
 
     def _learn(self, now_s: float) -> None:
-        """Learn the round trip of the next question, where what it answers was sent once and nothing ahead of it."""
+        """Learn the round trip of the next request, if the item that it follows was sent once and nothing ahead of it."""
         if self._tries > 1:
             self.round_trip.unclear()
         elif self.asked < 0 or (self._times[self.asked] == 1 and self.sent == self.asked):
@@ -150,10 +150,10 @@ class Upload(Exchange):
             if complete:
                 self.heard_s = now_s
                 self._end(UploadEnd.ACCEPTED, answer)
-            return  # else of another transfer
+            return  # otherwise of another transfer
         if answer == INVALID_SEQUENCE:
-            return  # to an item that came twice; the vehicle asks for the right one
-        if self._listed and answer in PASSING:  # it still waits for our last item, and so gives no list
+            return  # to an item that came twice; the vehicle will request the right one
+        if self._listed and answer in PASSING:  # it still waits for our last item, and so does not send the list
             self._tries = min(self._tries, 1)
             return
         if answer not in PASSING:
@@ -168,7 +168,7 @@ class Upload(Exchange):
             self.next_s = min(self.next_s, self._doubt_s)
 
     def tick(self, now_s: float) -> None:
-        """Send again what may have been lost."""
+        """Repeat items that may have been lost."""
         if now_s >= self._doubt_s:
             self._end(UploadEnd.BROKEN, self.answer)
             return
@@ -191,10 +191,10 @@ class Upload(Exchange):
             self._wait(now_s)
 
     def _again(self) -> None:
-        """Send what may have been lost, and one item that was not sent yet; after the last one ask for the list.
+        """Repeat items that may have been lost, and send one new item; after the last one request the list.
 
-        Wherever the vehicle stands between its last question that arrived and the last item sent, it goes on. One
-        that gives the list has taken all items, and its acknowledgement was lost.
+        In any state of the vehicle between its last received request and the last item sent, the transfer continues. One
+        that sends the list has received all items, and its acknowledgement was lost.
         """
         last = len(self.items) - 1
         following = min(self.sent + 1, self.asked + _AHEAD, last)

@@ -1,6 +1,6 @@
 """Mission validity as reported by the vehicle: some accept missions that they will not fly.
 
-Such a vehicle (`Family.judges_missions`) judges a mission after it has taken it over, says so in words (STATUSTEXT), and in newer
+Such a vehicle (`Family.judges_missions`) judges a mission after accepting it, reports in texts (STATUSTEXT), and in newer
 versions in MISSION_CURRENT.mission_state.
 """
 
@@ -18,35 +18,35 @@ if TYPE_CHECKING:
 
 GIVE_UP_S = 2.0
 SETTLE_S = 0.2
-"""It judges within so much of the last item; what it says before may be of the mission before."""
+"""It judges within this time of the last item; earlier texts may concern the previous mission."""
 AGAIN_S = 0.3
-"""A refusal counts when it is said again so much later."""
+"""A refusal counts if it is repeated after this time."""
 WORDS_S = 1.0
-"""Words come no later than so long after."""
+"""Texts come no later than this."""
 _MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
 _UNKNOWN, _NO_MISSION = 0, 1
 _YES = (ACCEPTED, IN_PROGRESS)
 
 
 class AskVerdict(Exchange):
-    """Asks whether the mission that was taken over at `since_s`, by the connection's clock, can be flown."""
+    """Requests whether the mission that was accepted at `since_s`, by the connection's clock, can be flown."""
 
     def __init__(self, target: Target, since_s: float) -> None:
         super().__init__(target)
         self.refused: bool | None = None
-        """What its state says; None where it does not tell."""
+        """Its reported state; None if it does not report one."""
         self._since_s, self._end_s = since_s, 0.0
         self._tries = 0
         self._told = False
         self._refused_s = math.inf
 
     def begin(self, now_s: float) -> None:
-        """Ask, as soon as it can have judged."""
+        """Send the request, as soon as it can have judged."""
         self._end_s = now_s + GIVE_UP_S
         self.next_s = max(now_s, self._since_s + SETTLE_S)
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Take its state."""
+        """Process its state."""
         if message.name == "MISSION_CURRENT" and now_s >= self._since_s + SETTLE_S:
             state = message["mission_state"]
             if state == _NO_MISSION and now_s < self._refused_s + AGAIN_S:
@@ -55,7 +55,7 @@ class AskVerdict(Exchange):
             elif state != _UNKNOWN:
                 self.refused = state == _NO_MISSION
                 self.finish()
-            else:  # older versions have nothing but words
+            else:  # older versions report only by texts
                 self._wait_for_words(now_s)
         elif message.name == "COMMAND_ACK" and message["command"] == _REQUEST_MESSAGE and message["result"] not in _YES:
             self._wait_for_words(now_s)
@@ -66,7 +66,7 @@ class AskVerdict(Exchange):
         self.next_s = self._end_s
 
     def tick(self, now_s: float) -> None:
-        """Ask again, or give up."""
+        """Repeat the request, or give up."""
         if now_s >= self._end_s:
             if math.isfinite(self._refused_s):
                 self.refused = True

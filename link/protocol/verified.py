@@ -1,6 +1,6 @@
 """Verified upload: send, read back, compare in meaning, and then repeat or roll back.
 
-What is believed is only what was read back: acknowledgements are lost, doubled, late, or meant for others.
+Only the items read back are trusted: acknowledgements are lost, duplicated, late, or meant for others.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
 
 Part = Mission | Geofence | RallyPoints
-"""What can be uploaded."""
+"""Contents that can be uploaded."""
 ATTEMPTS = 6
 _REREADS = 2
 
 
 class UploadState(Enum):
-    """How an upload ended."""
+    """Result of an upload."""
 
     VERIFIED = "verified"
     REFUSED = "refused"
@@ -52,23 +52,23 @@ class UploadOutcome:
     """Outcome of an upload, and the vehicle's list after it."""
 
     state: UploadState
-    """Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what was
-    sent and says that it will not fly it. Rolled back: what it held was sent again and read back. Unknown: see `holds`;
+    """Verified: it was read back and means the same. Refused: the vehicle still has its old list, or it has accepted the new one
+    and reports that it will not fly it. Rolled back: its old list was sent again and read back. Unknown: see `holds`;
     a start is blocked."""
     kind: MissionKind
-    """What was sent."""
+    """The contents sent."""
     holds: str
-    """What the vehicle holds, or may hold, for a person."""
+    """The vehicle's actual or possible contents, for a person."""
     reason: str = ""
-    """Why it is not verified; empty where it is."""
+    """Reason why it is not verified; empty if it is."""
     items: tuple[int, ...] = ()
     """Our numbers of the items that a refusal concerns."""
     differences: tuple[Difference, ...] = ()
-    """Found when reading back last."""
+    """Differences in the latest read-back."""
     attempts: int = 0
     """Transfers begun."""
     infeasible: bool = False
-    """It was taken, read back the same, and the vehicle says that it will not fly it."""
+    """It was accepted, read back the same, but the vehicle reports that it will not fly it."""
 
     @property
     def blocks_start(self) -> bool:
@@ -77,7 +77,7 @@ class UploadOutcome:
 
     @property
     def verified(self) -> bool:
-        """Whether the vehicle holds what was sent."""
+        """Whether the vehicle has the contents that were sent."""
         return self.state is UploadState.VERIFIED
 
     def __str__(self) -> str:
@@ -87,20 +87,20 @@ class UploadOutcome:
 
 @dataclass(frozen=True, slots=True)
 class UploadJob:
-    """What to upload, to whom, and how."""
+    """Contents, target and options of an upload."""
 
     target: Target
     family: Family
     part: Part
-    """What it shall hold."""
+    """Desired contents."""
     current: int = 0
-    """Our number of the item that shall be flown first."""
+    """Our number of the item to be flown first."""
     may_roll_back: Callable[[], bool] = field(default=lambda: False)
-    """Whether what was there before may be put back now: only while disarmed."""
+    """Whether the old contents may be restored now: only while disarmed."""
     texts: Callable[[], Sequence[str]] = field(default=tuple)
-    """What the vehicle has said so far, the newest last."""
+    """The vehicle's texts so far, the newest last."""
     progress: Callable[[str, int, int], None] | None = None
-    """Told (what is done, items done, items)."""
+    """Called with (stage, items done, items)."""
 
     @property
     def kind(self) -> MissionKind:
@@ -121,7 +121,7 @@ def kind_of(part: Part) -> MissionKind:
 
 
 def encode(part: Part, family: Family, current: int = 0) -> tuple[WireItem, ...]:
-    """Put something on the wire as an autopilot wants it."""
+    """Convert contents to the wire format of an autopilot."""
     if isinstance(part, Mission):
         return family.to_wire(part, current=current)
     return fence_to_wire(part) if isinstance(part, Geofence) else rally_to_wire(part)
@@ -135,7 +135,7 @@ def decode(items: Sequence[WireItem], kind: MissionKind, family: Family) -> Part
 
 
 def compare(sent: Part, items: Sequence[WireItem], family: Family) -> tuple[Difference, ...]:
-    """Return what differs in meaning between what was sent and the items read back."""
+    """Return the differences in meaning between the items sent and read back."""
     try:
         return diff(sent, decode(items, kind_of(sent), family), family.name)
     except InputError as error:
@@ -143,7 +143,7 @@ def compare(sent: Part, items: Sequence[WireItem], family: Family) -> tuple[Diff
 
 
 def upload_verified(job: UploadJob) -> Steps[UploadOutcome]:
-    """Upload until what is read back means the same, the vehicle refuses, or nothing more can be done."""
+    """Upload until the read-back means the same, the vehicle refuses, or no further attempt is possible."""
     run = _Run(job)
     before = None
     if job.may_roll_back():
@@ -157,7 +157,7 @@ def upload_verified(job: UploadJob) -> Steps[UploadOutcome]:
 
 
 class _Run:
-    """One verified upload under way."""
+    """One verified upload in progress."""
 
     def __init__(self, job: UploadJob) -> None:
         self.job = job
@@ -205,7 +205,7 @@ class _Run:
         return (yield from self._give_up(before, found or (), reason, concerned))
 
     def _judged(self, taken_s: float, said: int) -> Steps[UploadOutcome]:
-        """Verified, unless it is a mission that the vehicle says it will not fly, in its words since so many."""
+        """Verified, unless the vehicle reports that it will not fly the mission, in texts after the first `said`."""
         holds = f"what was sent, {self._count()}"
         job = self.job
         if job.kind is not MissionKind.MISSION or not job.family.judges_missions or not self.wire:
@@ -222,7 +222,7 @@ class _Run:
         return replace(refused, infeasible=True)
 
     def _read_back(self, wanted: Part) -> Steps[tuple[WireItem, ...] | None]:
-        """Read what is there and compare it; twice where it differs, since late packets may have got in between."""
+        """Read the list and compare it; twice if it differs, since late packets may have interfered."""
         found = None
         for _ in range(_REREADS):
             down = self.download("reading back")
@@ -238,7 +238,7 @@ class _Run:
     def _give_up(
         self, before: tuple[WireItem, ...] | None, found: tuple[WireItem, ...], reason: str, concerned: tuple[int, ...]
     ) -> Steps[UploadOutcome]:
-        """Leave the vehicle with what it held before, where that is possible."""
+        """Restore the vehicle's old contents, if possible."""
         job, why = self.job, reason or f"what was read back differs {self.attempts} times"
         differences = self.differences
         if before is not None and self._same(before, found):
@@ -288,7 +288,7 @@ class _Run:
         return f"{len(self.wire) - self.job.shift} items"
 
     def _may_hold(self) -> str:
-        """What the vehicle may hold after a transfer whose end was not seen."""
+        """Possible contents of the vehicle after a transfer whose end was not received."""
         total, sent = len(self.wire), self._sent + 1
         if self.job.family.takes_uploads_whole:
             if sent < total:

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 JUMP_MPS, CLIMB_MPS = 150.0, 60.0
-"""Faster than this nothing of ours flies, or climbs."""
+"""No vehicle of ours flies, or climbs, faster than this."""
 SOC_JUMP = 0.08
 STUCK_SOC_S, STUCK_SOC_W = 180.0, 100.0
-"""A percentage that stays so long while so much is drawn is no measurement."""
+"""A percentage that is constant for this long while this charge is drawn is not a measurement."""
 STUCK_S = 5.0
 """The same for attitude and position in flight."""
 KEPT_S = 60.0
@@ -30,14 +30,14 @@ class DataQuality:
 
     def __init__(self) -> None:
         self.words: dict[str, str] = {}
-        """What is doubtful about a quantity, by its name."""
+        """Doubts about a quantity, by its name."""
         self._known: dict[str, tuple[float, float]] = {}
         self._until_s: dict[str, float] = {}
         self._still: dict[str, tuple[tuple[float, ...], float]] = {}
         self._soc_changed_s = -math.inf
 
     def forget(self) -> None:
-        """Begin again, as after a restart of the vehicle."""
+        """Start anew, as after a restart of the vehicle."""
         for part in (self.words, self._known, self._until_s, self._still):
             part.clear()
         self._soc_changed_s = -math.inf
@@ -80,7 +80,7 @@ class DataQuality:
             self._jumped("height", f"by {height_text(climbed)}", time_s)
 
     def _motion(self, name: str, values: tuple[float, ...], time_s: float) -> None:
-        """In the air nothing stands still to the last digit; a position may, as long as the vehicle does not move."""
+        """In the air no value is constant to the last digit; a position may be, as long as the vehicle does not move."""
         before, since = self._still.get(name, ((), time_s))
         if values != before:
             self._still[name] = (values, time_s)

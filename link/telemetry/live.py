@@ -1,6 +1,6 @@
 """Live telemetry: messages of one vehicle become samples with data quality.
 
-What a message says (`link.logs.common.messages`) and how samples are made of it (`link.logs.common.assembly`) is the same as in logs.
+The interpretation of messages (`link.logs.common.messages`) and the assembly of samples (`link.logs.common.assembly`) are the same as in logs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
-"""Messages that telemetry is made of, and how often they are requested: attitude, position, …, wind."""
+"""Messages that telemetry is made of, and their requested rates: attitude, position, …, wind."""
 WIND = 168
 _SAME_AGAIN = frozenset(("HEARTBEAT", "EXTENDED_SYS_STATE", "MISSION_CURRENT"))
 _TIMES = frozenset(("SYSTEM_TIME", "TIMESYNC"))
@@ -31,7 +31,7 @@ _WINDOW = 256
 _WINDOW_BITS = (1 << _WINDOW) - 1
 _REORDERED = 128
 _STEP_S = 5.0
-"""Times that go back by more are of another time base."""
+"""Times that go back by more belong to another time base."""
 
 
 class LiveTelemetry:
@@ -40,11 +40,11 @@ class LiveTelemetry:
     def __init__(self, system: int) -> None:
         self.system = system
         self.clock = VehicleClock()
-        """Where times come from."""
+        """Source of the times."""
         self.sample: TelemetrySample | None = None
-        """The newest."""
+        """The newest sample."""
         self.reached: list[int] = []
-        """Items reached, in the autopilot's numbering, each once (PX4 says so ten times)."""
+        """Items reached, in the autopilot's numbering, each once (PX4 reports it ten times)."""
         self._assembler = Assembler(system)
         self._doubts = DataQuality()
         self._plausible = Plausible()
@@ -60,7 +60,7 @@ class LiveTelemetry:
         return self._doubts.words
 
     def hear(self, message: Message, posix_s: float) -> TelemetrySample | None:
-        """Take a message; returns a sample if it completes one."""
+        """Process a message; returns a sample if it completes one."""
         name = message.name
         self._count(message.sequence)
         speak = SPOKEN.get(name)
@@ -73,7 +73,7 @@ class LiveTelemetry:
         if self.clock.reboots != reboots:
             self.reached.clear()
         if self.clock.reboots != reboots or time_s < self._newest_s - _STEP_S:
-            self._assembler.forget()  # also where another time base takes over: data so far are on another time
+            self._assembler.forget()  # also if another time base takes over: earlier data are in another time
             self._doubts.forget()
             self._plausible.forget()
             self._newest_s = time_s
@@ -101,7 +101,7 @@ class LiveTelemetry:
         return dict(reports)
 
     def _timely(self, message: Message, posix_s: float) -> bool:
-        """Whether the times in a message can be; one whose times cannot is omitted whole."""
+        """Whether the times in a message are plausible; otherwise the complete message is omitted."""
         fields = message.fields
         boot_ms = fields.get("time_boot_ms")
         if message.name == "TIMESYNC" and fields["tc1"] and fields["ts1"]:
@@ -113,10 +113,10 @@ class LiveTelemetry:
         return self._boots.utc_believed(fields["time_unix_usec"] * 1e-6, fields["time_boot_ms"] * 1e-3)
 
     def _count(self, sequence: int) -> None:
-        """Count which of the last packets have come, by their numbers: bit n is the n-th before the newest."""
+        """Record which of the last packets have arrived, by their numbers: bit n is the n-th before the newest."""
         ahead = 1 if self._newest is None else (sequence - self._newest) & 0xFF
         if ahead >= _REORDERED:
-            self._came |= 1 << (256 - ahead)  # late, or doubled
+            self._came |= 1 << (256 - ahead)  # late, or a duplicate
             return
         self._newest = sequence
         self._came = (self._came << ahead | 1) & _WINDOW_BITS
@@ -124,7 +124,7 @@ class LiveTelemetry:
 
     @property
     def loss(self) -> float:
-        """Share of its last packets that did not arrive, 0-1."""
+        """Share of its last packets that were lost, 0-1."""
         return 1.0 - min(self._came.bit_count() / self._counted, 1.0) if self._counted else 0.0
 
     def latest(self, quantity: str) -> float:

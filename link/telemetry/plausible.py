@@ -1,8 +1,8 @@
 """Plausibility of telemetry: values and jumps beyond physics are rejected.
 
-What is withheld is unknown, not wrong: nothing is decided by it, and the flight goes on. A place is compared with where the velocity
-since the last believed one leads; one that stays elsewhere is believed after `PLACE_AGAIN_S`, longer than any burst of bad packets
-lasts. A time since boot that jumps is believed when nothing else is heard any more, as after a restart.
+Withheld values are unknown, not wrong: nothing is decided by them, and the flight continues. A place is compared with the one extrapolated by
+velocity from the last accepted one; a different place that persists is accepted after `PLACE_AGAIN_S`, longer than any burst of bad packets
+lasts. A time since boot that jumps is accepted if no other is received any more, as after a restart.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from statistics import median
 
 FASTEST_MPS, MIN_ALT_M, MAX_ALT_M = 60.0, -500.0, 12_000.0
 PLACE_OFF_M, PLACE_OFF_SHARE, CLIMB_OFF_M = 40.0, 0.3, 20.0
-"""So far a place may lie from where it is expected, and by so much of the way flown since; a height likewise."""
+"""Tolerance of a place about its expected position, and as a share of the distance flown since; likewise of a height."""
 PLACE_AGAIN_S, SPEED_AGAIN_S, POWER_AGAIN_S = 60.0, 30.0, 120.0
 STEP_MPS, ACCELERATION_MPS2 = 5.0, 15.0
 SHARE_OF_VOLTS, TIMES_AMPERES, MIN_AMPERES = 0.35, 4.0, 20.0
 STRANGE_BOOTS, STRANGE_OFFSETS = 8, 120
-"""So many messages in a row, none of which fits the known time since boot; the same of the vehicle's UTC, once a second."""
+"""Number of consecutive messages, none of which fits the known time since boot; the same for the vehicle's UTC, once a second."""
 _SPEEDUP, _LATE_S, _BACK_S, _ALIKE_S = 20.0, 3.0, 1.0, 30.0
 _OFFSET_S = 2.0
 _M_PER_DEG = 111_045.0
@@ -30,13 +30,13 @@ _KEPT = 30
 
 
 class Plausible:
-    """Takes the reports of one vehicle, and withholds what cannot be."""
+    """Checks the reports of one vehicle, and withholds impossible values."""
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again, as after a restart of the vehicle."""
+        """Start anew, as after a restart of the vehicle."""
         self._place: tuple[float, ...] = ()
         self._place_s = self._speed_s = math.nan
         self._speed: tuple[float, ...] = ()
@@ -46,7 +46,7 @@ class Plausible:
         self._flies = False
 
     def hear(self, reports: dict[str, float], time_s: float) -> dict[str, float]:
-        """Return the reports of one message, NaN for what is withheld."""
+        """Return the reports of one message, NaN for withheld values."""
         if "landed" in reports:
             self._flies = reports["landed"] == 0.0
         for names, most in ((_ANGLES, 2.0 * math.pi), (_WIND, FASTEST_MPS)):
@@ -60,7 +60,7 @@ class Plausible:
         return reports
 
     def _again(self, name: str, time_s: float, after_s: float) -> bool:
-        """Whether something has been off for so long that it is believed after all."""
+        """Whether a deviation has lasted for so long that it is accepted after all."""
         return time_s - self._off_s.setdefault(name, time_s) >= after_s
 
     def _moved(self, reports: dict[str, float], time_s: float) -> None:
@@ -90,7 +90,7 @@ class Plausible:
         return True
 
     def _strayed(self, place: tuple[float, ...], time_s: float) -> bool:
-        """Whether a place is not where the vehicle can have flown to."""
+        """Whether the vehicle cannot have reached a place."""
         passed_s = max(time_s - self._place_s, 0.0)
         north, east, down = self._speed or (0.0, 0.0, 0.0)
         slope = math.cos(math.radians(self._place[0]))
@@ -101,7 +101,7 @@ class Plausible:
         if math.hypot(off_north, off_east) > PLACE_OFF_M + way:
             return True
         if not self._flies:
-            return False  # where home moves, heights begin again
+            return False  # if home moves, heights start anew
         climbed = max(abs(place[k] - self._place[k] + down * passed_s) for k in (2, 3))
         return climbed > CLIMB_OFF_M + PLACE_OFF_SHARE * passed_s * max(abs(down), 1.0)
 
@@ -117,19 +117,19 @@ class Plausible:
             if strange:
                 if not self._again(name, time_s, POWER_AGAIN_S):
                     return math.nan
-                kept.clear()  # what stays is usual from now on
+                kept.clear()  # a lasting value becomes the usual one
         if math.isfinite(value):
             self._off_s.pop(name, None)
             kept.append(value)
         return value
 
     def _begins(self, amperes: float) -> bool:
-        """Whether a current is one of motors that have just started to turn."""
+        """Whether a current is plausible for motors that have just started."""
         return amperes < 10.0 * MIN_AMPERES and max(self._kept["current_a"]) < MIN_AMPERES
 
 
 class BootTimes:
-    """Which times since boot, and which UTC, are believed."""
+    """Accepted times since boot, and accepted UTC."""
 
     def __init__(self) -> None:
         self._newest: tuple[float, float] | None = None
@@ -138,7 +138,7 @@ class BootTimes:
         self._offsets = 0
 
     def believed(self, boot_ms: float | None, posix_s: float) -> bool:
-        """Whether a message with this time since boot is taken; one without any is."""
+        """Whether a message with this time since boot is accepted; one without a time is."""
         if boot_ms is None:
             return True
         boot_s = boot_ms * 1e-3

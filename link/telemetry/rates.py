@@ -15,31 +15,31 @@ if TYPE_CHECKING:
 
 CHECK_S = 10.0
 NEAR = 0.2
-"""A rate that is lower by no more than this share will do."""
+"""A rate that is lower by up to this share is sufficient."""
 _MANY = 2.5
 """A rate may be higher by this factor: some vehicles report each of two batteries, or every change."""
 _MAX_HZ = 50.0
 _MAX_LOST = 0.9
 _FEW = 2.0
-"""So many messages may be missing or too many by the moment at which counting began."""
+"""Number of messages that may be missing or additional because of the time at which counting began."""
 _ROUNDS = 3
 _WITHIN = 0.35
-"""Where losses make counts uncertain, so much of the packets' loss is added to what will do."""
+"""If losses make counts uncertain, this multiple of the packets' loss is added to the tolerance."""
 
 
 @dataclass(frozen=True, slots=True)
 class RateCheck:
-    """How often one kind of message comes."""
+    """Rate of one kind of message."""
 
     message: str
     wanted_hz: float
     measured_hz: float
-    """`wanted_hz`, `measured_hz`: as it was requested, and as the vehicle sent it then; losses of the radio do not
+    """`wanted_hz`, `measured_hz`: the requested rate, and the rate then sent by the vehicle; losses of the radio do not
     count as not sent."""
     corrected_hz: float | None
-    """As it was sent after it was requested again; None where that was not needed."""
+    """Rate after a repeated request; None if that was not necessary."""
     ok: bool
-    """Whether it comes as often as wanted, in the end."""
+    """Whether the final rate is sufficient."""
 
     def __str__(self) -> str:
         text = f"{self.message}: {self.measured_hz:.1f} of {self.wanted_hz:g} a second"
@@ -49,15 +49,15 @@ class RateCheck:
 
 
 class RateKeeper:
-    """Counts messages, and says which to ask for again: first the same again, then more or less than is wanted.
+    """Counts messages, and decides which to request again: first at the same rate, then at a corrected one.
 
-    Rates are in the vehicle's own seconds, whatever speed a simulation runs at.
+    Rates are in the vehicle's own seconds, at any speed of a simulation.
     """
 
     def __init__(self, live: LiveTelemetry) -> None:
         self.live = live
         self.wanted_hz: dict[int, float] = {}
-        """What was requested."""
+        """The requested rates."""
         self._asked_hz: dict[int, float] = {}
         self._rounds: dict[int, int] = {}
         self._checks: dict[int, RateCheck] = {}
@@ -67,12 +67,12 @@ class RateKeeper:
 
     @property
     def checks(self) -> tuple[RateCheck, ...]:
-        """One for each message wanted, once it has been measured."""
+        """One for each requested message, once it has been measured."""
         return tuple(self._checks.values())
 
     def want(self, rates_hz: Mapping[int, float], now_s: float) -> None:
         """Take over the rates just requested."""
-        if rates_hz == self.wanted_hz:  # the vehicle has taken these rates again, without our corrections
+        if rates_hz == self.wanted_hz:  # the vehicle uses these rates again, without our corrections
             self._asked_hz = dict(rates_hz)
             self._rounds.clear()
             return
@@ -86,12 +86,10 @@ class RateKeeper:
         self._begun_s, self._begun_boot_s = now_s, self.live.clock.boot_s
 
     def heard(self, name: str, now_s: float) -> dict[int, float]:
-        """Count a message; returns what to ask for now, by message id: mostly nothing."""
+        """Count a message; returns the rates to request now, by message id: usually none."""
         if now_s < self._begun_s:
             return {}
-        if (
-            not self._begun_boot_s and self.live.clock.boot_s > 0.0
-        ):  # its own clock is known from now on, not since it started
+        if not self._begun_boot_s and self.live.clock.boot_s > 0.0:  # its own clock is known only from now on
             self._begin(now_s)
         self._counts[name] = self._counts.get(name, 0) + 1
         if now_s < self._begun_s + CHECK_S:
@@ -120,7 +118,7 @@ class RateKeeper:
             self._checks[number] = RateCheck(name, wanted, first, came if rounds else None, ok)
             if ok or rounds >= _ROUNDS:
                 continue
-            if rounds and came:  # to ask for the same again has not helped
+            if rounds and came:  # repeating the same request has not helped
                 self._asked_hz[number] = min(self._asked_hz[number] * wanted / came, _MAX_HZ)
             self._rounds[number] = rounds + 1
             again[number] = self._asked_hz[number]

@@ -1,7 +1,7 @@
 """Lists stored on a vehicle, read repeatedly if the vehicle does not report changes.
 
-Vehicles that give opaque ids in MISSION_CURRENT need none of this. The others are asked for the number of items every second,
-and the items themselves in turn, so that a list of up to 48 is looked through within a second and a half.
+Vehicles that report opaque ids in MISSION_CURRENT need none of this. From the others the number of items is requested every second,
+and the items themselves in turn, so that a list of up to 48 is checked within a second and a half.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _COUNTS_S, _LOOK_S, _ROUND_S, _AT_ONCE = 1.0, 0.25, 1.5, 8
 _FIELDS = ("command", "frame", "param1", "param2", "param3", "param4", "x", "y", "z")
 Asked = tuple[str, dict[str, Any]]
 Found = tuple[str, str, str]
-"""Which list, and how it was and is."""
+"""The list, and its earlier and present state."""
 
 
 @dataclass(slots=True)
 class _List:
-    """What is known of one list."""
+    """State of one list."""
 
     count: int | None = None
     items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
@@ -35,14 +35,14 @@ class StoredLists:
     """The lists of one vehicle; later reads are compared with the first."""
 
     home_items: int = 0
-    """Items at the beginning of a mission that are no part of it, and change by themselves."""
+    """Items at the beginning of a mission that are not part of it, and change by themselves."""
     _lists: list[_List] = field(default_factory=lambda: [_List(), _List(), _List()])
     _counted_s: float = -math.inf
     _looked_s: float = -math.inf
     _next: int = 0
 
     def forget(self, kind: str) -> None:
-        """Accept the next ids as the known ones: an order of ours changes the list."""
+        """Accept the next ids as the known ones: a command of ours changes the list."""
         if kind in KINDS:
             self._lists[KINDS.index(kind)] = _List()
 
@@ -63,7 +63,7 @@ class StoredLists:
         return found
 
     def _places(self) -> list[tuple[int, int]]:
-        """Kind and number of every item that is to be looked at."""
+        """Kind and number of every item to be checked."""
         firsts = (self.home_items, 0, 0)
         return [
             (kind, seq)
@@ -72,7 +72,7 @@ class StoredLists:
         ]
 
     def hear(self, message: Message) -> Found | None:
-        """Take an answer; returns what has changed since the first look."""
+        """Process an answer; returns the changes since the first read."""
         kind = message.fields.get("mission_type", 0)
         if kind >= len(KINDS):
             return None

@@ -1,7 +1,7 @@
 """Conversion of a vehicle's time since boot to UTC, at any speed of a simulation.
 
 Three sources, the best first: the vehicle's own clock (SYSTEM_TIME, set by satellites); ours, tied to its boot by
-questions and answers (TIMESYNC), whose error is at most half a round trip; ours when its messages arrive.
+requests and answers (TIMESYNC), whose error is at most half a round trip; ours at the arrival of its messages.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ _PLAUSIBLE_S = (946_684_800.0, 4_102_444_800.0)
 """Years 2000 to 2100: a clock without satellites starts in 1970."""
 _REBOOT_S = 1.0
 ASK_S, FIRST_ASK_S = 10.0, 1.0
-"""How often the vehicle is asked for its time, and until it has answered."""
+"""Interval of requests for the vehicle's time, and the interval until it has answered."""
 _KEPT_ANSWERS = 8
 _OTHER_CLOCK_S = 60.0
-"""An answer so far from the vehicle's other messages counts from another zero than they do (some bridges do)."""
+"""An answer this far from the vehicle's other messages has another zero than they do (as with some bridges)."""
 _REAL_TIME = 0.05
-"""A clock that runs by less than this share too fast or slow is a real one; others are simulations."""
+"""A clock whose rate is off by less than this share is a real one; others are simulations."""
 _MIN_SPAN_S = 2.0
 _KEPT_READINGS, _MIN_READINGS, _ONE_STEP = 5, 4, 0.6
-"""Readings over which a drift is looked for; one step of it holds no more than this share of what is gained."""
+"""Number of readings for the detection of a drift; one step of it is at most this share of the total."""
 _READ_S = 0.05
-"""How far two fields of one SYSTEM_TIME message may be apart."""
+"""Greatest difference between two fields of one SYSTEM_TIME message."""
 _FAR_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """One answer to TIMESYNC: our time and the vehicle's at one instant, and how far they may be apart, s."""
+    """One answer to TIMESYNC: our time and the vehicle's at one instant, and the uncertainty between them, s."""
 
     posix_s: float
     boot_s: float
@@ -49,9 +49,9 @@ class _Answer:
 
 
 class _Drift:
-    """Whether another clock runs as fast as the vehicle's time since boot, told from readings of both side by side.
+    """Whether another clock runs at the rate of the vehicle's time since boot, determined from pairs of readings.
 
-    A real clock does, and may be set once in a while: by satellites, or by a person. In a simulation one of the two may
+    A real clock does, and may occasionally be set: by satellites, or by a person. In a simulation one of the two may
     be the computer's and the other the simulated one: PX4's takes the time of day from the computer, and its time since
     boot from the simulation.
     """
@@ -62,7 +62,7 @@ class _Drift:
         self.speed = math.nan
 
     def add(self, reading: _Answer) -> None:
-        """Take a reading of both clocks."""
+        """Record a reading of both clocks."""
         last = self._readings[-1] if self._readings else None
         if last is not None and reading.boot_s <= last.boot_s:
             return
@@ -75,9 +75,7 @@ class _Drift:
             self.speed = (reading.boot_s - first.boot_s) / (reading.posix_s - first.posix_s)
         gains = [after.offset_s - before.offset_s for before, after in pairwise(self._readings)]
         gained = abs(sum(gains))
-        spread = (
-            max(map(abs, gains)) <= _ONE_STEP * gained
-        )  # a clock that is set jumps once; this one gains all the time
+        spread = max(map(abs, gains)) <= _ONE_STEP * gained  # one that is set jumps once; this one always gains
         if spread and gained > reading.doubt_s + first.doubt_s + _REAL_TIME * (reading.boot_s - first.boot_s):
             self.seen = True
 
@@ -96,14 +94,14 @@ class VehicleClock:
 
     def __init__(self) -> None:
         self.offset_s: float | None = None
-        """POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time."""
+        """POSIX seconds at its boot, by SYSTEM_TIME; None while the vehicle does not know the time."""
         self.reboots = 0
-        """How often its time has started again."""
+        """Number of restarts of its time."""
         self._newest_boot_s = 0.0
         self._begin()
 
     def _begin(self) -> None:
-        """Know nothing: of the offset to our time, nor of drifts."""
+        """Forget the offset to our time, and drifts."""
         self.offset_s = None
         self._arrival_s: float | None = None
         self._asked: deque[int] = deque(maxlen=4)
@@ -119,7 +117,7 @@ class VehicleClock:
 
     @property
     def speed(self) -> float:
-        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is unknown."""
+        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while unknown."""
         return self._ours.speed
 
     @property
@@ -156,7 +154,7 @@ class VehicleClock:
         return (f"the vehicle's clock is {apart:+.0f} s from this computer's",) if abs(apart) > _FAR_S else ()
 
     def question(self, posix_s: float) -> int | None:
-        """Our time for a TIMESYNC question to be sent now, ns; None where it is too early for the next one."""
+        """Our time for a TIMESYNC request to be sent now, ns; None if it is too early for the next one."""
         if posix_s < self._ask_s:
             return None
         self._ask_s = posix_s + (ASK_S if len(self._answers) == _KEPT_ANSWERS else FIRST_ASK_S)
@@ -165,7 +163,7 @@ class VehicleClock:
         return asked
 
     def hear(self, message: Message, posix_s: float) -> float:
-        """Learn from a message, and return the instant it speaks of, POSIX seconds."""
+        """Learn from a message, and return its instant, POSIX seconds."""
         fields = message.fields
         if message.name == "TIMESYNC":
             self._answered(fields["tc1"], fields["ts1"], posix_s)
@@ -187,7 +185,7 @@ class VehicleClock:
         return boot_s + self._arrival_s
 
     def _advance(self, boot_s: float) -> None:
-        """Take a time since boot; one that goes back is of a new start."""
+        """Process a time since boot; one that goes back means a restart."""
         if boot_s < self._newest_boot_s - _REBOOT_S:
             self._begin()
             self._newest_boot_s = boot_s
@@ -195,9 +193,9 @@ class VehicleClock:
         self._newest_boot_s = max(self._newest_boot_s, boot_s)
 
     def _told(self, utc_s: float, boot_s: float) -> None:
-        """Take the vehicle's clock of day, as long as it does not run otherwise than its time since boot.
+        """Process the vehicle's clock of day, as long as its rate equals that of its time since boot.
 
-        One that does is the computer's under a simulation: what it said last while both agreed, or first, is kept.
+        If it differs, it is the computer's clock under a simulation: its last value while both agreed, or its first, is kept.
         """
         self._theirs.add(_Answer(utc_s, boot_s, _READ_S))
         if self.offset_s is None or (self._theirs.steady and not self._theirs.seen):
@@ -207,7 +205,7 @@ class VehicleClock:
         return self._kept_s if self.offset_s is None else self.offset_s
 
     def _answered(self, theirs_ns: int, ours_ns: int, posix_s: float) -> None:
-        """Take an answer to a question of ours; others' are none of our business."""
+        """Process an answer to a request of ours; others' are ignored."""
         if not theirs_ns or ours_ns not in self._asked:
             return
         self._asked.remove(ours_ns)

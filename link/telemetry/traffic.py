@@ -1,4 +1,4 @@
-"""Other aircraft that a vehicle's receiver hears (ADSB_VEHICLE), and which of them are near."""
+"""Other aircraft that a vehicle's receiver detects (ADSB_VEHICLE), and which of them are near."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Aircraft:
     lat_deg: float
     lon_deg: float
     alt_m: float
-    """`lat_deg`, `lon_deg`, `alt_m`: where it is; the height is NaN where it is not told."""
+    """`lat_deg`, `lon_deg`, `alt_m`: position; the height is NaN if not reported."""
     heard_s: float
-    """When, by the clock."""
+    """Time of the report, by the clock."""
     away_m: float
     above_m: float
-    """`away_m`, `above_m`: from the drone; NaN where either place is unknown."""
+    """`away_m`, `above_m`: from the drone; NaN if either place is unknown."""
 
     def __str__(self) -> str:
         height = (
@@ -61,18 +61,18 @@ class Traffic:
     """The aircraft near one vehicle."""
 
     limits: TrafficLimits = field(default_factory=TrafficLimits)
-    """What counts as near."""
+    """Limits of nearness."""
     known: dict[int, Aircraft] = field(default_factory=dict)
     """By ICAO address."""
     _told_s: dict[int, float] = field(default_factory=dict)
     _alerts: list[Aircraft] = field(default_factory=list)
 
     def take_limits(self, limits: TrafficLimits) -> None:
-        """Take what counts as near from now on."""
+        """Set the limits of nearness."""
         self.limits = limits
 
     def hear(self, message: Message, own: TelemetrySample | None, now_s: float) -> None:
-        """Take an ADSB_VEHICLE; what is old, or without a place, is omitted."""
+        """Process an ADSB_VEHICLE; old reports, and those without a place, are omitted."""
         flags, number = message["flags"], message["ICAO_address"]
         lat, lon = message["lat"] * 1e-7, message["lon"] * 1e-7
         if not flags & _COORDINATES or message["tslc"] > _OLD_S or not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
@@ -97,7 +97,7 @@ class Traffic:
                 self._told_s.clear()
 
     def alerts(self) -> list[Aircraft]:
-        """Return those that have come near since this was asked last."""
+        """Return the aircraft that have come near since the last call."""
         found, self._alerts = self._alerts, []
         return found
 

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 FIND_S = 10.0
 ALONE_S = 1.5
-"""So long we listen before we say anything: other vehicles' hearts, and other stations', beat once a second."""
+"""Listening time before anything is sent: heartbeats of other vehicles and stations come once a second."""
 MISSION_STATES = ("unknown", "no mission", "not started", "active", "paused", "complete")
-"""MISSION_STATE of MISSION_CURRENT; ``no mission`` is also what PX4 says of one that it will not fly."""
+"""MISSION_STATE of MISSION_CURRENT; PX4 also reports ``no mission`` for one that it will not fly."""
 INTERVAL = 511
 """MAV_CMD_SET_MESSAGE_INTERVAL."""
 _EXPECTED_S = 5.0
-"""So long after an order of ours a change is its doing."""
+"""A change within this time of a command of ours counts as its effect."""
 CONFIRMED = 2
-"""A change that no order of ours asks for is believed when it has been told so often in a row."""
+"""A change that was not commanded is accepted after this many consecutive reports."""
 _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
@@ -40,12 +40,12 @@ _MAX_PARAMETERS = 10_000
 _UNTOLD = "untold"
 _IDS = struct.Struct("<III")
 _IDS_AT = 6
-"""Where MISSION_CURRENT tells the ids of what is stored (added to MAVLink in 2023; pymavlink's tables are older)."""
+"""Fields of MISSION_CURRENT with the ids of stored lists (added to MAVLink in 2023; pymavlink's tables are older)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where a vehicle counts heights from, and returns to."""
+    """Home of a vehicle: the zero of its heights, and the destination of a return."""
 
     lat_deg: float
     lon_deg: float
@@ -56,21 +56,21 @@ class Home:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Something about a vehicle became different."""
+    """A change of a vehicle's state."""
 
     what: str
-    """``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these), ``parameter NAME``, ``control``
+    """``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (the stored lists), ``parameter NAME``, ``control``
     (system of the ground station in control) or ``boot``."""
     before: str
     after: str
-    """`before`, `after`: for a person; of a mission its id and number of items. Where a vehicle tells no ids, a
-    different number of items is noticed, and the words of one that has any for it."""
+    """`before`, `after`: for a person; of a mission its id and number of items. If a vehicle reports no ids, a
+    different number of items is detected, and the text of a vehicle that sends one."""
     ours: bool
-    """Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not
-    ours did the vehicle by itself (the end of a mission, a failsafe), its pilot, or another ground station: the texts
-    tell more."""
+    """Whether a command of ours in the seconds before, or since the last different report, requests it. A change that is not
+    ours was made by the vehicle itself (the end of a mission, a failsafe), its pilot, or another ground station: see the
+    texts."""
     time_s: float
-    """When we heard of it, POSIX seconds."""
+    """Time of its report, POSIX seconds."""
 
     def __str__(self) -> str:
         by = "" if self.ours else " (not commanded by this program)"
@@ -78,17 +78,17 @@ class Change:
 
 
 class VehicleMonitor:
-    """One vehicle on a connection that several may share, as it shows itself.
+    """One vehicle on a connection that several may share, in its observed state.
 
-    It is the only one heard where no system id is given; `autopilot` names its family where its heartbeat shall not
-    decide. Raises a `VehicleTimeoutError` if no such vehicle is heard, an `InputError` if several are, or if its
-    autopilot is none that we know.
+    Without a system id it must be the only one; `autopilot` names its family, in place of the one in its heartbeat.
+    Raises a `VehicleTimeoutError` if there is no such vehicle, an `InputError` if there are several, or if its
+    autopilot is unknown.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         self.connection = connection
         self.peer: Peer = _find(connection, system)
-        """What the connection knows of it."""
+        """State of the vehicle on the connection."""
         family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
         if family is None:
             remedy = f"say which one it resembles with --autopilot {' or '.join(FAMILIES)}"
@@ -98,7 +98,7 @@ class VehicleMonitor:
         self.live = LiveTelemetry(self.peer.system)
         """Its telemetry."""
         self.rates = RateKeeper(self.live)
-        """Whether telemetry comes as often as it was requested."""
+        """Whether telemetry comes at the requested rates."""
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
         self._changes: list[Change] = []
@@ -107,13 +107,13 @@ class VehicleMonitor:
         self._unconfirmed: dict[str, tuple[str, int]] = {}
         self._as_before_s: dict[str, float] = {}
         self.traffic = Traffic()
-        """Other aircraft that its receiver hears."""
+        """Other aircraft that its receiver detects."""
         self._tells_ids = False
         self._lists: StoredLists | None = None
         self._lists_changed = False
         self._parameters: dict[str, float] = {}
         self.relied_on: set[str] = set()
-        """Names of parameters that we have asked for: something was decided by them."""
+        """Names of requested parameters, on which decisions depend."""
         self._told_texts = 0
         beat = self.peer.latest.get("HEARTBEAT")
         if beat is not None:
@@ -133,7 +133,7 @@ class VehicleMonitor:
         if self.live.clock.reboots != boots:
             self._changed("boot", "up", "restarted")
         for number, rate in self.rates.heard(name, self.connection.clock.now_s()).items():
-            for _ in range(_WISHES):  # nobody waits for an answer, and one may be lost
+            for _ in range(_WISHES):  # no wait for an answer, and one may be lost
                 self._wish(number, rate)
         asked_ns = self.live.clock.question(posix_s)
         if asked_ns is not None:
@@ -157,7 +157,7 @@ class VehicleMonitor:
                 self.connection.send(asked, self.system, **fields, **self._addressed)
 
     def watch_lists(self, *, watched: bool) -> None:
-        """Poll its stored lists regularly, where it does not report their ids itself."""
+        """Poll its stored lists regularly, if it does not report their ids itself."""
         self._lists = StoredLists(self.family.home_items) if watched else None
 
     def _note_list(self, lists: StoredLists, message: Message) -> None:
@@ -181,7 +181,7 @@ class VehicleMonitor:
             self._changed(f"parameter {told.name}", f"{before:g}", f"{told.value:g}")
 
     def _tells_taken(self, message: Message) -> bool:
-        """Whether a text says that a mission was uploaded, by whomever."""
+        """Whether a text reports that a mission was uploaded, by any station."""
         begin = self.family.taken_text
         return bool(begin) and str(message["text"]).startswith(begin)
 
@@ -214,7 +214,7 @@ class VehicleMonitor:
         self._changed(what, before, now, since_s)
 
     def _ours(self, what: str, after: str, since_s: float) -> bool:
-        """Whether an order of ours asks for a change that was made since an instant at which it was still told otherwise."""
+        """Whether a command of ours requests a change that was made since the last different report."""
         wanted, until_s = self._expected.get(what, (frozenset(), -math.inf))
         return since_s <= until_s and (not wanted or after in wanted)
 
@@ -226,13 +226,13 @@ class VehicleMonitor:
         del self._changes[:-_MAX_CHANGES]
 
     def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:
-        """Announce that an order of ours is about to change something, to one of these values; none means any value."""
+        """Announce that a command of ours is about to change something, to one of these values; none means any value."""
         if self._lists is not None:
             self._lists.forget(what)
         self._expected[what] = (frozenset(after), self.connection.clock.now_s() + for_s)
 
     def changes(self) -> list[Change]:
-        """Return what has become different since this was asked last, the oldest first."""
+        """Return the changes since the last call, the oldest first."""
         found, self._changes = self._changes, []
         return found
 
@@ -248,7 +248,7 @@ class VehicleMonitor:
 
     @property
     def armed(self) -> bool:
-        """Whether its heartbeats say so; one that was never heard counts as armed."""
+        """Whether its heartbeats report armed; a vehicle without a heartbeat counts as armed."""
         return self._was.get("armed") != "disarmed"
 
     @property
@@ -258,7 +258,7 @@ class VehicleMonitor:
 
     @property
     def changing(self) -> bool:
-        """Whether it has just reported a change that we did not order, and that is not confirmed yet."""
+        """Whether it has just reported a change that was not commanded, and that is not confirmed yet."""
         return bool(self._unconfirmed)
 
     @property
@@ -270,12 +270,12 @@ class VehicleMonitor:
 
     @property
     def reboots(self) -> int:
-        """Number of restarts since it was first heard."""
+        """Number of restarts since its first packet."""
         return self.live.clock.reboots
 
     @property
     def silent_s(self) -> float:
-        """For how long nothing has been heard of it."""
+        """Time since its last packet."""
         return self.connection.clock.now_s() - self.peer.heard_s
 
     def texts(self) -> list[str]:
@@ -285,7 +285,7 @@ class VehicleMonitor:
     def new_texts(self) -> list[tuple[int, str]]:
         """Its messages since the last call: MAV_SEVERITY and text, oldest first.
 
-        A long text comes in pieces: the newest one is kept back as long as more of it may come.
+        A long text comes in pieces: the newest one is held back as long as more pieces may come.
         """
         peer = self.peer
         kept_back = int(peer.text_unfinished(self.connection.clock.now_s()))
@@ -297,11 +297,11 @@ class VehicleMonitor:
         return peer.texts[max(end - fresh, 0) : end]
 
     def its_messages(self, rates_hz: Mapping[int, float] = RATES_HZ) -> dict[int, float]:
-        """Return the messages that telemetry is made of, as its autopilot has them: not all tell the wind by the same."""
+        """Return the messages that telemetry is made of, for its autopilot: the message for the wind differs."""
         return {self.family.wind_message if number == WIND else number: rate for number, rate in rates_hz.items()}
 
     def nudge_telemetry(self) -> None:
-        """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""
+        """Request telemetry without waiting for answers; to be repeated as long as nothing arrives."""
         wanted = self.its_messages()
         self.rates.want(wanted, self.connection.clock.now_s())
         self.connection.keep_rates(wanted)
@@ -313,7 +313,7 @@ class VehicleMonitor:
         self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
 
     def take_samples(self) -> list[TelemetrySample]:
-        """Return the samples that have come since this was asked last, at most a thousand; does not wait."""
+        """Return the samples since the last call, at most a thousand; does not wait."""
         ready, self._new = self._new, []
         return ready
 
@@ -323,9 +323,9 @@ class VehicleMonitor:
         return any(not change.ours for change in self._changes)
 
     def samples(self, duration_s: float = math.inf, *, undisturbed: bool = False) -> Iterator[TelemetrySample]:
-        """Yield telemetry as it comes.
+        """Yield telemetry as it arrives.
 
-        Ends after the time, when the vehicle falls silent for 10 s, or, where that is requested, when it is `disturbed`.
+        Ends after the time, when the vehicle is silent for 10 s, or, if requested, when it is `disturbed`.
         """
         clock = self.connection.clock
         end = clock.now_s() + duration_s
@@ -339,7 +339,7 @@ class VehicleMonitor:
 
 
 def _find(connection: Connection, system: int | None) -> Peer:
-    """Wait for a vehicle, and listen long enough to know who else is there."""
+    """Wait for a vehicle, and listen long enough to detect other stations."""
     known = connection.peers
     if not connection.wait(lambda: bool(known) if system is None else system in known, FIND_S):
         if connection.namesake:

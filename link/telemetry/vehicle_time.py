@@ -13,11 +13,11 @@ _CATCHING_UP = 0.5
 
 
 class VehicleTime:
-    """A clock that follows the times a vehicle's telemetry has.
+    """A clock that follows the times of a vehicle's telemetry.
 
-    Between samples it continues with the wall; while nothing is heard too. It never goes back, and never stands still: where it
-    was ahead of the vehicle, as after a change of the simulation's speed, it goes on at half speed until it is not. So what waits
-    for an instant never waits forever. Time-outs stay the wall's.
+    Between samples, and without any, it continues at the rate of the wall clock. It never goes back, and never stands still: if it
+    is ahead of the vehicle, as after a change of the simulation's speed, it runs at half speed until it is not. So a wait
+    for an instant always ends. Time-outs use the wall clock.
     """
 
     def __init__(self, vehicle: VehicleMonitor, clock: Clock) -> None:
@@ -42,9 +42,9 @@ class VehicleTime:
         return self._latest_s
 
     def now_s(self) -> float:
-        """Seconds since some start, by the wall: what is asked and answered on the link does not go faster."""
+        """Seconds since some start, by the wall clock: communication on the link does not run faster."""
         return self._clock.now_s()
 
     def sleep_until(self, instant_s: float) -> None:
-        """Wait on the wall."""
+        """Wait by the wall clock."""
         self._clock.sleep_until(instant_s)

@@ -17,7 +17,7 @@ _REMEDY = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or 
 def parse_address(text: str, *, option: str = "--connect") -> Address:
     """Read a connection string; a listener without a host listens on this machine only.
 
-    An `InputError` refuses what is not of that form, and a port out of range.
+    An `InputError` refuses any other form, and a port out of range.
     """
     given = text.strip()
     device = _SERIAL.fullmatch(given)

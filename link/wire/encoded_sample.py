@@ -19,9 +19,9 @@ _ARMED, _ACTIVE = 128, 4
 
 
 def encode(sample: TelemetrySample, zero_s: float) -> bytes:
-    """Make HEARTBEAT, ATTITUDE, VFR_HUD, SYS_STATUS and, where the place is known, GLOBAL_POSITION_INT of a sample.
+    """Make HEARTBEAT, ATTITUDE, VFR_HUD, SYS_STATUS and, if the place is known, GLOBAL_POSITION_INT of a sample.
 
-    `zero_s` is the time that counts as the start of the vehicle.
+    `zero_s` is the time of the vehicle's start.
     """
     s, boot_ms = sample, int(max(sample.time_s - zero_s, 0.0) * 1000.0) & 0xFFFFFFFF
     kind, armed = _PLANE if s.fixed_wing == 1.0 else _QUADROTOR, _ARMED if s.armed == 1.0 else 0

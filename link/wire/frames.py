@@ -48,7 +48,7 @@ class FrameWriter:
     signing: Signing | None = None
 
     def frame(self, name: str, fields: dict[str, Any], version: int | None = None) -> bytes:
-        """Return a whole frame."""
+        """Return a complete frame."""
         kind = kinds_by_name()[name]
         payload = pack(kind, fields)
         sequence = self.sequence
@@ -67,16 +67,16 @@ class FrameWriter:
 
 @dataclass(slots=True)
 class Rejected:
-    """Packets not taken, counted by why."""
+    """Rejected packets, counted by reason."""
 
     checksum: int = 0
-    """Damaged on the way."""
+    """Damaged in transit."""
     unsigned: int = 0
     forged: int = 0
     replayed: int = 0
     """`unsigned`, `forged`, `replayed`: without a signature, with a wrong one, with an old one."""
     elsewhere: int = 0
-    """In the name of a vehicle that speaks from another address."""
+    """In the name of a vehicle, but from another address."""
 
     @property
     def untrusted(self) -> int:
@@ -95,15 +95,15 @@ class FrameReader:
 
     signing: Signing | None = None
     datagrams: bool = False
-    """Frames never go on in the next bytes: what looks like the beginning of one there does not hold up the next."""
+    """Frames never continue in the next bytes: an apparent begin of a frame there does not delay the next one."""
     heard_signed: bool = False
-    """Whether anybody signs."""
+    """Whether any sender signs."""
     rejected: Rejected = field(default_factory=Rejected)
-    """What was not taken."""
+    """Rejected packets."""
     _rest: bytes = b""
 
     def feed(self, data: bytes) -> Iterator[tuple[bytes, Message | None]]:
-        """Yield each whole frame with its message; None for a message that skyway does not know."""
+        """Yield each complete frame with its message; None for an unknown message."""
         if self._rest:
             data = self._rest + data
             self._rest = b""
@@ -124,7 +124,7 @@ class FrameReader:
                 yield frame, message
 
     def _take(self, frame: bytes) -> tuple[bool, bool, Message | None]:
-        """Whether it is a frame, whether it is believed, and what it says."""
+        """Whether it is a frame, whether it is accepted, and its message."""
         version = 1 if frame[0] == MAGIC_1 else 2
         if version == 1:
             number, head, tail = frame[ID_AT_1], HEADER_1_BYTES, 0

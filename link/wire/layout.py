@@ -6,13 +6,13 @@ Source: MAVLink serialisation, https://mavlink.io/en/guide/serialization.html.
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 """First byte of a frame of MAVLink 1 and 2."""
 LENGTH_AT, FLAGS_AT = 1, 2
-"""Place of the length of the payload, and in MAVLink 2 of the flags."""
+"""Position of the length of the payload, and in MAVLink 2 of the flags."""
 SIGNED = 0x01
-"""The one flag that a reader must understand: a signature follows."""
+"""The only flag that a reader must understand: a signature follows."""
 SENDER_AT_1, SENDER_AT_2 = 3, 5
-"""Place of the system, which the component follows."""
+"""Position of the system, which the component follows."""
 ID_AT_1, ID_AT_2 = 5, 7
-"""Place of the id of the message: one byte in MAVLink 1, three in MAVLink 2."""
+"""Position of the id of the message: one byte in MAVLink 1, three in MAVLink 2."""
 HEADER_1_BYTES, HEADER_2_BYTES = 6, 10
 CHECKSUM_BYTES = 2
 SIGNATURE_BYTES = 13

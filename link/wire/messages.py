@@ -18,12 +18,12 @@ _BASE_BYTES = {
     "MISSION_REQUEST_LIST": 2,
     "TIMESYNC": 16,
 }
-"""Bytes without extension fields, of what we send: MAVLink 1 frames end there."""
+"""Length without extension fields, of messages that we send: MAVLink 1 frames end there."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageKind:
-    """One kind of message: how its payload lies on the wire."""
+    """One kind of message: the layout of its payload on the wire."""
 
     id: int
     name: str
@@ -32,10 +32,10 @@ class MessageKind:
     fields: tuple[tuple[str, int, int], ...]
     """(name, first value, count): count 0 is a scalar, -1 text."""
     plain: tuple[str, ...] | None
-    """The names where all fields are scalars."""
+    """The names if all fields are scalars."""
     base_bytes: int
     older: MessageKind | None = None
-    """An earlier layout, which vehicles still send: the checksum tells which it is."""
+    """An earlier layout, which vehicles still send: distinguished by the checksum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Message:
     name: str
     system: int
     component: int
-    """`system`, `component`: who sent it."""
+    """`system`, `component`: the sender."""
     fields: dict[str, Any]
     """By name, in the units of the wire."""
     payload: bytes = b""
@@ -102,7 +102,7 @@ def _kind(number: int, found: Any) -> MessageKind:
 
 
 def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload; bytes that the sender cut off are zero, bytes that skyway does not know are ignored."""
+    """Fields of a payload; bytes truncated by the sender are zero, unknown additional bytes are ignored."""
     size = kind.layout.size
     if len(payload) < size:
         payload += bytes(size - len(payload))
@@ -121,7 +121,7 @@ def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:
 
 
 def pack(kind: MessageKind, given: dict[str, Any]) -> bytes:
-    """Payload of the fields given; those not given are zero."""
+    """Payload of the given fields; others are zero."""
     flat: list[Any] = []
     for name, _, count in kind.fields:
         value = given.get(name)

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from skyway.link.wire.messages import Message
 
 STATUS = frozenset(("RADIO", "RADIO_STATUS"))
-"""What radios tell of themselves."""
+"""Reports of radios on themselves."""
 _COUNTED_S = 5.0
-"""`loss` is counted over so long."""
+"""Time over which `loss` is counted."""
 _MAX_SENDERS = 1024
 _UNKNOWN = 255
-"""RSSI and noise that a radio does not know."""
+"""Value of an unknown RSSI or noise."""
 
 
 @dataclass(slots=True)
@@ -32,13 +32,13 @@ class RadioQuality:
     lost: int = 0
     """`received`, `lost`: packets, and gaps in their numbers, since the beginning."""
     delay_s: float = math.nan
-    """How much later than the quickest radio it brings the same packet, on average; NaN where it is the quickest, or the only one."""
+    """Mean delay of its packets after those of the fastest radio; NaN if it is the fastest, or the only one."""
     signal: int | None = None
     noise: int | None = None
     remote_signal: int | None = None
     remote_noise: int | None = None
     """`signal`, `noise`, `remote_signal`, `remote_noise`: RSSI and noise at this end and at the vehicle's, by RADIO_STATUS, in the radio's own units;
-    None where it tells none."""
+    None if it reports none."""
     _numbers: dict[tuple[int, int], int] = field(default_factory=dict)
     _window: deque[tuple[float, int, int]] = field(default_factory=deque)
 
@@ -57,18 +57,18 @@ class RadioQuality:
             self._window.popleft()
 
     def hear_status(self, message: Message) -> None:
-        """Take a RADIO_STATUS."""
+        """Process a RADIO_STATUS."""
         told = (message[name] for name in ("rssi", "noise", "remrssi", "remnoise"))
         found = [None if value == _UNKNOWN else int(value) for value in told]
         self.signal, self.noise, self.remote_signal, self.remote_noise = found
 
     def delayed(self, delay_s: float) -> None:
-        """Take how much later than another radio it brought a packet."""
+        """Record the delay of a packet after another radio."""
         self.delay_s = delay_s if math.isnan(self.delay_s) else self.delay_s + 0.1 * (delay_s - self.delay_s)
 
     @property
     def loss(self) -> float:
-        """Share of its packets that did not arrive lately, 0-1; 1 where none came."""
+        """Share of its recent packets that were lost, 0-1; 1 if none arrived."""
         came, gone = sum(one[1] for one in self._window), sum(one[2] for one in self._window)
         return gone / (came + gone) if came else 1.0
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyway.models.base.clock import Clock
 
 MAX_BYTES = 100_000_000
-"""A file is closed and the next one begun beyond this."""
+"""Size at which a file is closed and the next one begun."""
 _STAMP = struct.Struct(">Q")
 _MAX_NAMES = 10_000
 
@@ -25,8 +25,8 @@ _MAX_NAMES = 10_000
 class Recorder:
     """Writes ``YYYY-mm-dd-HHMMSS-NAME.tlog``: before each frame its time in microseconds, UTC, big-endian.
 
-    The folder is made if it is not there; the next file starts at `max_bytes`. Where it cannot be written, an
-    `InputError` ends all: better no flight than one without a record.
+    The folder is created if missing; the next file starts at `max_bytes`. If it cannot be written, an
+    `InputError` is raised: a flight without a record is not allowed.
     """
 
     def __init__(self, folder: Path, clock: Clock, *, name: str = "link", max_bytes: int = MAX_BYTES) -> None:
@@ -36,7 +36,7 @@ class Recorder:
         self._written = 0
         self._last_us = 0
         self.problem = ""
-        """Why it ended before it was closed; empty where it did not."""
+        """Reason for an early end; empty if there was none."""
         self.paths: list[Path] = []
         self._file: FileIO | None = self._open()
 
@@ -60,7 +60,7 @@ class Recorder:
         raise InputError(Fault("too many recordings of the same second", str(self.folder)))
 
     def frame(self, data: bytes) -> None:
-        """Record one frame that came, or that is about to be sent; a process that is killed has lost none.
+        """Record one frame that was received, or is about to be sent; a killed process has lost none.
 
         A disk that fails ends the recording and not the link, since the vehicle may be in the air: see `problem`.
         """

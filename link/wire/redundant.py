@@ -1,7 +1,7 @@
 """Several radios to one vehicle: each packet once, on the better radio, with a switch when it falls silent.
 
 A radio may carry the same channel of the vehicle as another (a copy, byte by byte), or a channel of its own (other packet numbers). Of copies every
-packet is taken once, whichever brings it; of channels those of the radio in use, since what is requested on one is answered on it.
+packet is taken once, from whichever radio is first; of channels those of the active radio, since answers to requests come on the same channel.
 """
 
 from __future__ import annotations
@@ -24,52 +24,52 @@ if TYPE_CHECKING:
     from skyway.link.wire.transport import Transport
 
 SILENT_S = 1.3
-"""A radio that brings nothing for so long is not used while another brings something."""
+"""A radio that receives nothing for this long is not used while another one receives."""
 _POLL_S = 0.01
 _COPIES_S, _MAX_SEEN = 3.0, 4000
 _BETTER, _BETTER_S = 0.1, 5.0
-"""A radio that loses less by so much, for so long, takes over."""
+"""A radio with a loss lower by this, for this long, becomes active."""
 _JUDGED, _RECENT, _COPY_SHARE = 20, 80, 0.5
 _OWN = 64
 
 
 @dataclass(eq=False, slots=True)
 class Radio:
-    """One radio, and how good it is."""
+    """One radio, with its quality."""
 
     quality: RadioQuality
     transport: Transport
     reader: FrameReader
     copies: int = 0
     others: int = 0
-    """`copies`, `others`: packets that another radio brought, too, and those that none did; old ones count ever less."""
+    """`copies`, `others`: packets that another radio also received, and those that none did; old ones have decreasing weight."""
     echoes: int = 0
-    """Packets of our own that it has sent back."""
+    """Packets of our own that it has echoed."""
     told_silent: bool = False
 
     @property
     def name(self) -> str:
-        """Its address, as it was given."""
+        """Its address, as given."""
         return self.quality.name
 
     @property
     def loss(self) -> float:
-        """Share of its packets that did not arrive lately, 0-1."""
+        """Share of its recent packets that were lost, 0-1."""
         return self.quality.loss
 
     def silent(self, now_s: float) -> bool:
-        """Whether it has brought nothing for a while."""
+        """Whether it has received nothing for a while."""
         return now_s > self.quality.heard_s + SILENT_S
 
     def compare(self, *, copy: bool) -> None:
-        """Count a packet that another radio brought, too, or that none did."""
+        """Count a packet that another radio also received, or that none did."""
         if self.copies + self.others >= _RECENT:
             self.copies, self.others = self.copies // 2, self.others // 2
         self.copies, self.others = self.copies + copy, self.others + (not copy)
 
     @property
     def copies_others(self) -> bool:
-        """Whether it brings the channel that others bring, too."""
+        """Whether it carries the same channel as others."""
         total = self.copies + self.others
         return total >= _JUDGED and self.copies > _COPY_SHARE * total
 
@@ -78,14 +78,14 @@ class Radio:
 
 
 class RedundantTransport:
-    """Several transports as one; `radios` are their names and themselves."""
+    """Several transports as one; `radios` are their names and the transports."""
 
     def __init__(self, radios: Sequence[tuple[str, Transport]], now_s: Callable[[], float] = time.monotonic) -> None:
         self.radios = [
             Radio(RadioQuality(name), one, FrameReader(datagrams=isinstance(one, UdpSocket))) for name, one in radios
         ]
         self.used = self.radios[0]
-        """The radio that orders go out by."""
+        """The radio on which commands are sent."""
         self._now_s = now_s
         self._seen: dict[bytes, tuple[float, Radio, bool]] = {}
         self._sent: deque[bytes] = deque(maxlen=_OWN)
@@ -93,13 +93,13 @@ class RedundantTransport:
         self._notes: deque[str] = deque(maxlen=100)
 
     def notes(self) -> list[str]:
-        """Return what was noticed since this was asked last, a sentence each."""
+        """Return the events since the last call, a sentence each."""
         found = list(self._notes)
         self._notes.clear()
         return found
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """Return whole frames that are new; waits for at most so long."""
+        """Return new complete frames; waits for at most a given time."""
         end = self._now_s() + timeout_s
         share_s = min(_POLL_S, timeout_s) / len(self.radios)
         while True:
@@ -111,7 +111,7 @@ class RedundantTransport:
     def _read_one(self, radio: Radio, wait_s: float) -> bytes:
         try:
             data = radio.transport.read(wait_s)
-        except LinkLostError:  # a device that was unplugged; the others go on
+        except LinkLostError:  # an unplugged device; the others continue
             return b""
         now, taken = self._now_s(), b""
         for frame, message in radio.reader.feed(data) if data else ():
@@ -135,7 +135,7 @@ class RedundantTransport:
             self._notes.append(f"radio {radio.name} echoes packets: its echoes are dropped")
 
     def _new(self, radio: Radio, frame: bytes, now_s: float) -> bool:
-        """Whether a frame is to be taken: the first of copies, and of other channels those of the radio in use."""
+        """Whether a frame is accepted: the first of copies, and of other channels those of the active radio."""
         first = self._seen.get(frame)
         if first is not None and now_s <= first[0] + _COPIES_S and first[1] is not radio:
             radio.compare(copy=True)
@@ -154,7 +154,7 @@ class RedundantTransport:
         return taken
 
     def _choose(self, now_s: float) -> None:
-        """Use another radio where the one in use is silent, or has been worse for long."""
+        """Switch to another radio if the active one is silent, or has been worse for long."""
         for radio in self.radios:
             silent = radio.silent(now_s) and math.isfinite(radio.quality.heard_s)
             if silent != radio.told_silent:
@@ -178,7 +178,7 @@ class RedundantTransport:
         self.used, self._better_since_s = radio, math.inf
 
     def write(self, data: bytes) -> None:
-        """Send by the radio in use; the others get just enough to keep their path open and announce us."""
+        """Send on the active radio; the others get just enough to keep their path open and announce us."""
         self._sent.append(data)
         for radio in self.radios:
             if radio is self.used or self._is_heartbeat(data):

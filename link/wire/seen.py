@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 _GENERATION_S = 0.4
-"""A frame is remembered for one to two times so long. Heartbeats, which may be equal byte by byte, are a second apart."""
+"""A frame is remembered for one to two times this long. Heartbeats, which may be equal byte by byte, are a second apart."""
 _MAX_FRAMES = 20_000
 
 

@@ -23,7 +23,7 @@ _MIN_BAUD = 1200
 class SerialLine:
     """A device at a baud rate, 8N1 without flow control; opened again every second after it was unplugged.
 
-    Raises an `InputError` if the device cannot be opened, or does not know the rate.
+    Raises an `InputError` if the device cannot be opened, or does not support the rate.
     """
 
     def __init__(self, address: Address) -> None:
@@ -74,12 +74,12 @@ class SerialLine:
             return b""
         except OSError:
             data = b""
-        if not data:  # ready, and nothing to read: it was unplugged
+        if not data:  # readable, but no data: it was unplugged
             self.close()
         return data
 
     def write(self, data: bytes) -> None:
-        """Send; what the line does not take is lost, as radios lose it."""
+        """Send; data that the line does not accept are lost, as on radios."""
         if self._descriptor is None:
             return
         try:

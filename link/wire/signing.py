@@ -1,6 +1,6 @@
 """MAVLink 2 message signing: signs frames, and checks signatures before a frame is used.
 
-Our own, because pymavlink's check takes over the time of a packet before it has checked who signed it, so that one
+This is our own implementation, because pymavlink's check adopts the time of a packet before it has checked the signature, so that one
 forged packet from the future would shut out the genuine sender.
 Source: MAVLink message signing, https://mavlink.io/en/guide/message_signing.html.
 """
@@ -30,14 +30,14 @@ class Signing:
     """Newest signing time seen or used."""
     link_id: int = 0
     last: dict[tuple[int, int, int], int] = field(default_factory=dict, repr=False)
-    """Newest time by (system, component, link): what is not newer is a replay."""
+    """Newest time by (system, component, link): a packet that is not newer is a replay."""
 
     def __post_init__(self) -> None:
         if len(self.key) != 32:
             raise InputError(Fault("a signing key is not 32 bytes", remedy="64 hexadecimal digits, or 32 bytes"))
 
     def advance_to(self, posix_s: float) -> None:
-        """Bring the signing time up to an instant."""
+        """Advance the signing time to an instant."""
         self.timestamp = max(self.timestamp, int((posix_s - _SIGNING_EPOCH_S) * 1e5))
 
     def sign(self, frame: bytes) -> bytes:
@@ -47,7 +47,7 @@ class Signing:
         return tail + hashlib.sha256(self.key + frame + tail).digest()[:6]
 
     def accepts(self, frame: bytes, signature: bytes) -> str | None:
-        """Return None for a good signature, else ``forged`` or ``replayed``; only a good one moves the time."""
+        """Return None for a valid signature, otherwise ``forged`` or ``replayed``; only a valid one advances the time."""
         wanted = hashlib.sha256(self.key + frame + signature[:7]).digest()[:6]
         if not hmac.compare_digest(wanted, signature[7:]):
             return "forged"

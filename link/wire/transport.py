@@ -1,4 +1,4 @@
-"""Transports: UDP, TCP and serial lines; they never block longer than asked, and reconnect by themselves."""
+"""Transports: UDP, TCP and serial lines; they never block longer than requested, and reconnect by themselves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MAX_BACKLOG_BYTES = 1_000_000
 _SILENT_S = 5.0
 """A peer that has been silent for this long may be replaced by another one."""
 _DEAD_MS = 10_000
-"""A TCP peer that acknowledges nothing for so long is gone: its power was cut, and it could not say good-bye."""
+"""A TCP peer that acknowledges nothing for this long is gone, for example after a power failure."""
 _NOBODY = frozenset(
     {
         errno.ECONNREFUSED,
@@ -35,18 +35,18 @@ _NOBODY = frozenset(
         errno.EPERM,
     }
 )
-"""UDP to where nobody listens yet, or while the network is away; packets are lost, as radios lose them."""
+"""Errors of UDP to a port without a listener, or while the network is down; packets are lost, as on radios."""
 
 
 class Transport(Protocol):
     """Bytes in and out."""
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """Return what has come, at the latest after the time-out; empty for nothing."""
+        """Return received data, at the latest after the time-out; empty if there are none."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Send one frame; a link that is down loses it."""
+        """Send one frame; on a link that is down it is lost."""
         ...
 
     def close(self) -> None:
@@ -58,7 +58,7 @@ def open_transport(address: Address) -> Transport:
     """Open the transport that a connection string names.
 
     Raises an `InputError` if the address is taken or unknown, or if the device cannot be opened; a `LinkLostError`
-    if nobody answers there.
+    if there is no answer.
     """
     if address.kind == "serial":
         try:
@@ -107,9 +107,9 @@ class UdpSocket:
         return b""
 
     def learn(self, system: int, *, proven: bool = False) -> bool:
-        """Take it that the datagram read last came from that vehicle, proven by its signature or only so by its word.
+        """Record that the last datagram came from that vehicle, proven by its signature or only claimed.
 
-        Returns False where that vehicle speaks from another address at this time: this is somebody else.
+        Returns False if that vehicle currently uses another address: then the sender is another station.
         """
         if self._target is not None:
             return True
@@ -122,7 +122,7 @@ class UdpSocket:
         return True
 
     def write_to(self, system: int, data: bytes) -> None:
-        """Send towards one vehicle, or to all where its way is unknown."""
+        """Send towards one vehicle, or to all if its address is unknown."""
         route = self._routes.get(system)
         if self._target is None and route is not None:
             self._send(data, route[0])
@@ -150,13 +150,13 @@ class UdpSocket:
 
 
 class _Stream:
-    """One TCP connection, or none at this time."""
+    """One TCP connection, or none at present."""
 
     def __init__(self) -> None:
         self._socket: socket.socket | None = None
 
     def _receive(self) -> bytes:
-        """What has come; a connection that has ended is dropped."""
+        """Received data; a connection that has ended is dropped."""
         if self._socket is None:
             return b""
         try:
@@ -178,7 +178,7 @@ class _Stream:
 class TcpClient(_Stream):
     """TCP to one address; tries again every second after the other side has gone.
 
-    Raises a `LinkLostError` if nobody listens there at the start.
+    Raises a `LinkLostError` if there is no listener at the start.
     """
 
     def __init__(self, address: Address) -> None:
@@ -204,7 +204,7 @@ class TcpClient(_Stream):
         return self._socket is not None
 
     def _dial(self, timeout_s: float) -> None:
-        """Connect again, without blocking for longer than asked."""
+        """Reconnect, without blocking for longer than requested."""
         now = time.monotonic()
         if self._dialled is None:
             if now < self._dialled_s + _AGAIN_S:
@@ -232,7 +232,7 @@ class TcpClient(_Stream):
         return self._receive()
 
     def write(self, data: bytes) -> None:
-        """Send; what does not go through yet waits, up to a bound."""
+        """Send; data that cannot be sent yet wait, up to a bound."""
         if self._socket is None or len(self._backlog) > _MAX_BACKLOG_BYTES:
             return
         self._backlog += data
@@ -260,7 +260,7 @@ class TcpClient(_Stream):
 
 
 class TcpServer(_Stream):
-    """A listening TCP port; one vehicle at a time, and nobody may push it off as long as it speaks."""
+    """A listening TCP port; one vehicle at a time, which no other connection can displace while it sends."""
 
     def __init__(self, address: Address) -> None:
         super().__init__()
@@ -297,7 +297,7 @@ class TcpServer(_Stream):
         self._socket, self._heard_s = peer, time.monotonic()
 
     def write(self, data: bytes) -> None:
-        """Send; a peer that takes nothing any more is cut off."""
+        """Send; a peer that stops reading is disconnected."""
         if self._socket is None:
             return
         try:

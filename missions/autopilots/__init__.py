@@ -1,7 +1,7 @@
 """Autopilot families: one folder for each, with all its differences from the others.
 
-A new family is a folder here and its name in `NAMES`; what the folder holds says `family`.
+A new family is a folder here and its name in `NAMES`; `family` defines the contents of the folder.
 """
 
 NAMES = ("px4", "ardupilot")
-"""Folders of the families, and what commands and files call them; the one that people get who name none first."""
+"""Folders of the families, and their names in commands and files; the default one."""

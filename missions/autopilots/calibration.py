@@ -8,20 +8,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """One place for the calibration of a sensor."""
+    """One slot for the calibration of a sensor."""
 
     sensor: str
     """``compass``, ``accelerometer`` or ``gyro``."""
     identified: str
-    """Parameter with the id of the sensor that it is of; 0 where the place is empty."""
+    """Parameter with the id of the calibrated sensor; 0 if the slot is empty."""
     used: str = ""
-    """Parameter that is 0 where the sensor is not used; empty where none says so."""
+    """Parameter that is 0 if the sensor is not used; empty if there is none."""
     offsets: tuple[str, ...] = ()
-    """Parameters with what is subtracted from each axis."""
+    """Parameters that are subtracted from each axis."""
     zero_is_none: bool = False
     """Offsets of exactly 0 mean that it was never calibrated."""
     most: float = math.inf
-    """Longer offsets are not taken for a calibration, in the autopilot's unit."""
+    """Longer offsets do not count as a calibration, in the autopilot's unit."""
 
     @property
     def names(self) -> tuple[str, ...]:

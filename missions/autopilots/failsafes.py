@@ -22,19 +22,19 @@ class LinkLoss:
 
     action: str
     exceptions: str
-    """Keys of the settings that say what it does, and when it does nothing all the same."""
+    """Keys of the settings for the action, and of those for exceptions from it."""
     in_mission: int
     """Bit of the exceptions that stands for a mission."""
     words: Mapping[int, str]
-    """What each action is, for a person."""
+    """Description of each action, for a person."""
     timeout: str = ""
-    """Key of the time that it waits; empty where there is none."""
+    """Key of the delay; empty if there is none."""
 
 
 class Failsafes(ABC):
     """The failsafes of one family; values are settings by key, in our units (`Settings.in_our_units`).
 
-    The settings with these keys decide what it does by itself, `station` and `pilot` what at the loss of the link to
+    The settings with these keys determine its automatic actions, `station` and `pilot` those at the loss of the link to
     us, and of the remote control.
     """
 
@@ -43,14 +43,14 @@ class Failsafes(ABC):
 
     @abstractmethod
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Return what it does at each threshold of the battery, a line each."""
+        """Return its actions at each threshold of the battery, a line each."""
 
     @abstractmethod
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Return what it does at the first threshold at which it does something."""
+        """Return its action at the first threshold with an action."""
 
     def by_itself(self, values: Mapping[str, float]) -> list[str]:
-        """Return its automatic actions in a mission, a line for each cause: what an operator reads before a take-off."""
+        """Return its automatic actions in a mission, a line for each cause, for the operator before a take-off."""
         if not values:
             return ["its behaviour without commands is unknown: its failsafe parameters could not be read"]
         return [
@@ -60,15 +60,15 @@ class Failsafes(ABC):
         ]
 
     def when_left(self, values: Mapping[str, float]) -> str:
-        """Describe in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
+        """Describe in one sentence its behaviour in its mission when our program ends, and with it its heartbeat."""
         if not values:
             return "its behaviour then is unknown: its failsafe parameters could not be read"
         return f"{self.without_us(values)}; {self.battery_first(values)}"
 
     def finishes_alone(self, values: Mapping[str, float]) -> bool | None:
-        """Return whether it finishes its leg and lands without us; None where that is unknown.
+        """Return whether it finishes its leg and lands without us; None if unknown.
 
-        It goes on where it does nothing, or nothing in a mission; without an exception, only the former is known to.
+        It continues if it does nothing, or nothing in a mission; without an exception, this is known only of the former.
         """
         loss = self.station
         if int(values.get(loss.action, -1)) == 0 or int(values.get(loss.exceptions, 0)) & loss.in_mission:
@@ -76,7 +76,7 @@ class Failsafes(ABC):
         return False if loss.action in values or loss.exceptions in values else None
 
     def without_us(self, values: Mapping[str, float]) -> str:
-        """Return what it does in its mission without our heartbeat."""
+        """Return its behaviour in its mission without our heartbeat."""
         loss, alone = self.station, self.finishes_alone(values)
         if alone is None:
             return _NOT_READ
@@ -89,7 +89,7 @@ class Failsafes(ABC):
         return f"after {after} without skyway it {self.action(loss.action, loss.words, values)}"
 
     def _without_pilot(self, values: Mapping[str, float]) -> str:
-        """Return what it does in its mission without its remote control."""
+        """Return its behaviour in its mission without its remote control."""
         loss = self.pilot
         if int(values.get(loss.exceptions, 0)) & loss.in_mission:
             return f"it continues its mission ({self.name(loss.exceptions)})"

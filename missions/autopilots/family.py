@@ -1,7 +1,7 @@
 """Interface of an autopilot family: all differences between autopilots.
 
 A family is a folder here and its name in `missions.autopilots.NAMES`. No other code compares names or MAV_AUTOPILOT numbers:
-it asks the family.
+it uses the family.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from skyway.missions.items.parameters import FlightNeeds, Parameter
 
 Meaning = dict[str, float | str | None]
-"""What an item means to an autopilot, field by field; None is "not given"."""
+"""Meaning of an item for an autopilot, field by field; None is "not given"."""
 
 
 class Family(ABC):
-    """One autopilot family: its missions, and how its vehicles are commanded and understood."""
+    """One autopilot family: its missions, its commands, and the interpretation of its vehicles' messages."""
 
     name: ClassVar[str]
-    """Such as ``px4``: in commands and files."""
+    """Such as ``px4``: name in commands and files."""
     firmware: ClassVar[int]
     """MAV_AUTOPILOT."""
     home_items: ClassVar[int] = 0
@@ -42,63 +42,63 @@ class Family(ABC):
     stays_in_mission_after_landing: ClassVar[bool]
     """Whether a mission continues after a landing that disarms."""
     zero_means_as_it_is: ClassVar[bool]
-    """Whether a TAKEOFF climbs where the vehicle stands, whatever its place, and an altitude of 0 keeps the height."""
+    """Whether a TAKEOFF climbs at the vehicle's position, whatever its place, and an altitude of 0 keeps the height."""
     open_yaw_deg: ClassVar[float]
-    """What the yaw of an item, or of a command, says where the vehicle shall choose it."""
+    """Yaw of an item, or of a command, that leaves the choice to the vehicle."""
     within_every_inclusion_area: ClassVar[bool] = False
     """Whether several inclusion areas of a fence mean all of them at once; otherwise any of them."""
     settings: ClassVar[Settings]
-    """What its parameters are called in each version."""
+    """Names of its parameters in each version."""
     firmwares: ClassVar[tuple[str, ...]]
-    """Versions of its firmware that are known, the oldest first."""
+    """Known versions of its firmware, the oldest first."""
     places_payloads: ClassVar[bool] = False
     """It flies NAV_PAYLOAD_PLACE."""
     released: ClassVar[str]
-    """The newest of them that is released."""
+    """The newest released one of them."""
     modes: ClassVar[Modes]
     """Its flight modes."""
     failsafes: ClassVar[Failsafes]
-    """What its vehicles do by themselves."""
+    """Its automatic behaviour."""
     arms_in: ClassVar[str | None] = None
     """Mode to arm in before a mission is started; None arms in any."""
     pauses_in_mission: ClassVar[bool]
     """Whether it obeys DO_PAUSE_CONTINUE; otherwise a mission is paused by holding."""
     heeds_frames: ClassVar[bool] = True
-    """Whether a command's height counts from what its frame says; otherwise it is above mean sea level whatever that says."""
+    """Whether the frame of a command determines its height reference; otherwise it is above mean sea level in any frame."""
     bytewise_parameters: ClassVar[bool]
     """Whether whole numbers of parameters travel as the bytes of a float."""
     takes_uploads_whole: ClassVar[bool]
-    """Whether an upload replaces what was there whole or not at all; otherwise each item acts as it arrives."""
+    """Whether an upload replaces the old mission completely or not at all; otherwise each item takes effect as it arrives."""
     judges_missions: ClassVar[bool] = False
-    """Whether it says of a mission that it has taken that it will not fly it."""
+    """Whether it reports that it will not fly a mission that it has accepted."""
     ground_station_settings: ClassVar[tuple[str, ...]] = ()
-    """Settings that name the first and the last system that counts as a ground station; none where any does."""
+    """Settings with the first and the last system that counts as a ground station; none if any does."""
     lean_limits: ClassVar[tuple[str, ...]] = ()
     """Settings of which the smallest limits its lean; 0 is no limit of its own."""
     wind_message: ClassVar[int] = 168
-    """Id of the message that tells its estimate of the wind: WIND, or WIND_COV."""
+    """Id of the message with its estimate of the wind: WIND, or WIND_COV."""
     system_id_names: ClassVar[tuple[str, ...]] = ()
     """Names of the parameter that is its system id, in all versions."""
     calibrations: ClassVar[tuple[Calibration, ...]] = ()
-    """Where it keeps the calibrations of its sensors; of each kind of sensor at least one is to be there."""
+    """Slots for the calibrations of its sensors; each kind of sensor requires at least one."""
     filter_message: ClassVar[tuple[str, int]] = ("ESTIMATOR_STATUS", 230)
-    """Name and id of the message that tells the state of its filter."""
+    """Name and id of the message with the state of its filter."""
     filter_tests: ClassVar[tuple[str, ...]] = ()
     """Fields of it that compare measurements with the filter."""
     filter_limit: ClassVar[float] = 1.0
-    """It does not take off, or lands, where one of them is as large."""
+    """It does not take off, or lands, if one of them reaches this."""
     vibration_fields: ClassVar[tuple[str, ...]] = ("vibration_x", "vibration_y", "vibration_z")
-    """Fields of VIBRATION that are accelerations."""
+    """Fields of VIBRATION with accelerations."""
     vibration_mps2: ClassVar[tuple[float, float]] = (30.0, 60.0)
-    """From where on vibration is raised, and where it is too much, m/s²."""
+    """Limits from which vibration is raised, and too high, m/s²."""
     log_folders: ClassVar[tuple[str, ...]]
-    """Folders of its logs by MAVLink FTP; the first that exists counts."""
+    """Folders of its logs by MAVLink FTP; the first existing one counts."""
     log_endings: ClassVar[tuple[str, ...]]
-    """How their names end, in small letters; the first is the usual one."""
+    """Suffixes of their names, in lower case; the first is the usual one."""
     taken_text: ClassVar[str] = ""
-    """How a text begins that tells every station of a mission that was uploaded; empty where it tells none."""
+    """Beginning of the text by which it reports an upload to every station; empty if there is none."""
     crash_texts: ClassVar[re.Pattern[str]] = re.compile(r"\bcrash", re.IGNORECASE)
-    """What its texts say where it has crashed."""
+    """Its text after a crash."""
 
     @abstractmethod
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
@@ -110,7 +110,7 @@ class Family(ABC):
 
     @abstractmethod
     def meaning(self, item: MissionItem) -> Meaning:
-        """Return the fields of an item that the autopilot keeps and acts on, in one form for all its spellings."""
+        """Return the fields of an item that the autopilot keeps and acts on, in one form for all equivalent encodings."""
 
     @abstractmethod
     def disarm(self) -> tuple[MissionItem, ...]:
@@ -122,11 +122,11 @@ class Family(ABC):
 
     @abstractmethod
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Return what this autopilot refuses, drops or takes otherwise than meant."""
+        """Return the items that this autopilot refuses, drops or interprets differently."""
 
     @abstractmethod
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that a mission with these needs relies on."""
+        """Return the parameters that a mission with these needs requires."""
 
     def parameter_file(self, parameters: Sequence[Parameter], firmware: str) -> str:
         """Return the text of a parameter file for a version of its firmware, such as ``4.6`` or ``main``."""
@@ -135,9 +135,9 @@ class Family(ABC):
         return dumps(parameters, firmware=words, way=lambda need: self.settings.in_version(need, version))
 
     def refusals(self, texts: Sequence[str]) -> list[str]:  # noqa: ARG002  of a family that says nothing
-        """Those of a vehicle's texts that refuse the mission that it has taken."""
+        """The texts of a vehicle that refuse the mission that it has accepted."""
         return []
 
     def items_refused(self, texts: Sequence[str]) -> tuple[int, ...]:  # noqa: ARG002
-        """Our numbers of the items that such texts concern."""
+        """Our numbers of the items concerned by such texts."""
         return ()

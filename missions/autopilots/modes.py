@@ -21,10 +21,10 @@ class Modes:
     command: Callable[[int], tuple[float, ...]]
     """Parameters of DO_SET_MODE after the first, of a ``custom_mode``."""
     log_names: Callable[[str, int], str | None]
-    """Name as the family's own ground station writes it in logs, by kind of vehicle (`link.logs.common.vehicle_kind`)
-    and ``custom_mode``; None for one that it does not know."""
+    """Name in logs of the family's own ground station, by kind of vehicle (`link.logs.common.vehicle_kind`)
+    and ``custom_mode``; None for an unknown one."""
     on_rotors: tuple[int, ...] = ()
-    """Modes in which a plane stands on its rotors."""
+    """Modes in which a plane flies on its rotors."""
 
     def name(self, custom_mode: int) -> str:
         """Name of a mode, for a person."""

@@ -1,7 +1,7 @@
 """Comparison of a mission sent with the mission read back, by meaning, item by item.
 
-A download is never identical to what was sent. Each dialect says what its autopilot makes of an item; two items that
-mean the same are the same, and nothing else is.
+A download is never identical to the upload. Each dialect defines the meaning of an item for its autopilot; two items with the
+same meaning are the same, and nothing else is.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _TOLERANCES: dict[str, float] = {"x": TOLERANCE_E7, "y": TOLERANCE_E7, "z": TOLE
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One thing that is not as it was sent."""
+    """One difference from the mission sent."""
 
     item: int | None
     """Number of the item (or of the fence area, or rally point); None concerns their count."""
@@ -42,7 +42,7 @@ class Difference:
     """``command``, ``param1``, ``x``, ``altitude reference``, …"""
     sent: object
     read: object
-    """The two values; None is nothing there."""
+    """The two values; None: absent."""
 
     def __str__(self) -> str:
         where = "count" if self.item is None else f"item {self.item} {self.field}"
@@ -52,9 +52,9 @@ class Difference:
 def diff(
     sent: Mission | Geofence | RallyPoints, read_back: Mission | Geofence | RallyPoints, autopilot: str
 ) -> tuple[Difference, ...]:
-    """Return what differs in meaning between what was sent to an autopilot and what it gave back; empty for nothing.
+    """Return the differences in meaning between the items sent to an autopilot and those read back; empty if there are none.
 
-    Both are of the same kind (else a TypeError) and in our numbering (see `Family.from_wire`). Ignored is what the
+    Both are of the same kind (otherwise a TypeError) and in our numbering (see `Family.from_wire`). Ignored is what the
     autopilot is known to rewrite (frames 3 and 6, NaN and 0 as yaw, altitudes in centimetres, parameters it does not
     keep); never ignored is what changes the flight. An `InputError` refuses an autopilot that skyway does not know.
     """
@@ -89,7 +89,7 @@ def _fields(number: int, sent: Meaning, read: Meaning) -> Iterator[Difference]:
 
 
 def _same(name: str, ours: float | str | None, theirs: float | str | None) -> bool:
-    if ours is None:  # what was left to the vehicle comes back as nothing, or as 0
+    if ours is None:  # a value left to the vehicle comes back as nothing, or as 0
         return theirs is None or theirs == 0
     if theirs is None or isinstance(ours, str) or isinstance(theirs, str):
         return ours == theirs
@@ -116,7 +116,7 @@ def _areas(number: int, ours: FencePolygon | FenceCircle, theirs: FencePolygon |
             yield Difference(number, "vertices", len(ours.vertices), len(theirs.vertices))
         elif not all(map(_close, ours.vertices, theirs.vertices)):
             yield Difference(number, "vertices", ours.vertices, theirs.vertices)
-        if CLAIMED_COUNT in theirs.extra:  # acknowledged, and invalid afterwards
+        if CLAIMED_COUNT in theirs.extra:  # acknowledged, but invalid
             yield Difference(number, "vertex count", len(ours.vertices), theirs.extra[CLAIMED_COUNT])
         return
     if isinstance(ours, FencePolygon) or isinstance(theirs, FencePolygon):

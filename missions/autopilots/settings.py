@@ -1,7 +1,7 @@
 """Parameter names and units of an autopilot, by firmware version.
 
-A setting has one meaning and one unit of ours; firmware calls it by one name or another. The version of a vehicle says which
-name is likely; which one it has is asked of the vehicle, since builds between two versions have some of the new names and
+A setting has one meaning and one unit of ours; firmware versions name it differently. The version of a vehicle determines the
+likely name; the actual one is requested from the vehicle, since builds between two versions have some of the new names and
 not others. Each family has its table in ``settings`` of its folder.
 """
 
@@ -23,13 +23,13 @@ Version = tuple[int, int]
 """Major and minor version of a firmware."""
 OLDEST: Version = (0, 0)
 MAIN: Version = (999, 0)
-"""The branch that is developed on."""
+"""The development branch."""
 _NEVER: Version = (1000, 0)
 _VERSION = re.compile(r"v?(\d{1,3})\.(\d{1,3})(?:[.-].*)?")
 
 
 def version_of(text: str) -> Version:
-    """Version of a text such as ``4.6``, ``v1.16.1`` or ``main``; an `InputError` for a text that is none."""
+    """Version of a text such as ``4.6``, ``v1.16.1`` or ``main``; an `InputError` for any other text."""
     if text.strip().lower() == "main":
         return MAIN
     found = _VERSION.fullmatch(text.strip())
@@ -44,7 +44,7 @@ class Name:
     """One name of a setting."""
 
     name: str
-    """As the firmware has it."""
+    """In the firmware."""
     unit: str = ""
     """One of `missions.items.parameters.UNITS`: that of the value on the wire."""
     since: Version = OLDEST
@@ -61,18 +61,18 @@ class Setting:
     """One meaning."""
 
     key: str
-    """How a person names it to skyway, such as ``mission-speed``."""
+    """Its name in skyway, such as ``mission-speed``."""
     words: str
-    """What it is."""
+    """Its meaning."""
     names: tuple[Name, ...]
-    """The newest firmware's first."""
+    """Those of the newest firmware first."""
     plausible: tuple[float, float] = (-1e9, 1e9)
-    """In our unit: a value beyond is in another unit, or means something else, than we know."""
+    """Plausible range in our unit: a value beyond it has another unit or meaning than ours."""
 
     def need(self, rule: Rule, value: float | None, why: str, *otherwise: Parameter, paired: str = "") -> Parameter:
         """Return what a mission needs of it, under each of its names; the value in our unit.
 
-        `otherwise` will do where the firmware has no such setting at all. It counts only where the vehicle has the
+        `otherwise` suffices if the firmware has no such setting at all. It counts only if the vehicle also has the
         parameter `paired` too, which came into the firmware with it.
         """
         low, high = self.plausible
@@ -103,7 +103,7 @@ class Settings:
         return tuple(self._by_key)
 
     def find(self, name: str) -> tuple[Setting, Name] | None:
-        """Return the setting that a parameter is, and its name; None for a parameter that is not in the table."""
+        """Return the setting of a parameter, and its name; None for a parameter that is not in the table."""
         return self._by_name.get(name)
 
     def in_our_units(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -112,7 +112,7 @@ class Settings:
         return {found[0].key: value / UNITS[found[1].unit] for found, value in known if found is not None}
 
     def in_version(self, wanted: Parameter, version: Version) -> Parameter | None:
-        """Return the way of a need in a version of the firmware; None where that has none of its names."""
+        """Return the variant of a need for a version of the firmware; None if that has none of its names."""
         for way in wanted.ways:
             found = self.find(way.name)
             paired = self.find(way.paired)

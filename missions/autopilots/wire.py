@@ -59,7 +59,7 @@ class WireItem:
 
 
 def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0, mission_type: int = 0) -> WireItem:
-    """Put one item on the wire; a place that is not given becomes 0, 0: "here" for take-off, landing, loiter.
+    """Convert one item to the wire; a place that is not given becomes 0, 0: "here" for take-off, landing, loiter.
 
     The autopilot's number is ours plus `shift`. An `InputError`, which names ours, refuses a located item without an
     altitude, and a plain value that 32 bits do not hold.
@@ -91,7 +91,7 @@ def _integer(value: int | None, scaled: bool, number: int) -> int:  # noqa: FBT0
 
 
 def from_wire(wire: WireItem) -> MissionItem:
-    """Take one item from the wire."""
+    """Convert one item from the wire."""
     command = command_of(wire.command)
     scaled = is_scaled(command, wire.frame)
     return MissionItem(
@@ -109,27 +109,27 @@ def from_wire(wire: WireItem) -> MissionItem:
 
 
 def fence_to_wire(fence: Geofence) -> tuple[WireItem, ...]:
-    """Put a fence on the wire; the same for both autopilots."""
+    """Convert a fence to the wire; the same for both autopilots."""
     items = enumerate(from_fence(fence))
     return tuple(to_wire(item, seq, mission_type=MISSION_TYPE_FENCE) for seq, item in items)
 
 
 def fence_from_wire(items: Sequence[WireItem]) -> Geofence:
-    """Take a fence from the wire."""
+    """Convert a fence from the wire."""
     return to_fence([from_wire(item) for item in items])
 
 
 def rally_to_wire(rally: RallyPoints) -> tuple[WireItem, ...]:
-    """Put rally points on the wire; the same for both autopilots."""
+    """Convert rally points to the wire; the same for both autopilots."""
     items = enumerate(from_rally(rally))
     return tuple(to_wire(item, seq, mission_type=MISSION_TYPE_RALLY) for seq, item in items)
 
 
 def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
-    """Take rally points from the wire."""
+    """Convert rally points from the wire."""
     return to_rally([from_wire(item) for item in items])
 
 
 def no_such_command(item: MissionItem) -> str:
-    """Describe that an autopilot has no such command; for an unnamed one, that no version we know has it."""
+    """Describe that an autopilot has no such command; for an unnamed one, that no known version has it."""
     return f"it has no {item.name}" if isinstance(item.command, Command) else f"no known version has {item.name}"

@@ -3,7 +3,7 @@
 One simple polygon of few vertices, because several inclusion areas mean different things to the two autopilots (PX4:
 inside any, ArduPilot: inside all). A diverting vehicle flies straight from wherever it is, so that each segment is
 fenced together with the whole triangle to each of its divert stations. Autopilots test fences in the plane of
-latitude and longitude; so is the corridor built, scaled to metres.
+latitude and longitude; the corridor is built in the same plane, scaled to metres.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LatLon = tuple[float, float]
 
 DEFAULT_WIDTH_M = 400.0
 MAX_VERTICES = 70
-"""What the smallest boards of both autopilots store with room to spare."""
+"""The capacity of the smallest boards of both autopilots, with a margin."""
 
 
 def corridor(
@@ -38,8 +38,8 @@ def corridor(
 ) -> FencePolygon:
     """Return the inclusion polygon around a route, places flown in order, and its diverts.
 
-    Each divert is a part of the route and the station that stays in reach from there. The width is half on either side;
-    nowhere is it narrower. Raises an `InputError` if it is not between 20 m and 100 km, or if the route crosses the
+    Each divert is a part of the route and the station that stays in reach from there. The width is half on either side,
+    and is kept everywhere. Raises an `InputError` if it is not between 20 m and 100 km, or if the route crosses the
     180th meridian (neither autopilot has fences across it).
     """
     import shapely

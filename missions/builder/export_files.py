@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def targets_of(export: Export, output: Path) -> list[Path]:
-    """Return the file of each mission: as named, else numbered by leg."""
+    """Return the file of each mission: the given name, with the number of the leg if there are several."""
     count = len(export.documents)
     if count == 1:
         return [output]

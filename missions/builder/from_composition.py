@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """Missions with everything that must be known to fly them.
+    """Missions with all information that is required to fly them.
 
     Attributes
     ----------
     documents : tuple of MissionDocument
         In flying order; more than one where each leg is a separate mission.
     parameters : tuple of Parameter
-        What the vehicle must be set to.
+        Required settings of the vehicle.
     warnings : tuple of str
-        What the operator must know.
+        Warnings for the operator.
     notes : tuple of str
-        What to do on the ground between the legs: how long to wait and charge, and to which state of charge.
+        Actions on the ground between the legs: how long to wait and charge, and to which state of charge.
     """
 
     documents: tuple[MissionDocument, ...]
@@ -44,10 +44,10 @@ class Export:
 
 
 def leg_mission(composition: Composition, index: int, dialect: Family, options: MissionOptions | None = None) -> Export:
-    """Return the mission of one leg: what `fly` uploads before each take-off.
+    """Return the mission of one leg, as `fly` uploads it before each take-off.
 
     TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg of the delivery releases the package and disarms. Heights
-    are above the ground that the leg leaves, since home moves there at arming. Legs of the way back follow those of the delivery.
+    are above the ground at the take-off of the leg, since home moves there at arming. Legs of the way back follow those of the delivery.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
     index : int
         Of `Composition.there_and_back`, from 0; people see the number of a leg, from 1.
     dialect : Family
-        For which autopilot.
+        The autopilot family.
     options : MissionOptions, optional
-        How.
+        Options of the mission.
 
     Raises
     ------
     InputError
-        No such leg, or a ground height that is needed is unknown.
+        No such leg, or a required ground height is unknown.
     """
     delivers, composition = len(composition.services) - 1, composition.there_and_back
     legs = len(composition.services)
@@ -85,10 +85,10 @@ def leg_mission(composition: Composition, index: int, dialect: Family, options: 
 def whole_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
     """Return all legs for a plain ground station, disarmed on every pad.
 
-    Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm, and
-    a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg. Heights are
+    If the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm, and
+    a WAYPOINT straight above that arming resumes. If it does not (ArduPilot), it is one mission per leg. Heights are
     above the home of each leg, since home moves at each arming. With the way back: from the target on, too, where the package is
-    released, the vehicle disarms, and arming resumes. Raises an `InputError` if a ground height that is needed is unknown.
+    released, the vehicle disarms, and arming resumes. Raises an `InputError` if a required ground height is unknown.
     """
     if not dialect.stays_in_mission_after_landing:
         return _mission_per_leg(composition, dialect, options)
@@ -128,10 +128,10 @@ def takes_off(composition: Composition, options: MissionOptions | None = None) -
 
 
 def armed_mission(composition: Composition, dialect: Family, options: MissionOptions | None = None) -> Export:
-    """Return all legs in one mission that stays armed on the pads and leaves by the clock.
+    """Return all legs in one mission that stays armed on the pads and takes off by the clock.
 
-    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout. With the way back it stays armed
-    at the target, too, for the time that is planned there. Raises an `InputError` if a ground height that is needed is unknown.
+    LAND, NAV_DELAY of wait and recharge, and take-off; heights are above the first home throughout. With the way back it stays armed
+    at the target, too, for the time that is planned there. Raises an `InputError` if a required ground height is unknown.
     """
     begins = takes_off(composition, options)
     delivers, composition = len(composition.services) - 1, composition.there_and_back

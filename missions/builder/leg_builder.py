@@ -1,6 +1,6 @@
 """Builder of the items, fence and rally points of one leg, for one autopilot.
 
-A leg is as high as `models.flight.way_heights` says: the vehicle climbs straight above the station that it leaves, flies from
+The heights of a leg are those of `models.flight.way_heights`: the vehicle climbs straight above the station of take-off, flies from
 knot to knot, and lands straight down. Heights in items count from home: the site of the last arming.
 """
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 MAV_TYPE_QUADROTOR = 2
 GROUND_SPEED = 1.0
-"""Speed type of DO_CHANGE_SPEED; multirotors hold ground speed whatever it says."""
+"""Speed type of DO_CHANGE_SPEED; multirotors hold ground speed whatever its value."""
 NO_THROTTLE_CHANGE = -1.0
 GRIPPER_RELEASE = 0.0
 
@@ -62,7 +62,7 @@ class LegBuilder:
         self.over = self._terrain()
 
     def _terrain(self) -> Over | None:
-        """Terrain model with what is kept over it: in the wider of its corridor and the fence."""
+        """Terrain model with the required clearance over it: in the wider of its corridor and the fence."""
         over, planned = self.options.over, self.composition.terrain
         if over is None:
             if planned is None:
@@ -75,11 +75,11 @@ class LegBuilder:
         return replace(over, clearance=replace(clearance, corridor_width_m=wide), cruise_height_m=self.cruise_height_m)
 
     def place(self, station: str) -> Place:
-        """Return where a station is."""
+        """Return the place of a station."""
         return self.composition.stations[station]
 
     def ground_m(self, station: str) -> float:
-        """Ground height of a station; refuses to guess."""
+        """Ground height of a station; an `InputError` if it is unknown."""
         known = self.options.elevation_m.get(station, self.place(station).elevation_m)
         if known is None and self.over is not None:
             place = self.place(station)
@@ -96,7 +96,7 @@ class LegBuilder:
         return known
 
     def speed_mps(self, service: DroneService) -> float:
-        """Return the ground speed that a leg is commanded at."""
+        """Return the commanded ground speed of a leg."""
         return min(service.ground_speed_mps, self.max_speed_mps)
 
     def check_elevations(self, services: Sequence[DroneService]) -> None:
@@ -128,7 +128,7 @@ class LegBuilder:
         )
 
     def heights(self, service: DroneService) -> WayHeights:
-        """Flight heights of a leg. Raises an `InputError` where the ground below is unknown."""
+        """Flight heights of a leg. Raises an `InputError` if the ground below is unknown."""
         stations = (service.origin, *service.via, service.destination)
         places = [(self.place(station).lat, self.place(station).lon) for station in stations]
         least = [self.place(station).least for station in stations]
@@ -146,7 +146,7 @@ class LegBuilder:
         return self.position(Command.NAV_WAYPOINT, service.origin, height)
 
     def speed(self, speed_mps: float) -> MissionItem:
-        """Return the item that orders a ground speed."""
+        """Return the item that commands a ground speed."""
         return MissionItem(
             Command.DO_CHANGE_SPEED, Frame.MISSION, GROUND_SPEED, round(speed_mps, 2), NO_THROTTLE_CHANGE
         )
@@ -173,7 +173,7 @@ class LegBuilder:
         return items
 
     def _at(self, service: DroneService, knot: Knot) -> tuple[float, float]:
-        """Where a knot of a leg is."""
+        """Position of a knot of a leg."""
         stations = (service.origin, *service.via, service.destination)
         start, end = (self.place(one) for one in stations[knot.segment : knot.segment + 2])
         if knot.share in (0.0, 1.0):
@@ -195,7 +195,7 @@ class LegBuilder:
     def leg(self, service: DroneService, *, last: bool, onward: DroneService | None = None) -> MissionDocument:
         """Return one leg as a separate mission, heights above the ground at its take-off; the last one delivers.
 
-        Where the package is released in the air it continues with the flight `onward`, and lands where that does.
+        If the package is released in the air it continues with the flight `onward`, and lands where that does.
         """
         ground = self.ground_m(service.origin)
         items = [*self.departure(service, ground), *self.way(service, ground)]
@@ -215,7 +215,7 @@ class LegBuilder:
     def delivered(
         self, items: list[MissionItem], station: str, home_ground_m: float, onward: DroneService | None
     ) -> list[MissionItem]:
-        """Return the items of a way to the target, which end with LAND, with the release; in the air that takes the place of LAND."""
+        """Return the items of a way to the target, which end with LAND, with the release; a release in the air replaces LAND."""
         if not hovers(self.options.release):
             return [*items, *self.delivery()]
         return [*items[:-1], *released_on_way(self, station, home_ground_m, onward)]
@@ -231,20 +231,20 @@ class LegBuilder:
         home: Home | None,
         onward: DroneService | None = None,
     ) -> MissionDocument:
-        """Return the mission from the air to a station: level, and nowhere below where the vehicle is.
+        """Return the mission from the air to a station: level, and nowhere below the vehicle's present height.
 
-        It begins with a waypoint where the vehicle is (`here`: latitude, longitude, height above home), never with a
+        It begins with a waypoint at the vehicle's position (`here`: latitude, longitude, height above home), never with a
         TAKEOFF, which PX4 would fly back to. Home is where the leg under way began, with its ground height; the station
-        is the `last` where the delivery ends there.
+        is the `last` if the delivery ends there.
         """
         ground = self.ground_m(station) - home_ground_m
         lat, lon, height_m = here
-        # above home as well: the vehicle may still climb there, or have sunk towards a lower destination
+        # above home as well: the vehicle may still be climbing there, or have descended towards a lower destination
         top = max(height_m, max(ground, 0.0) + self.cruise_height_m)
         if self.over is not None:
             place = np.array([self.place(station).lat]), np.array([self.place(station).lon])
             level = float(level_over_m((lat, lon), *place, self.over)[0]) - home_ground_m
-            top = max(top, level) if math.isfinite(level) else top  # over unknown ground there is nothing better
+            top = max(top, level) if math.isfinite(level) else top  # over unknown ground there is no better estimate
         items = [
             self._positioned(Command.NAV_WAYPOINT, lat, lon, top),
             self.speed(min(speed_mps, self.max_speed_mps)),
@@ -260,7 +260,7 @@ class LegBuilder:
         return [*self.release(), *self.dialect.disarm()]
 
     def release(self) -> list[MissionItem]:
-        """Release of the package; nothing where a person does it, after the vehicle has disarmed."""
+        """Release of the package; nothing if a person does it, after the vehicle has disarmed."""
         if self.options.release == "hand":
             return []
         return [MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)]
@@ -282,7 +282,7 @@ class LegBuilder:
         return Geofence((corridor(route, diverts, width_m=self.options.corridor_width_m),))
 
     def rally(self, services: Sequence[DroneService], lowest_home_m: float) -> RallyPoints:
-        """Divert stations as high as their legs fly, from the lowest home that the mission has.
+        """Divert stations at the heights of their legs, from the lowest home of the mission.
 
         A vehicle may turn to one from anywhere on a leg: the way there clears both ends of the leg too.
         """
@@ -319,7 +319,7 @@ class LegBuilder:
         return Home(Point.of_degrees(place.lat, place.lon), self.ground_m(station))
 
     def mission(self, items: Sequence[MissionItem], home: Home) -> Mission:
-        """Return the mission of these items, with what ground stations want to know."""
+        """Return the mission of these items, with the fields that ground stations require."""
         speed = max(self.speed_mps(service) for service in self.composition.services)
         return Mission(
             tuple(items),
@@ -331,7 +331,7 @@ class LegBuilder:
         )
 
     def needs(self, services: Sequence[DroneService], document: MissionDocument) -> FlightNeeds:
-        """Return what a mission of these legs asks of the vehicle's settings."""
+        """Return the vehicle settings that a mission of these legs requires."""
         grounds = [
             self.ground_m(station) for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
         ]
@@ -355,7 +355,7 @@ class LegBuilder:
         )
 
     def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
-        """Return what the operator must know of these legs."""
+        """Return warnings on these legs for the operator."""
         found = [
             f"leg {service.origin} to {service.destination} is planned at {speed_text(service.ground_speed_mps)} and"
             f" commanded at {speed_text(self.speed_mps(service))}: it takes longer than planned"

@@ -15,30 +15,30 @@ if TYPE_CHECKING:
     from skyway.models.flight.way_heights import Over
 
 MAX_GROUND_SPEED_MPS = 20.0
-"""Neither autopilot accepts more."""
+"""Limit of both autopilots."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionOptions:
-    """How compositions are turned into missions.
+    """Options of the conversion of compositions to missions.
 
     Attributes
     ----------
     cruise_height_m, climb_rate_mps, descent_rate_mps : float or None
         Instead of those of the composition.
     max_ground_speed_mps : float or None
-        No leg is commanded faster; the composition's own limit and 20 m/s hold in any case.
+        Limit of the commanded speed of legs; the composition's own limit and 20 m/s hold in any case.
     corridor_width_m : float or None
         Width of the fence; None writes no fence.
     release : str
         ``gripper``: the mission releases the package after the last landing; ``hand``: a person does, and confirms it; ``winch``, ``place``:
-        it is released in the air, and the same mission flies on (`missions.builder.release_items`).
+        it is released in the air, and the same mission continues (`missions.builder.release_items`).
     gripper, winch : int
         Number of the gripper, and of the winch.
     elevation_m : mapping
         Ground heights of stations for which the composition has none.
     over : Over or None
-        Terrain model that the legs are flown over; needed where the composition was planned over one.
+        Terrain model that the legs are flown over; required if the composition was planned over one.
     """
 
     cruise_height_m: float | None = None

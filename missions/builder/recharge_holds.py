@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _stop_before(composition: Composition, number: int) -> Stop | None:
-    """Return the stop before a leg, or None where the plan has none."""
+    """Return the stop before a leg, or None if the plan has none."""
     service = composition.services[number]
     landed = composition.services[number - 1].arrive if number else None
     for stop in composition.stops:
@@ -44,7 +44,7 @@ def recharge_hold(composition: Composition, number: int) -> MissionItem:
 
 
 def hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
-    """Return what the plan does on the ground before these legs: a mission that disarms does not contain it."""
+    """Return the planned actions on the ground before these legs: a mission that disarms does not contain them."""
     notes = []
     for number in numbers:
         stop = _stop_before(composition, number)

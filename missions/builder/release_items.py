@@ -1,8 +1,8 @@
-"""Release of a package in the air: the items over the target, from the way there to the flight on.
+"""Release of a package in the air: the items over the target, from the way there to the onward flight.
 
-A winch: hover, line out, wait until it is, line in, wait. DO_WINCH takes no time by itself on ArduPilot; PX4 goes on when its winch has answered, or after MIS_COMMAND_TOUT:
-so the hover that waits is an item of its own, which both fly. A payload place (ArduPilot's NAV_PAYLOAD_PLACE) sinks until the thrust falls, opens the gripper
-and climbs back; where it feels no ground within `param1` metres it climbs with the package, and the mission goes on as if nothing were amiss.
+A winch: hover, line out, wait for it, line in, wait. DO_WINCH takes no time by itself on ArduPilot; PX4 continues when its winch has answered, or after MIS_COMMAND_TOUT:
+so the hover that waits is an item of its own, which both fly. A payload place (ArduPilot's NAV_PAYLOAD_PLACE) descends until the thrust falls, opens the gripper
+and climbs back; if it detects no ground within `param1` metres it climbs with the package, and the mission continues without an error.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import DroneService
 
 RELATIVE_LENGTH = 1.0
-"""WINCH_ACTIONS: so much line more, negative is less."""
+"""WINCH_ACTIONS: additional length of line; negative is less."""
 RELEASING = frozenset({Command.DO_WINCH, Command.NAV_PAYLOAD_PLACE})
 
 
 def released_on_way(
     build: LegBuilder, station: str, home_ground_m: float, onward: DroneService | None
 ) -> list[MissionItem]:
-    """Return the items from over the target on: the release, and the flight on, which lands.
+    """Return the items from over the target on: the release, and the onward flight, which lands.
 
-    Raises an `InputError` if there is no flight on.
+    Raises an `InputError` if there is no onward flight.
     """
     if onward is None or onward.origin != station:
         remedy = "plan with --release winch or place: such a plan keeps the charge for it"
@@ -76,7 +76,7 @@ def _placed(build: LegBuilder, station: str, home_ground_m: float) -> list[Missi
 
 
 def release_range(items: Sequence[MissionItem]) -> tuple[int, int] | None:
-    """Numbers of the first and the last item that release the package in the air; None where none does."""
+    """Numbers of the first and the last item that release the package in the air; None if none does."""
     found = [number for number, item in enumerate(items) if item.command in RELEASING]
     if not found:
         return None

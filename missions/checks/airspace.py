@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
 
 OPEN_S = 366 * 86_400.0
-"""A hold that ends when somebody arms, and a flight of unknown length, may last as long: later flights are tested in all of it."""
+"""Longest duration of a hold that a person ends by arming, and of a flight of unknown length: later flights are tested over all of it."""
 SAMPLE_M = 30.0
-"""The ground of a terrain model is looked at so far apart."""
+"""Sampling distance of the ground of a terrain model."""
 
 
 class _Flight(NamedTuple):
-    """The ways of one flight, the item that each leads to, and when it is flown, where that is known."""
+    """The ways of one flight, the item that each leads to, and the time of flight, if known."""
 
     ways: Ways
     items: tuple[int, ...]
@@ -58,7 +58,7 @@ def check_airspace(
 ) -> Iterator[Finding]:
     """Check every flight against the zones that are closed while it is flown, and against the greatest height above ground.
 
-    The ground is that of the terrain model `over` which it is flown, else that of the stations, and linear between.
+    The ground is that of the terrain model `over` which it is flown, otherwise that of the stations, and linear between.
 
     Without a departure zones count at all times. The straight ways to the nearest rally points count at all heights and times.
     """
@@ -148,7 +148,7 @@ def _ways(
     ends = [0, len(knots) - 1] if leg.landing == "land" else [0]
     parts.append(columns(lat[ends], lon[ends], zero_m + ground_m[ends], height_m[ends] - ground_m[ends]))
     items += [knots[end].item for end in ends]
-    if leg.landing == "return" and leg.steps:  # as high as the vehicle is set to
+    if leg.landing == "return" and leg.steps:  # at the height set in the vehicle
         home, last = leg.steps[-1].point, knots[-1].point
         parts.append(at_any_height(np.array([last.lat]), np.array([last.lon]), home.lat, home.lon))
         items.append(leg.steps[-1].item)
@@ -158,7 +158,7 @@ def _ways(
 def _above_terrain(
     lat: NDArray[np.float64], lon: NDArray[np.float64], height_m: NDArray[np.float64], over: Over
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite where it is unknown."""
+    """Least and greatest height above the ground of the terrain model on each piece of a way; infinite if it is unknown."""
     length_m, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
     count = np.ceil(length_m / SAMPLE_M).astype(np.int64) + 2
     first = np.concatenate(([0], np.cumsum(count)[:-1]))
@@ -173,7 +173,7 @@ def _above_terrain(
 
 
 def _grounds(knots: Sequence[Knot], lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ground above home at each place, where it is unknown linearly between where it is."""
+    """Ground above home at each place, interpolated linearly over unknown places."""
     steps = [geodesy.distance_m(*a, *b) for a, b in pairwise(zip(lat.tolist(), lon.tolist(), strict=True))]
     flown = np.insert(np.cumsum(steps), 0, 0.0)
     known = [i for i, knot in enumerate(knots) if knot.ground_m is not None]

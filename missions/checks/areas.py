@@ -1,6 +1,6 @@
 """Check of the route against its fence.
 
-Autopilots test fences in the plane of latitude and longitude, and so does this.
+Autopilots test fences in the plane of latitude and longitude, and so does this check.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _CIRCLE_CORNERS = 128
 def check_fence(document: MissionDocument, route: Route, autopilot: Family | None) -> Iterator[Finding]:
     """Check the fence itself, and that route, rally points and the ways to them lie in it.
 
-    Whether several inclusion areas mean all of them or any says the autopilot; without one it is any.
+    Whether several inclusion areas mean all of them or any depends on the autopilot; without one it is any.
     """
     import shapely
 
@@ -63,7 +63,7 @@ def check_fence(document: MissionDocument, route: Route, autopilot: Family | Non
 
 
 def fence_shapes(fence: Geofence, *, every: bool) -> tuple[shapely.Geometry | None, shapely.Geometry | None]:
-    """Return the areas that a fence allows and prohibits; None for either where it has none."""
+    """Return the allowed and the prohibited areas of a fence; None for either if it has none."""
     import shapely
 
     inside = [_shape(area) for area in fence.areas if area.inclusion]
@@ -167,7 +167,7 @@ def _tested(relation: str, area: shapely.Geometry, shapes: NDArray[np.object_]) 
 def breach_findings(
     items: Sequence[int], breached: NDArray[np.bool_], code: str, message: str, remedy: str
 ) -> Iterator[Finding]:
-    """Return an error for each item that the way to is breached, up to a number of them."""
+    """Return an error for each item on whose way the fence is breached, up to a number of them."""
     found = list(dict.fromkeys(items[int(index)] for index in np.flatnonzero(breached)))
     for item in found[:MAX_FINDINGS]:
         yield Finding("error", item, code, message, remedy)

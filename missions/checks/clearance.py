@@ -1,7 +1,7 @@
 """Check of ground clearance at known ground heights: homes, landings, stations.
 
 Between two places whose ground is known the vehicle must be above the higher one: the ground need not fall, or rise,
-where the vehicle does. How far above is the mission's own clearance: what it keeps over the two ends of the flight.
+where the vehicle does. The required clearance is the mission's own: that over the two ends of the flight.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SAME_PLACE_M = 20.0
 STRAIGHT = 1.02
 """A way at most this much longer than the direct one counts as one segment."""
 SLACK_M = 1.0
-"""Heights are rounded, and grounds known to about this."""
+"""Heights are rounded, and grounds known only to about this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def check_clearance(mission: Mission, route: Route, stations: Sequence[Station])
 
 
 def items_over_stations(mission: Mission, route: Route, stations: Sequence[Station]) -> frozenset[int]:
-    """Items over known ground: how high above it they are is judged here, not by the heights of the ends."""
+    """Items over known ground, whose height above it is judged here, not by the heights of the ends."""
     if not stations:
         return frozenset()
     known = (knot for _, knots, _ in flights(mission, route, stations) for knot in knots[1:])
@@ -63,18 +63,18 @@ def items_over_stations(mission: Mission, route: Route, stations: Sequence[Stati
 def flights(
     mission: Mission, route: Route, stations: Sequence[Station]
 ) -> Iterator[tuple[RouteLeg, tuple[Knot, ...], float | None]]:
-    """Yield each flight with its places, and how high above the sea its home is, where that is known."""
+    """Yield each flight with its places, and the height of its home above the sea, if known."""
     near = NearStations(stations)
     start_m = 0.0
     home_m = mission.home.altitude_m if mission.home is not None else None
     for leg in route.legs:
-        # where home is above sea level, so that the stations on the way can be compared with the heights
+        # height of home above sea level, for the comparison of the stations on the way with the heights
         at_start_m = near.ground_m(leg.start)
         zero_m = home_m if at_start_m is None else at_start_m - start_m
         yield leg, _knots(mission, leg, start_m, zero_m, near), zero_m
         start_m = next_ground_m(mission, leg)
         if leg.ground_hold_s is None:
-            home_m = None  # home moves at the next arming, and only a station tells how high it is there
+            home_m = None  # home moves at the next arming, and only a station gives its height there
 
 
 def _knots(
@@ -97,26 +97,26 @@ def _knots(
         at_station_m = None if zero_m is None else near.ground_m(step.point)
         if zero_m is not None and at_station_m is not None:
             ground = at_station_m - zero_m
-        # a landing is flown to at the height before it, and then straight down
+        # the way to a landing is flown at the height before it, and then straight down
         height = knots[-1].height_m if lands else _height_m(mission, step)
         knots.append(Knot(step.item, step.point, height, ground))
     return tuple(knots)
 
 
 def _height_m(mission: Mission, step: Step) -> float:
-    """Height above home, NaN where it is above terrain: then it is clear by itself."""
+    """Height above home, NaN if it is above terrain: then it is clear by definition."""
     return math.nan if mission.items[step.item].frame in TERRAIN_FRAMES else step.height_m
 
 
 def next_ground_m(mission: Mission, leg: RouteLeg) -> float:
-    """Ground that the next flight leaves, as it counts heights: 0 where home moved there, or nothing is known."""
+    """Ground at the start of the next flight, in its own heights: 0 if home moved there, or nothing is known."""
     return (landing_ground_m(mission, leg) or 0.0) if leg.ground_hold_s is not None else 0.0
 
 
 def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
-    """Ground height of the landing, where its altitude gives it: many files carry an arbitrary altitude there.
+    """Ground height of the landing, if its altitude gives it: many files have an arbitrary altitude there.
 
-    Below zero it can be nothing else; above, only where the vehicle comes down to it from straight above.
+    Below zero it must be the ground; above, only if the vehicle descends to it vertically.
     """
     if leg.landing != "land" or not leg.steps:
         return None
@@ -133,7 +133,7 @@ def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
 
 
 def _own_clearance(leg: RouteLeg, knots: Sequence[Knot]) -> float:
-    """Least height that the mission keeps where it knows the ground; 0 where an end is unknown."""
+    """Clearance that the mission keeps over known ground; 0 if an end is unknown."""
     if leg.landing != "land" or len(knots) < 2 or knots[1].ground_m is None or knots[-1].ground_m is None:
         return 0.0
     over = [knot.height_m - knot.ground_m for knot in knots[1:] if knot.ground_m is not None]
@@ -149,7 +149,7 @@ def _check_flight(knots: Sequence[Knot], own_m: float) -> Iterator[Finding]:
             continue
         if _is_straight(way):
             yield from _check_segment(way, own_m)
-        else:  # what lies between is unknown: it must not sink below the known end before it is elsewhere
+        else:  # the ground between is unknown: it must not descend below the known end before it is elsewhere
             yield from _check_open_end(way[0], way[1])
             yield from _check_open_end(way[-1], way[-2])
     if known and known[-1] < len(knots) - 1:

@@ -1,7 +1,7 @@
 """Time, energy and state of charge of every flight of a mission, in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it
-does not. What is believed of its energy, `models.drones.energy_belief`, tells how surely it keeps the reserve.
+does not. The probability of keeping the reserve follows from its energy belief, `models.drones.energy_belief`.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class FlightConditions:
     weather : Weather
         At flying height.
     stations : tuple of Station
-        Where there are pads; empty where nothing is known of pads, then any hold on the ground charges.
+        Stations with pads; if empty, nothing is known of pads, and any hold on the ground charges.
     drone_is_assumed : bool
-        Nobody named the vehicle: what it cannot do is a warning, not an error.
+        The vehicle was not named: a violation of its limits is a warning, not an error.
     manoeuvres : bool
         Turns, the gain of speed, and the last metres of landings count (`missions.checks.manoeuvres`).
     """
@@ -83,7 +83,7 @@ class LegEnergy:
     distance_m : float
         Along the route.
     time_s, energy_wh, soc_end : float or None
-        Mean over the winds that let it fly; None where none does, or the flight has no end.
+        Mean over the winds in which it is flyable; None if there are none, or the flight has no end.
     p_reserve : float or None
         Probability that the landing keeps the reserve.
     soc_start : float
@@ -91,9 +91,9 @@ class LegEnergy:
     p_flyable : float
         Probability that the wind lets it fly.
     least_airspeed_margin_mps : float
-        How much airspeed is left at the worst place; negative: the commanded ground speed is not held.
+        Remaining airspeed at the worst place; negative: the commanded ground speed is not held.
     worst_item : int
-        Where that is.
+        The item of that place.
     pad : str or None
         Station that the leg ends at.
     """
@@ -119,7 +119,7 @@ class LegEnergy:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """Arrays over members: time and energy of one leg, and whether the wind lets it fly."""
+    """Arrays over members: time and energy of one leg, and whether it is flyable in the wind."""
 
     distance_m: float
     time_s: NDArray[np.float64]
@@ -128,13 +128,13 @@ class Flown:
     margin_mps: float
     worst_item: int
     turns_s: float = 0.0
-    """Manoeuvres that are in the time."""
+    """Part of the time for manoeuvres."""
 
 
 def _or_typical(
     values: NDArray[np.float64], flyable: NDArray[np.bool_], weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Values per member; on days that forbid flying one waits, and then flies as on the other days."""
+    """Values per member; on days without flights the drone waits, and then flies as on the other days."""
     share = np.where(flyable, weight, 0.0)
     total = float(share.sum())
     typical = float(share @ np.where(flyable, values, 0.0)) / total if total > 0.0 else 0.0
@@ -169,7 +169,7 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
 
 
 def charged(drone: Drone, soc: float, hold_s: float | None, pad_power_w: float | None = None) -> float:
-    """State of charge after a hold on a pad; a hold that a person ends is taken to end with a full battery."""
+    """State of charge after a hold on a pad; a hold that a person ends is assumed to end with a full battery."""
     if hold_s is None:
         return 1.0
     curve = drone.charging_curve(pad_power_w)
@@ -220,9 +220,9 @@ def _leg_energy(
 def p_within(
     energy_j: NDArray[np.float64], turns_j: float, budget_j: float, belief: EnergyBelief
 ) -> NDArray[np.float64]:
-    """Probability that what is taken for a modelled energy stays within a budget.
+    """Probability that an estimate of the modelled energy stays within a budget.
 
-    `turns_j` of it are of manoeuvres, which are believed with a spread of their own (`models.drones.time_belief`), but where the model is right.
+    `turns_j` of it are of manoeuvres, which have an uncertainty of their own (`models.drones.time_belief`), unless the model is exact.
     """
     if not turns_j > 0.0 or belief.leg_sd == 0.0:
         factors, weights = np.ones(1), np.ones(1)
@@ -243,7 +243,7 @@ def fly_leg(
     height_m: float,
     ground_m: float | None = None,
 ) -> Flown:
-    """Fly one leg in every wind; the slots of a forecast depend on times, so it is done twice.
+    """Fly one leg in every wind; the slots of a forecast depend on times, so it is computed twice.
 
     `ground_m`: the ground below where it begins, above home, of one that begins in the air; else that is `height_m`.
     """
@@ -301,7 +301,7 @@ def _straight_hops(
     hold = np.array([step.hold_s for step in leg.steps])
     climb_s, descent_s, apart, flown_m = _vertical_times(mission, leg, conditions, height_m)
     moves = length > SAME_PLACE_M
-    stops = ~moves & (climb_s + descent_s > 0.0) & ~apart  # it brakes, climbs straight up, and speeds up again
+    stops = ~moves & (climb_s + descent_s > 0.0) & ~apart  # it brakes, climbs vertically, and accelerates again
     stops[1:-1] &= moves[:-2] & moves[2:]
     stops[[0, -1]] = False
     hold = hold + np.where(stops, np.minimum(commanded, conditions.drone.max_ground_speed_mps) / STEP_MPS2, 0.0)
@@ -310,7 +310,7 @@ def _straight_hops(
 
 
 def _turns_s(hops: Hops, leg: RouteLeg, conditions: FlightConditions, *, lifts_off: bool) -> NDArray[np.float64]:
-    """Manoeuvres at the end of each hop, where they count."""
+    """Manoeuvres at the end of each hop, if included."""
     if not conditions.manoeuvres:
         return np.zeros(len(hops.length_m))
     most_mps, lands = conditions.drone.max_ground_speed_mps, leg.landing != "none"

@@ -1,4 +1,4 @@
-"""Findings with only one correction: what a vehicle makes of the mission anyway."""
+"""Findings with only one correction: the form that a vehicle stores anyway."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
 
 
 def _which_wind(conditions: FlightConditions) -> str:
-    """Say in which wind, and nothing where there is none."""
+    """Name the wind, if any."""
     if not isinstance(conditions.weather, SteadyWind):
         return "in the strongest of these winds "
     return f"in a wind of {conditions.weather.speed_mps:g} m/s " if conditions.weather.speed_mps else ""

@@ -1,7 +1,7 @@
 """Hops: straight pieces of way between two places, and their time and energy in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it does not.
-Checks fly the hops of a mission one after the other; who looks for places to recharge asks for each by itself.
+Checks fly the hops of a mission one after the other; the search for places to recharge computes each separately.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
 
 SAME_PLACE_M = 0.5
-"""A way that is shorter is none: no wind keeps anyone from it."""
+"""A shorter way counts as no way: no wind prevents it."""
 
 
 class Hops(NamedTuple):
@@ -48,13 +48,13 @@ def hop_times(
     Parameters
     ----------
     elapsed_s : ndarray, shape (members, hops)
-        When each starts, after the first take-off.
+        Start of each, after the first take-off.
 
     Returns
     -------
     time_s, possible_mps, needed_mps : ndarray, shape (members, hops)
-        Seconds, holds included, infinite where the wind lets nobody fly; greatest ground speed, 0 there; and the airspeed that
-        the commanded ground speed needs.
+        Seconds, holds included, infinite if the wind prevents the flight; greatest ground speed, 0 there; and the airspeed required for
+        the commanded ground speed.
     """
     drone = conditions.drone
     angle = np.radians(hops.bearing_deg)

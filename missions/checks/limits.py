@@ -32,15 +32,15 @@ FAR_FROM_HOME_M = 10_000.0
 FAR_RALLY_M = 5_000.0
 """A rally point farther than this from the whole route is reported."""
 USUAL_CEILING_M = 120.0
-"""Height above ground that most countries allow without a permit."""
+"""Height above ground allowed in most countries without a permit."""
 LOW_TAKEOFF_M = 3.0
-"""PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
+"""PX4 requires a take-off height of its acceptance radius (2 m) and 1 m more."""
 _ABOVE_HERE = RELATIVE_FRAMES | {Frame.GLOBAL_TERRAIN_ALT}
 _CANDIDATES = 8
 
 
 def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
-    """Check every speed item against the vehicle and what autopilots accept."""
+    """Check every speed item against the limits of the vehicle and the autopilots."""
     limit = min(AUTOPILOT_MAX_SPEED_MPS, drone.max_ground_speed_mps)
     for number, item in enumerate(mission.items):
         if item.command != Command.DO_CHANGE_SPEED or item.param1 not in (0.0, 1.0):
@@ -65,7 +65,7 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
 
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
-    """Report rally points far from every place of the route, with the distance."""
+    """Report rally points far from the whole route, with the distance."""
     steps, rally = route.steps, document.rally.points
     if not steps or not rally:
         return
@@ -87,9 +87,9 @@ def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[F
 
 
 def _nearest(points: Sequence[Point], places: Sequence[Point]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return for each point which place is nearest, the first of equals, and how far, m.
+    """Return for each point the nearest place, the first of equals, and its distance, m.
 
-    Candidates are nearest by the chord, which puts places in the same order as the geodesic where they are not all but equal.
+    Candidates are nearest by the chord, which orders places like the geodesic except for near ties.
     """
     from scipy.spatial import cKDTree  # imported late: 0.2 s
 
@@ -111,7 +111,7 @@ def _length_m(leg: RouteLeg) -> float:
 
 
 def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
-    """Check for segments that no battery lasts for."""
+    """Check for segments that are too long for any battery."""
     steps = route.steps
     if not steps:
         return
@@ -149,7 +149,7 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
             elif not known_ground and not math.isnan(mission.items[step.item].z):
                 absolute.append(step.item)
     for number, item in enumerate(mission.items):
-        # a take-off where the vehicle stands, at a place that the file does not tell
+        # a take-off at the vehicle's position, whose place is not in the file
         if (
             item.command in TAKEOFF_COMMANDS
             and item.frame in _ABOVE_HERE

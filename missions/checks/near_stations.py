@@ -20,7 +20,7 @@ _CELL_DEG = 0.01
 
 
 class NearStations:
-    """Finds the stations within `NEAR_STATION_M` of a place, however many there are of both."""
+    """Finds the stations within `NEAR_STATION_M` of a place, fast for any number of both."""
 
     def __init__(self, stations: Sequence[Station]) -> None:
         self._cells: dict[tuple[int, int], list[Station]] = defaultdict(list)
@@ -39,7 +39,7 @@ class NearStations:
                         yield station
 
     def ground_m(self, point: Point | None) -> float | None:
-        """Height above sea level of the ground of a station at a place, None where none is known."""
+        """Height above sea level of the ground of a station at a place, None if none is known."""
         return next((station.elevation_m for station in self.at(point) if station.elevation_m is not None), None)
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 SCHEMA = "skyway.check/1"
 MAX_PER_KIND = 20
 AIRSPACE_CODES = ("no-fly-zone", "above-max-height")
-"""Of findings that a flight is forbidden by its airspace."""
+"""Codes of findings that an airspace forbids a flight."""
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
@@ -50,15 +50,15 @@ class CheckReport:
 
     schema: str = SCHEMA
     ok: bool
-    """No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed."""
+    """No finding is an error, and no battery is empty before a landing, not even with an assumed vehicle."""
     findings: tuple[Finding, ...]
     """Errors first, then warnings, then information; each in the order of items."""
     legs: tuple[LegEnergy, ...]
-    """Flights, in order; their distances alone where no vehicle was judged."""
+    """Flights, in order; only their distances if no vehicle was judged."""
     heights: tuple[LegHeights | None, ...] = ()
     """Of each flight over the terrain model; empty without one."""
     vehicle_judged: bool = field(metadata=HIDDEN)
-    """False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown."""
+    """False if no vehicle was named and it is not a multirotor: speeds, range and battery are unknown."""
 
 
 def check(
@@ -70,7 +70,7 @@ def check(
     over: Over | None = None,
     depart_s: float | None = None,
 ) -> CheckReport:
-    """Check any mission: is it complete, can the autopilot fly it, does the battery last, does it stay in its fence.
+    """Check any mission: completeness, limits of the autopilot, battery, fence.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def check(
     dialect : Family, optional
         Autopilot to check against; by default the one the file names, if any.
     conditions : FlightConditions, optional
-        Vehicle, package, charge and wind; by default the built-in M200 V2, empty, in still air, and what it cannot
-        do is a warning then.
+        Vehicle, package, charge and wind; by default the built-in M200 V2, empty, in still air, whose limits are
+        then only warnings.
     zones : Airspace, optional
         Zones, and the greatest height above ground.
     depart_s : float, optional
         First take-off, POSIX seconds; without it zones count at all times.
     over : Over, optional
-        Terrain model that it is flown over; without one the ground is known at home, landings and stations alone.
+        Terrain model that it is flown over; without one the ground is known only at home, landings and stations.
     """
     if isinstance(document, Mission):
         document = MissionDocument(document)
@@ -140,7 +140,7 @@ def check(
 def _of_the_vehicle(
     mission: Mission, route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions
 ) -> Iterator[Finding]:
-    """Return what this vehicle cannot do: a warning at most where it is only assumed."""
+    """Return the violations of this vehicle's limits: at most warnings if it is only assumed."""
     drone = conditions.drone
     found = [
         *check_speeds(mission, drone),

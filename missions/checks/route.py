@@ -1,7 +1,7 @@
 """The route that a mission flies: items in the order flown, with jumps followed and holds counted.
 
-Endless jumps are followed once and reported, and then left as if a person had ended them: what lies behind is checked
-too. The number of steps is bounded, whatever a file says.
+Endless jumps are followed once and reported, and then left as if a person had ended them: the items after them are checked
+too. The number of steps is bounded for any file.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission, MissionItem
 
 MAX_REPEATED_STEPS = 20_000
-"""Steps followed beyond the number of items, where jumps repeat some."""
+"""Steps followed beyond the number of items, if jumps repeat some."""
 DEFAULT_SPEED_MPS = 5.0
-"""Where neither the mission nor its file gives a speed: PX4's default; ArduPilot's is 10."""
+"""Speed if neither the mission nor its file gives one: PX4's default; ArduPilot's is 10."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +30,10 @@ class Step:
     """A place the vehicle goes to."""
 
     item: int
-    """Number of the item that orders it."""
+    """Number of the item that commands it."""
     point: Point
     height_m: float
-    """Above home; NaN where the file does not let us know."""
+    """Above home; NaN if it cannot be determined from the file."""
     speed_mps: float
     """Commanded ground speed on the way there."""
     hold_s: float = 0.0
@@ -57,19 +57,19 @@ class RouteLeg:
     released: bool = False
     """Whether the package is released after this leg."""
     released_after: int | None = None
-    """So many steps are flown with it, where it is released in the air."""
+    """Number of steps that are flown with it, if it is released in the air."""
 
     def payloads_kg(self, payload_kg: float) -> list[float]:
-        """Package carried on the way to each step, if one is on board at the start."""
+        """Package carried on the way to each step, if there is one at the start."""
         with_it = len(self.steps) if self.released_after is None else self.released_after
         return [payload_kg] * with_it + [0.0] * (len(self.steps) - with_it)
 
     ground_hold_s: float | None = 0.0
-    """Time on the ground afterwards; None where a person or arming ends it; 0 where the next leg follows at once."""
+    """Time on the ground afterwards; None if a person or arming ends it; 0 if the next leg follows at once."""
 
     @property
     def next_ground_m(self) -> float:
-        """Height of the ground it ended on, as the next flight counts it: 0 where home moved there (disarmed)."""
+        """Height of the ground at its end, in the heights of the next flight: 0 if home moved there (disarmed)."""
         if self.ground_hold_s is None or not self.steps or self.landing != "land":
             return 0.0
         height = self.steps[-1].height_m
@@ -85,13 +85,13 @@ class Route:
     endless_jumps: tuple[int, ...]
     """Items that jump back forever."""
     is_cut: bool
-    """True where jumps repeat so often that the rest was omitted."""
+    """True if jumps repeat so often that the rest was omitted."""
     order: tuple[int, ...] = ()
     """Numbers of the items in the order in which they are taken, jumps left out: the mission unrolled."""
 
     @property
     def ends_in_endless_jump(self) -> bool:
-        """Whether an endless jump comes after the last place: nothing behind it could end the flight."""
+        """Whether an endless jump comes after the last place: no later item could end the flight."""
         return bool(self.endless_jumps) and bool(self.legs) and self.legs[-1].item_to < max(self.endless_jumps)
 
     @property
@@ -103,7 +103,7 @@ class Route:
 def fly(mission: Mission, *, autopilot: Family | None = None, laps: int = 1) -> Route:
     """Follow a mission from its first item to its end; endless jumps are followed a number of times.
 
-    The autopilot matters: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
+    The autopilot matters: ArduPilot ignores the place of a TAKEOFF, and keeps its height for an altitude of 0.
     """
     return _Walk(mission, autopilot, laps).run()
 
@@ -149,7 +149,7 @@ class _Walk:
         return Route(tuple(self.legs), tuple(self.endless), count >= most, tuple(self.order))
 
     def _jump(self, number: int, item: MissionItem) -> int | None:
-        """Return where a jump leads, None where the mission goes straight on; an endless one is taken `laps` times."""
+        """Return the target of a jump, None if the mission continues with the next item; an endless one is taken `laps` times."""
         if item.command == Command.DO_JUMP:
             target = item.jump_target
         elif item.command == Command.DO_JUMP_TAG and math.isfinite(item.param1):
@@ -203,7 +203,7 @@ class _Walk:
             leg.released = True
 
     def _released_here(self) -> None:
-        """The package leaves the drone in the air, at the place it was at last."""
+        """The package is released in the air, at the most recent place."""
         if self.leg is not None and self.leg.steps:
             self.leg.released_after = self.leg.released_after or len(self.leg.steps)
 
@@ -270,7 +270,7 @@ class _Walk:
         if item.command == Command.NAV_LOITER_UNLIM:
             return math.inf
         if item.command == Command.NAV_PAYLOAD_PLACE:
-            return hover_s("place")  # it sinks slowly until the package stands, lets go, and climbs back
+            return hover_s("place")  # it descends slowly until the package stands, releases it, and climbs back
         if item.command == Command.NAV_LOITER_TURNS:
             radius = abs(item.param3) if math.isfinite(item.param3) else 0.0
             turns = item.param1 if item.param1 > 0 else 0.0

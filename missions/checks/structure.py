@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ALTITUDE_TOLERANCE_M = 0.1
 MOUNT_MODE_GPS_POINT = 4
 _PLAIN_ALTITUDE_MODES = (0, 1, 2)
-"""Altitude modes of QGroundControl in which its own altitude is the one of the parameters."""
+"""Altitude modes of QGroundControl in which its own altitude equals the one of the parameters."""
 
 
 def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
@@ -68,7 +68,7 @@ def _has_a_place_in_no_global_frame(item: MissionItem) -> bool:
 
 
 def _never_reached(mission: Mission, route: Route) -> Iterator[Finding]:
-    """Tell places that the mission never goes to: behind a return, a loiter without end, or a jump over them."""
+    """Report places that the mission never reaches: after a return, a loiter without end, or a jump over them."""
     reached = {step.item for step in route.steps}
     placed = [n for n, item in enumerate(mission.items) if item.is_flown_to and item.point is not None]
     left_out = [number for number in placed if number not in reached]

@@ -43,7 +43,7 @@ class _Way(NamedTuple):
     height_m: NDArray[np.float64]
     item: NDArray[np.int64]
     path: list[tuple[float, float]]
-    """(along, height) of the points that the mission gives."""
+    """(along, height) of the points of the mission."""
 
 
 def check_terrain(
@@ -69,7 +69,7 @@ def check_terrain(
 def homes_m(
     mission: Mission, route: Route, over: Over, stations: Sequence[Station]
 ) -> tuple[list[float], list[Finding]]:
-    """Height above the sea of each flight's home, NaN where it is not given; and notes on it."""
+    """Height above the sea of each flight's home, NaN if not given; and notes on it."""
     findings: list[Finding] = []
     homes: list[float] = []
     near = NearStations(stations)
@@ -88,7 +88,7 @@ def _home_m(
 ) -> tuple[float, list[Finding]]:
     """Height above sea level of a flight's home, and notes on it.
 
-    The file's home, or the station there; where the terrain model contradicts it by much, the terrain.
+    The file's home, or the station there; the terrain, if it contradicts that by much.
     """
     if leg.start is None:
         return math.nan, []
@@ -106,7 +106,7 @@ def _home_m(
 
 
 def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
-    """Sample a flight: climbs and descents straight up and down are omitted; None where nothing is known of it."""
+    """Sample a flight: vertical climbs and descents are omitted; None if nothing is known of it."""
     if leg.start is None or not leg.steps or math.isnan(zero_m):
         return None
     every_m = max(over.terrain.spacing_m, 5.0)
@@ -120,9 +120,9 @@ def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | N
         level = step.height_m + (0.0 if above else zero_m)
         begin, end = height_m, level
         if command in TAKEOFF_COMMANDS or math.isnan(begin):
-            begin = level  # straight up first
+            begin = level  # vertical climb first
         elif command in LAND_COMMANDS:
-            end = begin  # straight down at the end
+            end = begin  # vertical descent at the end
         if length > _COLUMN_M and math.isfinite(begin + end):
             count = min(math.ceil(length / every_m) + 1, MAX_SAMPLES)
             share = np.linspace(0.0, 1.0, count)
@@ -144,7 +144,7 @@ def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | N
 
 
 def _judged(way: _Way, ground: NDArray[np.float64], top: NDArray[np.float64], over: Over) -> Iterator[Finding]:
-    """Judge a flight: what it touches, what is unknown, and where it keeps less than the clearance."""
+    """Judge a flight: contacts, unknown ground, and places with less than the clearance."""
     unknown = np.flatnonzero(np.isnan(ground))
     if len(unknown):
         k = int(unknown[0])

@@ -47,7 +47,7 @@ class SteadyWind:
 
     @property
     def probability(self) -> NDArray[np.float64]:
-        """Certain."""
+        """Its probability, 1."""
         return np.ones(1)
 
     def at(
@@ -65,14 +65,14 @@ class SteadyWind:
 
 @dataclass(frozen=True, slots=True)
 class ForecastWind:
-    """The members of an ensemble, carried to the height that is flown."""
+    """The members of an ensemble, converted to the flown height."""
 
     ensemble: WindEnsemble
     """At any height."""
     depart_s: float
     """POSIX seconds of the first take-off."""
     profile_exponent: float = 0.0
-    """How the wind grows with height (`models.wind.triangle.height_factor`), but not below `MIN_PROFILE_M`; 0: not."""
+    """Exponent of the wind profile (`models.wind.triangle.height_factor`), not applied below `MIN_PROFILE_M`; 0: none."""
 
     @property
     def probability(self) -> NDArray[np.float64]:

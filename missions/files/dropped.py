@@ -1,4 +1,4 @@
-"""Report of what a mission file loses when it is written in another format."""
+"""Report of the losses when a mission file is written in another format."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 COMMENT = "comment"
 _SHOWN = 6
-"""Keys that are named one by one."""
+"""Keys that are named individually."""
 _REPEATED = frozenset({"Altitude", "AMSLAltAboveTerrain", "AltitudeMode"})
-"""Keys of items by which QGroundControl shows again what the item says."""
+"""Keys of items in which QGroundControl repeats the contents of the item."""
 
 
 def dropped(document: MissionDocument, suffix: str) -> tuple[str, ...]:
-    """Return what a file with this suffix cannot hold of a document, a line each."""
+    """Return the parts of a document that a file with this suffix cannot contain, a line each."""
     text = suffix == ".waypoints"
     return (*(_of_waypoints(document) if text else _of_plan(document)), *_of_both(document))
 

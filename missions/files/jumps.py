@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def refers_to(item: MissionItem) -> int | None:
-    """Return the number that an item refers to; None where it refers to none, or to no particular one."""
+    """Return the number that an item refers to; None if it refers to none, or to no particular one."""
     target = item.jump_target
     return None if target is None or (item.command == Command.DO_SET_MISSION_CURRENT and target < 0) else target
 
@@ -27,9 +27,9 @@ def resolved(
     first: int,
     ambiguous: Callable[[int, int], InputError],
 ) -> tuple[MissionItem, ...]:
-    """Return items whose references are our numbers; one that leads nowhere stays out of range.
+    """Return items whose references are our numbers; a reference to a missing item stays out of range.
 
-    `numbers` are those of the items in the file; where it gives none, they count from `first`. `ambiguous` makes the
+    `numbers` are those of the items in the file; without them, they count from `first`. `ambiguous` makes the
     error for an item, by our number, and a number that several items have.
     """
     found = list(items)

@@ -23,14 +23,14 @@ SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
 def read(path: Path | str) -> MissionDocument:
     """Read a mission, fence or rally file.
 
-    A ``name.waypoints`` file is read together with ``name.fence.waypoints`` and ``name.rally.waypoints`` where these
-    stand beside it, since the format keeps one kind in each file.
+    A ``name.waypoints`` file is read together with ``name.fence.waypoints`` and ``name.rally.waypoints`` if these
+    are in the same folder, since the format keeps one kind in each file.
 
     Parameters
     ----------
     path : Path or str
-        QGroundControl ``.plan`` or ``.mission``, QGC WPL 110 text, or an old fence or rally text; the content
-        decides.
+        QGroundControl ``.plan`` or ``.mission``, QGC WPL 110 text, or an old fence or rally text; identified by its
+        content.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
 
 
 def write(document: MissionDocument, path: Path | str, *, force: bool = False) -> tuple[Path, ...]:
-    """Write a mission file in the format that its name asks for; return every file written.
+    """Write a mission file in the format of its suffix; return every file written.
 
     A ``.waypoints`` file holds the mission alone: fence and rally points go to ``.fence.waypoints`` and
     ``.rally.waypoints`` beside it, where Mission Planner loads them from. An `InputError` refuses another suffix, a
@@ -96,7 +96,7 @@ def files_of(document: MissionDocument, path: Path) -> dict[Path, Callable[[Miss
         raise InputError("has a suffix that is not a mission format", str(path), remedy=remedy)
     files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
     fence_path, rally_path = _siblings(path)
-    # A fence left over from another mission would be read with this one: replace it, or refuse.
+    # A fence left over from another mission would be read with this one: replace it, or refuse to write.
     if document.fence or fence_path.exists():
         files[fence_path] = waypoints_file.dumps_fence
     if len(document.rally) or rally_path.exists():

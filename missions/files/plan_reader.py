@@ -32,7 +32,7 @@ MAX_FAULTS = 20
 PLAN_VERSION = 1
 MISSION_VERSION = 2
 UNKNOWN_KEY = "skywayUnknown"
-"""Key of ours in the mission: which of the keys that QGroundControl requires are only filled in."""
+"""Key of ours in the mission: the keys required by QGroundControl that are only placeholders."""
 
 _NUMBERS = (int, float)
 _OLD_PARAMS = ("param1", "param2", "param3", "param4")
@@ -58,7 +58,7 @@ _PLAN_KEYS = frozenset({"fileType", "version", "groundStation", "mission", "geoF
 def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     """Read the text of a ``.plan`` or ``.mission`` file, which errors name.
 
-    An `InputError` refuses what is not JSON, of a version we do not know, with fields that are missing or wrong, or
+    An `InputError` refuses a text that is not JSON, of an unknown version, with fields that are missing or wrong, or
     with complex items that cannot be expanded.
     """
     try:
@@ -86,7 +86,7 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
 
 
 def _check_version(source: JsonField, what: str, *known: object) -> None:
-    """Refuse another version than those known, of which the last counts where none is given."""
+    """Refuse unknown versions; without a version, the last known one is assumed."""
     version = source.get("version", known[-1])
     if version.value not in known:
         raise version.fault(f"is an unknown {what} version", version.value, f"known: {', '.join(map(str, known))}")
@@ -106,7 +106,7 @@ def _with_strays(document: MissionDocument, strays: Sequence[MissionItem], file:
 
 
 def _read_mission(source: JsonField, *, old: bool = False) -> tuple[Mission, list[MissionItem]]:
-    """Return the mission, and the fence and rally points that stood among its items; `old`: of a ``.mission`` file."""
+    """Return the mission, and the fence and rally points among its items; `old`: of a ``.mission`` file."""
     _check_version(source, "mission", "1.0", MISSION_VERSION)
     raw_items = source["items"]
     if len(raw_items.elements()) > MAX_ITEMS:
@@ -149,7 +149,7 @@ def _read_home(home: JsonField) -> Home | None:
         return None
     triple = home.elements()
     if len(triple) > 1 and triple[0].value in (None, 0) and triple[1].value in (None, 0):
-        return None  # fences without a mission, and generators that know no home
+        return None  # fences without a mission, and generators without a home
     return Home(home.place(), triple[2].number_or_none() if len(triple) > 2 else None)
 
 
@@ -184,7 +184,7 @@ def _jump_id(source: JsonField) -> int | None:
 
 
 def _parameters(source: JsonField) -> list[Any]:
-    """Return seven raw parameters, whatever generation the item is of."""
+    """Return seven raw parameters, for an item of any generation."""
     fields = source.mapping()
     raw = [*source["params"].sequence()] if "params" in fields else [fields.get(key, 0) for key in _OLD_PARAMS]
     if "coordinate" in fields:
@@ -199,7 +199,7 @@ def _parameters(source: JsonField) -> list[Any]:
 
 
 def _read_item(source: JsonField) -> MissionItem:
-    """Read an item; files hold up to 100,000, so that fields are named only where they are wrong."""
+    """Read an item; files contain up to 100,000, so fields are named only if they are wrong."""
     fields = source.mapping()
     for key in ("command", "frame"):
         if key not in fields:

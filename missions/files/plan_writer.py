@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MAV_TYPE_QUADROTOR = 2
 _ALTITUDE_MODES = {"home": 1, "sea level": 2, "terrain": 4}
-"""QGroundControl's number of what an altitude counts from."""
+"""QGroundControl's number of an altitude reference."""
 
 
 def dumps(document: MissionDocument) -> str:
@@ -53,7 +53,7 @@ def _mission(mission: Mission) -> dict[str, Any]:
     first_frame = next((item.frame for item in mission.items if item.is_located), Frame.GLOBAL_RELATIVE_ALT)
     needed = required(mission)
     unknown = [key for key, value in needed.items() if value is None]
-    # QGroundControl refuses a plan without these keys: fill them in, and say which ones are only filled in.
+    # QGroundControl refuses a plan without these keys: fill them in, and mark them as placeholders.
     filled = {key: value for key, value in needed.items() if value is not None}
     raw = {
         "globalPlanAltitudeMode": _ALTITUDE_MODES.get(frame_name(first_frame), 1),
@@ -67,7 +67,7 @@ def _mission(mission: Mission) -> dict[str, Any]:
 
 
 def required(mission: Mission) -> dict[str, Any]:
-    """Return the fields without which QGroundControl opens no plan; None is unknown."""
+    """Return the fields that QGroundControl requires to open a plan; None is unknown."""
     home = mission.home
     return {
         "plannedHomePosition": [home.point.lat, home.point.lon, home.altitude_m] if home else None,
@@ -105,7 +105,7 @@ def _items(mission: Mission) -> list[Mapping[str, Any]]:
 
 
 def _is_unchanged(pattern: ComplexItem, items: Sequence[MissionItem]) -> bool:
-    """Whether the pattern still stands for exactly the items that the mission has in its place."""
+    """Whether the pattern still matches exactly the items that the mission has in its place."""
     alone = {"fileType": "Plan", "mission": {"items": [pattern.source]}}
     try:
         expanded = loads(json.dumps(alone)).mission.items
@@ -138,7 +138,7 @@ def _item(item: MissionItem, number: int) -> dict[str, Any]:
 
 
 def _altitude(item: MissionItem) -> dict[str, Any]:
-    """Return what QGroundControl shows as the altitude of a located item; it must agree with parameter 7."""
+    """Return the altitude that QGroundControl shows for a located item; it must agree with parameter 7."""
     if item.command not in LOCATED_COMMANDS or item.frame not in GLOBAL_FRAMES or math.isnan(item.z):
         return {}
     kept = item.extra

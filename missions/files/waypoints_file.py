@@ -1,8 +1,8 @@
 """Reader and writer of QGC WPL 110 text (``.waypoints``): Mission Planner, MAVProxy and QGroundControl.
 
 A row is index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue, between blanks,
-tabs or commas. Row 0 is home to every ground station, whatever its frame: a WAYPOINT, or command 0 of old Mission
-Planner; a take-off or fence point there cannot be home and is the first item (exports of PX4 and MAVSDK). Numbers of rows count home where it is there: item 0
+tabs or commas. Row 0 is home for every ground station, whatever its frame: a WAYPOINT, or command 0 of old Mission
+Planner; a take-off or fence point there cannot be home and is the first item (exports of PX4 and MAVSDK). Numbers of rows count home if it is present: item 0
 of ours is row 1. Fence points (5000 to 5004) and rally points (5100) may stand among the items.
 """
 
@@ -163,7 +163,7 @@ def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
 
 
 def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:
-    """Take row 0 as home; its altitude is the height of the ground where it counts from the sea."""
+    """Take row 0 as home; its altitude is the height of the ground if it is above sea level."""
     if not rows:
         return None, rows
     first = rows[0].item

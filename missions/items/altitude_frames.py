@@ -13,10 +13,10 @@ class Frame(IntEnum):
     """Coordinate frame of an item (MAV_FRAME)."""
 
     reference: str
-    """What an altitude counts from, in a word or two."""
+    """The altitude reference, in a word or two."""
 
     def __new__(cls, number: int, reference: str = "") -> Self:
-        """Make a member of its number and what its altitudes count from."""
+        """Make a member of its number and its altitude reference."""
         frame = int.__new__(cls, number)
         frame._value_, frame.reference = number, reference
         return frame
@@ -42,11 +42,11 @@ TERRAIN_FRAMES = frozenset(frame for frame in Frame if frame.reference == "terra
 
 
 def frame_of(number: int) -> int:
-    """Return the named frame of a number, or the number itself where we have no name."""
+    """Return the named frame of a number, or the number itself if it has no name here."""
     return _FRAMES.get(number, number)
 
 
 def frame_name(number: int) -> str:
-    """Return what an altitude counts from, in a word or two."""
+    """Return the altitude reference, in a word or two."""
     frame = _FRAMES.get(number)
     return f"frame {number}" if frame is None else frame.reference

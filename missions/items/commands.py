@@ -18,12 +18,12 @@ class Command(IntEnum):
     """Command of an item (MAV_CMD without its prefix)."""
 
     last_params: str
-    """What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former
+    """Meaning of parameters 5, 6 and 7: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former
     of a place that the vehicle goes to, the latter of one that it only points at; ``numbers``, parameter 5 or 6 is a
     plain number; empty, they are unused."""
 
     def __new__(cls, number: int, last_params: str = "") -> Self:
-        """Make a member of its number and what its last parameters are."""
+        """Make a member of its number and the meaning of its last parameters."""
         command = int.__new__(cls, number)
         command._value_, command.last_params = number, last_params
         return command
@@ -162,7 +162,7 @@ INDEX_COMMANDS = frozenset({Command.DO_JUMP, Command.DO_SET_MISSION_CURRENT})
 
 
 def kept_params(commands: dict[tuple[int, ...], str]) -> dict[int, tuple[int, ...]]:
-    """Return which of parameters 1 to 4 an autopilot keeps, by command, from the names of commands by what is kept."""
+    """Return which of parameters 1 to 4 an autopilot keeps, by command, from the names of commands by the kept parameters."""
     return {Command[name]: kept for kept, names in commands.items() for name in names.split()}
 
 
@@ -175,11 +175,11 @@ def is_scaled(command: int, frame: int) -> bool:
 
 
 def command_of(number: int) -> int:
-    """Return the named command of a number, or the number itself where we have no name."""
+    """Return the named command of a number, or the number itself if it has no name here."""
     return _COMMANDS.get(number, number)
 
 
 def command_name(number: int) -> str:
-    """Common name of a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
+    """Common name of a command: ``NAV_LAND``, or ``MAV_CMD 43003`` if it has no name here."""
     command = _COMMANDS.get(number)
     return f"MAV_CMD {number}" if command is None else command.name

@@ -21,7 +21,7 @@ MAX_PIECES = 1000
 
 
 def split_count(lat1: float, lon1: float, lat2: float, lon2: float) -> int:
-    """Return into how many equal pieces a geodesic must be split to be followed within `MAX_OFFSET_M`."""
+    """Return the number of equal pieces into which a geodesic must be split to be followed within `MAX_OFFSET_M`."""
     length, _ = geodesy.inverse(lat1, lon1, lat2, lon2)
     if float(length) < 1.0:
         return 1
@@ -40,7 +40,7 @@ def _offset_m(lat1: float, lon1: float, lat_mid: float, lon_mid: float, lat2: fl
 
 
 def _curvature_bound_m(lat1: float, lat2: float, length_m: float) -> float:
-    """Offset of a due easterly course at the highest latitude: what no straight line of this length exceeds."""
+    """Offset of a due easterly course at the highest latitude: the largest for a straight line of this length."""
     steepest = math.tan(math.radians(min(max(abs(lat1), abs(lat2)), 89.0)))
     return length_m**2 * steepest / (8.0 * geodesy.EARTH_RADIUS_M)
 

@@ -21,7 +21,7 @@ class MissionDocument:
     fence: Geofence = field(default_factory=Geofence)
     rally: RallyPoints = field(default_factory=RallyPoints)
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides; not compared."""
+    """Other contents of a file; not compared."""
 
     @property
     def places(self) -> list[tuple[float, float]]:

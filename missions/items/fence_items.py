@@ -24,7 +24,7 @@ COMMANDS = FENCE_COMMANDS | {HOME_CIRCLE, Command.NAV_RALLY_POINT}
 """Commands that belong to a fence or to rally points, not to a mission."""
 
 CLAIMED_COUNT = "claimedVertexCount"
-"""Key in `FencePolygon.extra`: the number of vertices a polygon said it had, where that was wrong."""
+"""Key in `FencePolygon.extra`: the stated number of vertices of a polygon, if it was wrong."""
 
 _POLYGONS = {
     Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION: True,
@@ -62,7 +62,7 @@ def _named(table: dict[Command, bool], inclusion: bool) -> Command:  # noqa: FBT
 
 
 def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
-    """Put a fence together from its items.
+    """Make a fence from its items.
 
     A polygon whose vertices carry another count than there are is kept unchanged and marked with the count it
     claims (`CLAIMED_COUNT`): vehicles acknowledge such a fence and it is invalid afterwards, so the checks call it an
@@ -118,7 +118,7 @@ def _same_polygon(item: MissionItem, head: MissionItem) -> bool:
 
 
 def to_rally(items: Sequence[MissionItem], file: str = "rally") -> RallyPoints:
-    """Put rally points together from their items; an item that is none is an `InputError`."""
+    """Make rally points from their items; any other item is an `InputError`."""
     points = []
     for position, item in enumerate(items):
         if item.command != Command.NAV_RALLY_POINT:

@@ -13,15 +13,15 @@ class Finding:
     """One finding, with its remedy."""
 
     severity: Severity
-    """``error``: it will not fly, or not safely; ``warning``: look at it; ``info``: worth knowing."""
+    """``error``: it will not fly, or not safely; ``warning``: needs attention; ``info``: for information."""
     item: int | None
     """Number of the item, home not counted; None concerns the whole mission."""
     code: str
-    """Stable name, for machines."""
+    """Stable identifier, for machines."""
     message: str
-    """What was found."""
+    """The finding."""
     remedy: str | None = None
-    """What would be right."""
+    """The remedy."""
 
     def __str__(self) -> str:
         where = "mission" if self.item is None else f"item {self.item}"

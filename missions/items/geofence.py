@@ -20,7 +20,7 @@ class FencePolygon:
     inclusion: bool = True
     """True: stay inside; False: stay outside."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides; not compared."""
+    """Other contents of a file; not compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,25 +34,25 @@ class FenceCircle:
     inclusion: bool = True
     """True: stay inside; False: stay outside."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides; not compared."""
+    """Other contents of a file; not compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class Geofence:
     """All areas of a vehicle's fence.
 
-    With several inclusion areas PX4 wants to be inside any of them, ArduPilot inside all of them unless bit 1 of
+    With several inclusion areas PX4 requires the vehicle to be inside any of them, ArduPilot inside all of them unless bit 1 of
     FENCE_OPTIONS is set.
     """
 
     polygons: tuple[FencePolygon, ...] = ()
     circles: tuple[FenceCircle, ...] = ()
     return_point: Point | None = None
-    """Where ArduPilot goes after a breach, where one is set."""
+    """ArduPilot's destination after a breach, if one is set."""
     return_altitude_m: float = 0.0
-    """Height above home there; 0 where none was given."""
+    """Height above home there; 0 if none was given."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides; not compared."""
+    """Other contents of a file; not compared."""
 
     def __bool__(self) -> bool:
         return bool(self.polygons or self.circles or self.return_point)

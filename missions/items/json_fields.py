@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MAX_FLOAT32 = 3.4028235e38
 MAX_PARAM = float(2**31 - 1)
-"""Largest parameter 5 or 6 that is no place: an integer of 32 bits on the wire."""
+"""Largest parameter 5 or 6 that is not a place: an integer of 32 bits on the wire."""
 
 
 class JsonField:
@@ -37,7 +37,7 @@ class JsonField:
         return key in self.mapping()
 
     def get(self, key: str, missing: object) -> JsonField:
-        """Return a field of an object; another value where it is not there."""
+        """Return a field of an object; another value if it is absent."""
         return self[key] if key in self else JsonField(missing, self.file, f"{self.name}.{key}")
 
     def of(self, value: object) -> JsonField:
@@ -116,6 +116,6 @@ class JsonField:
         return Point(to_e7(lat), to_e7(lon))
 
     def without(self, *known: str) -> dict[str, Any]:
-        """Return what is left of an object besides the keys that we understand."""
+        """Return the rest of an object besides the known keys."""
         left = self.mapping().keys() - known
         return {key: value for key, value in self.value.items() if key in left} if left else {}

@@ -19,28 +19,28 @@ if TYPE_CHECKING:
 
 
 WING_TYPES = frozenset({1, *range(19, 26)})
-"""MAV_TYPE of aeroplanes and of what takes off upright and flies on wings."""
+"""MAV_TYPE of aeroplanes and of VTOLs."""
 SURFACE_TYPES = frozenset({10, 11, 12})
 """MAV_TYPE of rovers, boats and submarines."""
 
 
 ABOVE_TERRAIN_MODE = 3
-"""Altitude mode of QGroundControl: it works the altitude above the sea out from one above terrain."""
+"""Altitude mode of QGroundControl: it computes the altitude above sea level from one above terrain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MissionItem:
-    """One order of a mission, with the fields of MISSION_ITEM_INT."""
+    """One command of a mission, with the fields of MISSION_ITEM_INT."""
 
     command: int
-    """MAV_CMD, by name where we know it."""
+    """MAV_CMD, by name if it has one here."""
     frame: int = Frame.MISSION
-    """MAV_FRAME: what `z` counts from."""
+    """MAV_FRAME: the reference of `z`."""
     param1: float = 0.0
     param2: float = 0.0
     param3: float = 0.0
     param4: float = 0.0
-    """As the command defines them; 0 where unused, NaN where the command lets the vehicle choose."""
+    """As the command defines them; 0 where unused, NaN if the command lets the vehicle choose."""
     x: int | None = 0
     y: int | None = 0
     """Parameters 5 and 6 in units of 1e-7: for a located command latitude and longitude in 1e-7 degree. None means not
@@ -48,9 +48,9 @@ class MissionItem:
     z: float = 0.0
     """Parameter 7: for a located command the altitude in metres; NaN means not given."""
     autocontinue: bool = True
-    """Go on to the next item by itself."""
+    """Continue with the next item automatically."""
     extra: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    """What a file said besides, kept for writing; not compared."""
+    """Other contents of a file, kept for writing; not compared."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MissionItem):
@@ -61,7 +61,7 @@ class MissionItem:
         return hash(self._key())
 
     def _key(self) -> tuple[float | str | None, ...]:
-        """Everything that is compared, with NaN equal to itself."""
+        """All compared fields, with NaN equal to itself."""
         return (
             self.command,
             self.frame,
@@ -84,12 +84,12 @@ class MissionItem:
 
     @property
     def param5(self) -> float:
-        """Parameter 5 as a number; NaN where not given."""
+        """Parameter 5 as a number; NaN if not given."""
         return math.nan if self.x is None else self.x / E7
 
     @property
     def param6(self) -> float:
-        """Parameter 6 as a number; NaN where not given."""
+        """Parameter 6 as a number; NaN if not given."""
         return math.nan if self.y is None else self.y / E7
 
     @property
@@ -104,7 +104,7 @@ class MissionItem:
 
     @property
     def is_located(self) -> bool:
-        """Whether `x`, `y`, `z` are meant as a place on Earth."""
+        """Whether `x`, `y`, `z` are a place on Earth."""
         return self.command in LOCATED_COMMANDS and self.frame in GLOBAL_FRAMES
 
     @property
@@ -121,7 +121,7 @@ class MissionItem:
 
     @property
     def was_planned_above_terrain(self) -> bool:
-        """Whether QGroundControl worked this altitude above the sea out from one above terrain; its file keeps both."""
+        """Whether QGroundControl computed this altitude above sea level from one above terrain; its file keeps both."""
         mode, shown, worked_out = (self.extra.get(key) for key in ("AltitudeMode", "Altitude", "AMSLAltAboveTerrain"))
         if self.frame not in (Frame.GLOBAL, Frame.GLOBAL_INT):
             return False
@@ -139,7 +139,7 @@ class MissionItem:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where the vehicle is meant to take off: the reference of relative heights."""
+    """The planned place of take-off: the reference of relative heights."""
 
     point: Point
     """On the map."""
@@ -155,14 +155,14 @@ class ComplexItem:
     count: int
     """The items it was expanded to."""
     source: Mapping[str, Any] = field(repr=False)
-    """As the file had it; written again as long as its items are unchanged."""
+    """As in the file; written again as long as its items are unchanged."""
     is_built: bool = False
     """The file did not hold its items: they were built from its settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """The orders of one flight, or of several with landings between them."""
+    """The commands of one flight, or of several with landings between them."""
 
     items: tuple[MissionItem, ...] = ()
     """Numbered from 0, home not counted."""
@@ -178,17 +178,17 @@ class Mission:
     complex_items: tuple[ComplexItem, ...] = field(default=(), compare=False, repr=False)
     """Patterns that some items came from; not compared."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides, kept for writing; not compared."""
+    """Other contents of a file, kept for writing; not compared."""
 
     def __len__(self) -> int:
         return len(self.items)
 
     @property
     def is_for_wings(self) -> bool:
-        """Whether it was planned for an aeroplane or a VTOL: the needs of a multirotor say nothing of its battery."""
+        """Whether it was planned for an aeroplane or a VTOL: the limits of a multirotor do not apply to its battery."""
         return self.vehicle_type in WING_TYPES
 
     @property
     def is_for_the_surface(self) -> bool:
-        """Whether it was planned for a rover, a boat or a submarine: nothing takes off, lands or needs height."""
+        """Whether it was planned for a rover, a boat or a submarine: without take-off, landing or height."""
         return self.vehicle_type in SURFACE_TYPES

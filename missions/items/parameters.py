@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 Rule = Literal["equal", "at-least", "at-most", "bits", "read"]
 UNITS = {"": 1.0, "m": 1.0, "cm": 100.0, "m/s": 1.0, "cm/s": 100.0, "deg": 1.0, "cdeg": 100.0}
-"""How many of a unit of the wire are one of ours."""
+"""Factor from our unit to a unit of the wire."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,27 +23,27 @@ class Parameter:
     """The autopilot's name."""
     rule: Rule
     """``equal``, ``at-least``, ``at-most``; ``bits``: these bits set, others as they are; ``read``: any value, but read
-    it before flying and tell the operator what it means."""
+    it before flying and report its meaning to the operator."""
     value: float | None
     """In the autopilot's unit; None for ``read``."""
     why: str
-    """What happens otherwise."""
+    """The consequence of another value."""
     key: str = ""
     words: str = ""
-    """Which setting it is, and that in words (`missions.autopilots.settings`); empty for a parameter of no known
+    """Its setting, by key and in words (`missions.autopilots.settings`); empty for a parameter of no known
     meaning."""
     unit: str = ""
     """The autopilot's."""
     paired: str = ""
-    """It counts only where the vehicle has this parameter too; empty for none."""
+    """It counts only if the vehicle also has this parameter; empty for none."""
     plausible: tuple[float, float] = (-3.5e38, 3.5e38)
-    """In the autopilot's unit: a value beyond means something else than we know."""
+    """In the autopilot's unit: a value beyond it has another meaning than ours."""
     others: tuple[Parameter, ...] = ()
-    """The same need where the firmware has no parameter of that name, the best first."""
+    """The same need if the firmware has no parameter of that name, the best first."""
 
     @property
     def ways(self) -> tuple[Parameter, ...]:
-        """It and the others."""
+        """The parameter and its alternatives."""
         return (replace(self, others=()), *self.others)
 
     @property
@@ -57,11 +57,11 @@ class Parameter:
         return self.words or self.name
 
     def or_else(self, *others: Parameter) -> Parameter:
-        """Return the same with other ways after its own."""
+        """Return the same with other alternatives after its own."""
         return replace(self, others=(*self.others, *(way for other in others for way in other.ways)))
 
     def called(self, name: str, unit: str) -> Parameter:
-        """Return the same need of a parameter of another name and unit, and of that one alone."""
+        """Return the same need of a parameter of another name and unit, without alternatives."""
         known = [known for known in UNITS if known.removeprefix("c") == self.unit.removeprefix("c")]
         if unit not in known:
             remedy = " or ".join(known) or "no unit"
@@ -109,7 +109,7 @@ class FlightNeeds:
     stays_armed: bool = False
     uses_gripper: bool = False
     uses_winch: bool = False
-    """What the mission has."""
+    """The properties of a mission that determine its parameters."""
 
 
 def dumps(
@@ -117,8 +117,8 @@ def dumps(
 ) -> str:
     """Return the text of a Mission Planner parameter file, which QGroundControl's users can read too.
 
-    Parameters that must only be read first are comments, and so is what other firmware calls a parameter. `firmware`
-    says in words for which it is, `way` which way of a need counts in that firmware, None for none; by default the
+    Parameters that must only be read first are comments, and so are the names in other firmware. `firmware`
+    names the firmware in words, `way` is the alternative of a need in that firmware, None for none; by default the
     first.
     """
     lines = ["# Parameters that this mission needs: NAME,VALUE"]

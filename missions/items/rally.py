@@ -20,7 +20,7 @@ class RallyPoint:
     altitude_m: float
     """Height above home at which to arrive."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides (an old rally file: break altitude, landing direction, flags); not compared."""
+    """Other contents of a file (an old rally file: break altitude, landing direction, flags); not compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class RallyPoints:
     points: tuple[RallyPoint, ...] = ()
     """In order."""
     extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a file said besides; not compared."""
+    """Other contents of a file; not compared."""
 
     def __len__(self) -> int:
         return len(self.points)

@@ -25,20 +25,20 @@ def to_plane(places: Sequence[Place], origin: Place) -> NDArray[np.float64]:
 
 
 def to_place(x: float, y: float, origin: Place) -> Place:
-    """Return where a point of the plane is on the map."""
+    """Return the position on the map of a point of the plane."""
     return geodesy.direct(*origin, math.degrees(math.atan2(x, y)), math.hypot(x, y))
 
 
 def is_clockwise(polygon: NDArray[np.float64]) -> bool:
-    """Whether a polygon is run through clockwise, seen from above."""
+    """Whether the vertices of a polygon are in clockwise order, seen from above."""
     x, y = polygon.T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) < 0.0
 
 
 def offset(line: NDArray[np.float64], distance_m: float, *, closed: bool) -> NDArray[np.float64] | None:
-    """Move the edges of a line to their left; None where two neighbours are parallel, or an edge has no length.
+    """Move the edges of a line to their left; None if two neighbours are parallel, or an edge has no length.
 
-    Every corner of the result is where two moved edges, made longer, meet; vertices have the shape (n, 2). A negative
+    Every corner of the result is the intersection of two moved edges, extended; vertices have the shape (n, 2). A negative
     distance is to the right of the direction of each edge. Of a closed line the last vertex is joined to the first.
     """
     following = np.roll(line, -1, axis=0)
@@ -104,7 +104,7 @@ _MARGIN_M = 1000.0
 
 
 def line_count(polygon: NDArray[np.float64], spacing_m: float) -> float:
-    """Return about how many lines `sweep` draws at most."""
+    """Return the approximate largest number of lines of `sweep`."""
     return float(np.hypot(*(polygon.max(axis=0) - polygon.min(axis=0)))) / spacing_m
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 MAX_BUILT = 20_000
-"""Items built for one pattern; no autopilot holds as many."""
+"""Limit of items for one pattern; no autopilot holds as many."""
 
 
 def corners(line: JsonField, least: int) -> list[Place]:
@@ -37,10 +37,10 @@ def waypoint(frame: Frame, place: Place, altitude_m: float, hold_s: float = 0) -
 
 
 def trigger(distance_m: float, *, at_once: bool = True) -> Mapping[str, Any]:
-    """Return the order to take a picture every so many metres; 0 ends it."""
+    """Return the command to take a picture at a distance interval, metres; 0 ends it."""
     return item(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, [distance_m, 0, int(at_once), 0, 0, 0, 0])
 
 
 def one_photo() -> Mapping[str, Any]:
-    """Return the order to take one picture now."""
+    """Return the command to take one picture now."""
     return item(Command.IMAGE_START_CAPTURE, Frame.MISSION, [0, 0, 1, 0, None, None, None])

@@ -1,4 +1,4 @@
-"""Landing patterns: the items that QGroundControl flies; its files store only places and options.
+"""Landing patterns: the items flown by QGroundControl, whose files contain only places and options.
 
 Source: ``LandingComplexItem::appendMissionItems`` of QGroundControl, and the two older classes that it replaced.
 """
@@ -24,7 +24,7 @@ THROTTLE_AS_IT_IS = -1
 
 
 def expand(kind: str, source: JsonField) -> list[Mapping[str, Any]]:
-    """Return the items of a landing pattern as a plan file has them: land start, speed, cameras off, approach, landing.
+    """Return the items of a landing pattern in a plan file: land start, speed, cameras off, approach, landing.
 
     Raises an `InputError` if a place, the radius, the speed or a choice is missing or impossible.
     """

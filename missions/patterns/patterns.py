@@ -22,17 +22,17 @@ PATTERN_VERSIONS = {
 }
 """Versions of patterns that QGroundControl reads, and those older ones whose items the file holds."""
 BUILT = {"survey": transect_patterns.survey, "CorridorScan": transect_patterns.corridor}
-"""Patterns that are built from their settings where their file holds no items."""
+"""Patterns that are built from their settings if their file contains no items."""
 _WITHOUT_STYLE = (2, 3)
 """Versions of surveys that never held items."""
 
 
 def expand(source: JsonField, number_here: int) -> tuple[list[Mapping[str, Any]], bool]:
-    """Return the simple items of a pattern, and whether they were built as QGroundControl builds them.
+    """Return the simple items of a pattern, and whether they were built as in QGroundControl.
 
-    The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact. An
-    `InputError`, which names the number of the first item, refuses a pattern or version we do not know, and one that
-    cannot be built from what the file says.
+    The items are those in the file, if any. Landing patterns count as contained: their expansion is exact. An
+    `InputError`, which names the number of the first item, refuses an unknown pattern or version, and one that
+    cannot be built from the contents of the file.
     """
     kind = str(source["complexItemType"].value or source["type"].value)
     _check_version(kind, source)

@@ -1,7 +1,7 @@
 """Structure scans: rings around a building, layer by layer.
 
 Source: ``StructureScanComplexItem::appendMissionItems`` of QGroundControl. It enters at the first vertex, turns the
-camera to the building, flies each layer as a closed ring with pictures, and leaves where it came.
+camera to the building, flies each layer as a closed ring with pictures, and leaves at the point of entry.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Surveys and corridor scans, expanded to items as in QGroundControl.
 
 Surveys of versions 2 and 3 never hold them, later ones and corridors hold an empty list where a program wrote them.
-Sources: ``SurveyComplexItem``, ``CorridorScanComplexItem`` and ``TransectStyleComplexItem`` of QGroundControl. Not
-built is what needs more than the file: heights computed above terrain, and settings that contradict each other.
+Sources: ``SurveyComplexItem``, ``CorridorScanComplexItem`` and ``TransectStyleComplexItem`` of QGroundControl. Patterns
+that need more than the file are not built: heights computed above terrain, and settings that contradict each other.
 Newer QGroundControl for PX4 marks the ends of a transect by gates on the way; waypoints stand at the same places here.
 """
 
@@ -30,9 +30,9 @@ CLOSEST_TRANSECTS_M = {"survey": 0.3, "CorridorScan": 0.5}
 ONE_TRANSECT_M = 100_000.0
 TOP_RIGHT = 1
 MANUAL = "Manual"
-"""Begins the name of no camera: it alone may be flown at heights above the sea."""
+"""Prefix of the name of "no camera": only this one may be flown at heights above the sea."""
 _FRAMES = {1: Frame.GLOBAL_RELATIVE_ALT, 2: Frame.GLOBAL, 4: Frame.GLOBAL_TERRAIN_ALT}
-"""By the altitude mode of QGroundControl; 3 works heights out from a terrain model."""
+"""By the altitude mode of QGroundControl; 3 computes heights from a terrain model."""
 _DISAGREES = 0.01
 
 
@@ -44,16 +44,16 @@ class Transects:
     trigger_m: float
     """Between transects, and between pictures along one; no trigger distance, no pictures."""
     altitude_m: float
-    """Counted as `frame` says."""
+    """In the reference of `frame`."""
     frame: Frame
     turnaround_m: float
-    """Flown on beyond the ends of each transect."""
+    """Extension beyond the ends of each transect."""
     entry: int
     """Corner to begin at: 0 to 3."""
     hovers: bool
-    """It stops for each picture."""
+    """Whether it stops for each picture."""
     photographs_turns: bool
-    """Pictures are taken while it turns, too."""
+    """Whether pictures are taken in turns, too."""
 
 
 def survey(source: JsonField) -> list[Mapping[str, Any]]:
@@ -151,7 +151,7 @@ def _settings_of_version_3(source: JsonField) -> tuple[Transects, float, bool]:
 
 
 def _agree(source: JsonField, altitude: float) -> None:
-    """Refuse a spacing that is not the camera's at this height: QGroundControl flies the camera's, not the file's."""
+    """Refuse a spacing that differs from the camera's at this height: QGroundControl uses the camera's, not the file's."""
     camera = source["camera"]
     keys = ("focalLength", "sensorWidth", "resolutionWidth", "resolutionHeight")
     focal, sensor, wide, high = (camera[key].quantity(positive=True) for key in keys)
@@ -248,12 +248,12 @@ def _items(lines: Sequence[list[Place]], settings: Transects, source: JsonField)
 
 
 def _beyond(before: Place, end: Place, length_m: float) -> Place:
-    """Return the place as far behind the end of a line, in its direction."""
+    """Return the place at a distance beyond the end of a line, in its direction."""
     return geodesy.direct(*end, geodesy.bearing_deg(*end, *before) + 180.0, length_m)
 
 
 def _stops(line: list[Place], step_m: float, source: JsonField) -> list[Place]:
-    """Return where it hovers for pictures between the ends of a survey's transect."""
+    """Return the places of hovering for pictures between the ends of a survey's transect."""
     length = geodesy.distance_m(*line[0], *line[-1])
     _limit(2.0 * length / step_m, source)
     if len(line) > 2 or step_m >= length:

@@ -1,1 +1,1 @@
-"""Recharge stops for any mission: its actions and state at each point, and the missions that it is cut into."""
+"""Recharge stops for any mission: its actions and state at each point, and the missions into which it is cut."""

@@ -23,17 +23,17 @@ Place = tuple[float, float]
 Via = tuple[Place, ...]
 """Latitude and longitude of the bends of a way, in the order that they are flown."""
 MAX_DETOUR = 3.0
-"""A way that bends is at most as many times as long as the straight one."""
+"""Greatest ratio of the length of a way with bends to the straight one."""
 INSIDE_M = 3.0
-"""So far inside a fence a way stays at its corners."""
+"""Distance inside a fence that a way keeps at its corners."""
 _M_PER_DEG = 111_195.0
 
 
 class BentWays:
-    """Ways that bend, where a fence or zones close straight ones.
+    """Ways with bends, for straight ways that a fence or zones close.
 
-    `shut` tells which straight pieces (lon, lat), shape (pieces, 2, 2), are closed; `places` (latitude, longitude) are all between
-    which there may be ways.
+    `shut` returns which straight pieces (lon, lat), shape (pieces, 2, 2), are closed; `places` (latitude, longitude) are all possible
+    ends of ways.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class BentWays:
         self.bends = Bends(replace(Airspace.of_polygons(names, areas), max_detour=MAX_DETOUR)) if areas else None
 
     def to(self, places: NDArray[np.float64], goal: Place) -> list[Via | None]:
-        """Return the bends of the ways from places (latitude, longitude) to one; None where no way exists."""
+        """Return the bends of the ways from places (latitude, longitude) to one; None if no way exists."""
         if self.bends is None or not len(places):
             return [None] * len(places)
         found = self.bends.to_one(places, goal)
@@ -77,9 +77,9 @@ def _near(areas: NDArray[np.object_], places: NDArray[np.float64]) -> list[shape
 
 
 def _closed_by(fence: Geofence, *, every: bool) -> list[shapely.Geometry]:
-    """Return what a fence closes: its exclusion areas, and the bays that its inclusion areas leave.
+    """Return the areas that a fence closes: its exclusion areas, and the bays of its inclusion areas.
 
-    A bay is what lies between an inclusion area and its hull, drawn on outwards, so that no way leads around it outside of the fence.
+    A bay is the area between an inclusion area and its hull, extended outwards, so that no way leads around it outside of the fence.
     """
     import shapely
     from shapely import affinity

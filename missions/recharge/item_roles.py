@@ -1,14 +1,14 @@
 """The role of each item at a cut: one table.
 
-A mission is cut at a place that it flies through. What was ordered before it is one of these:
+A mission is cut at a place that it flies through. A command before it has one of these roles:
 
-- *state*: it holds until something else is ordered (a speed, a region of interest, a servo). What holds at the cut is ordered again
-  when the work goes on, the latest order of each kind.
-- *event*: it happens once (a picture, the opening of a gripper). It stays where it was, and is never ordered twice.
-- *condition*: it delays the orders behind it. There is no cut before they are done.
+- *state*: it remains in force until another command replaces it (a speed, a region of interest, a servo). The states at the cut are commanded again
+  when the work continues, the latest command of each kind.
+- *event*: it happens once (a picture, the opening of a gripper). It stays in its place, and is never commanded twice.
+- *condition*: it delays the commands after it. There is no cut before these are done.
 - *way*: the vehicle flies there, or stays there.
-- *bound*: from there on the mission cannot be cut, for what it has started cannot be restarted elsewhere.
-- *mark*: it numbers, or jumps; an unrolled mission has none.
+- *bound*: from there on the mission cannot be cut, because the action that it has started cannot be restarted elsewhere.
+- *mark*: a label or a jump; an unrolled mission has none.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _ROLES: Mapping[int, Role] = {Command[name]: role for role, names in _NAMES.item
 _OF_EACH = frozenset(
     {Command.DO_SET_RELAY, Command.DO_SET_SERVO, Command.DO_AUX_FUNCTION, Command.DO_MOUNT_CONTROL, Command.DO_SPRAYER}
 )
-"""Commands that hold for what parameter 1 numbers."""
+"""Commands whose state belongs to the number in parameter 1."""
 _ONE_THING = {
     "region of interest": "DO_SET_ROI_LOCATION DO_SET_ROI_WPNEXT_OFFSET DO_SET_ROI_NONE DO_SET_ROI_SYSID DO_SET_ROI NAV_ROI",
     "gimbal": "DO_MOUNT_CONTROL DO_MOUNT_CONTROL_QUAT DO_GIMBAL_MANAGER_PITCHYAW",
@@ -63,7 +63,7 @@ _ONE_THING = {
 }
 _THING: Mapping[int, str] = {Command[name]: thing for thing, names in _ONE_THING.items() for name in names.split()}
 PICTURES, VIDEO, SPEED = "pictures", "video", "speed"
-"""Kinds of state that a cut treats in a way of their own."""
+"""Kinds of state that a cut treats specially."""
 
 
 def role_of(item: MissionItem) -> Role:
@@ -77,21 +77,21 @@ def role_of(item: MissionItem) -> Role:
 
 
 def state_key(item: MissionItem) -> str:
-    """Return which state an item orders: a later order of the same key replaces it."""
+    """Return the state that an item commands: a later command of the same key replaces it."""
     thing = _THING.get(item.command, command_name(item.command))
-    if item.command == Command.DO_CHANGE_SPEED:  # up and down are others than ahead
+    if item.command == Command.DO_CHANGE_SPEED:  # up and down are separate from ahead
         return f"{thing} {item.param1:g}" if item.param1 in (2.0, 3.0) else thing
     return f"{thing} {item.param1:g}" if item.command in _OF_EACH and thing not in _ONE_THING else thing
 
 
 def is_no_region(item: MissionItem) -> bool:
-    """Whether an item ends a region of interest without ordering one; ArduPilot takes DO_SET_ROI with a place whatever its mode."""
+    """Whether an item ends a region of interest without starting one; ArduPilot uses DO_SET_ROI with a place whatever its mode."""
     no_place = item.param1 == 0.0 and item.point is None
     return item.command == Command.DO_SET_ROI_NONE or (item.command == Command.DO_SET_ROI and no_place)
 
 
 def roles() -> Mapping[Role, tuple[str, ...]]:
-    """Return the names of all commands by what they mean at a cut."""
+    """Return the names of all commands by their role at a cut."""
     found: dict[Role, tuple[str, ...]] = {role: tuple(names.split()) for role, names in _NAMES.items()}
     bound = set(found["bound"])
     ways = sorted(command for command in FLOWN_COMMANDS if command.name not in bound)

@@ -1,8 +1,8 @@
-"""Ways between the work and the pads: their heights, which of them may be flown, and their time and energy.
+"""Ways between the work and the pads: their heights, whether they may be flown, and their time and energy.
 
-A way to a pad climbs where the work is left to a height that is safe all along, is level, and comes down on the pad; the
-way back is the same the other way round. Safe is the greatest height of the mission, the height above the pad's ground that is asked
-for, and what a terrain model says. It is straight; where that leaves the fence or comes into a zone, it bends around that, or there is none.
+A way to a pad climbs at the point where the work is left to a height that is safe all along, is level, and comes down on the pad; the
+way back is the reverse. The safe height is the greatest of the mission's height, the requested height above the pad's
+ground, and the height required by a terrain model. The way is straight; if that leaves the fence or enters a zone, it bends around that, or there is none.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
 
 STEADY_S = 5.0
-"""Time in which a vehicle stands still where the work goes on, so that it begins there and not beside."""
+"""Time in which a vehicle stands still where the work continues, so that it starts exactly there."""
 LOWEST_M = 20.0
-"""Above the ground of a pad a way is never lower."""
+"""Least height of a way above the ground of a pad."""
 
 
 @dataclass(frozen=True, slots=True)
 class TransitRules:
-    """How ways to pads are flown."""
+    """Options of ways to pads."""
 
     speed_mps: float
     """Over the ground."""
@@ -64,7 +64,7 @@ class PadWays:
     ground_m: tuple[float, ...]
     """Of each pad, above the home of the mission."""
     level_m: NDArray[np.float64]
-    """Shape (points, pads). Height above home of the way; NaN where there is none."""
+    """Shape (points, pads). Height above home of the way; NaN if there is none."""
     back_level_m: NDArray[np.float64]
     """Likewise, of the way back, which may lead to another place (`WorkPoint.resume_share`)."""
     between_level_m: NDArray[np.float64]
@@ -78,9 +78,9 @@ class PadWays:
 
 
 def pad_grounds_m(pads: Sequence[Station], home_m: float | None, over: Over | None, *, level: bool) -> list[float]:
-    """Return the ground of pads above the home of a mission; `level` takes unknown ground to be as high as home.
+    """Return the ground of pads above the home of a mission; `level` assumes unknown ground to be as high as home.
 
-    An `InputError` names every pad whose ground is unknown, or says that the height of home is not.
+    An `InputError` names every pad whose ground is unknown, or reports that the height of home is unknown.
     """
     if level:
         return [0.0 if home_m is None or pad.elevation_m is None else pad.elevation_m - home_m for pad in pads]
@@ -135,7 +135,7 @@ def pad_ways(
     bent = BentWays(document.fence, rules.zones, shut_ways, every=strict, places=all_places)
 
     def top_m(chain: Sequence[tuple[float, float]], least_m: float) -> float:
-        """Height that a terrain model asks for on a way that bends; NaN where the ground is unknown."""
+        """Height required by a terrain model on a way with bends; NaN if the ground is unknown."""
         if rules.over is None:
             return least_m
         tops = [
@@ -153,7 +153,7 @@ def pad_ways(
         for number, pad in enumerate(pads):
             if rules.over is not None:
                 top = level_over_m((pad.lat, pad.lon), places[:, 0], places[:, 1], rules.over) - home_m
-                found[:, number] = np.maximum(found[:, number], top)  # NaN where the ground is unknown
+                found[:, number] = np.maximum(found[:, number], top)  # NaN if the ground is unknown
             ends = np.empty((len(places), 2, 2))
             ends[:, 0, 0], ends[:, 0, 1], ends[:, 1] = places[:, 1], places[:, 0], (pad.lon, pad.lat)
             shut = np.flatnonzero(shut_ways(ends))
@@ -207,7 +207,7 @@ def hops_to_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: Fli
 
 
 def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: FlightConditions) -> Hops:
-    """Hops from every pad to where the work of every point resumes, until it is as far as the point; likewise ordered."""
+    """Hops from every pad to the place where the work of every point resumes, until it is as far as the point; likewise ordered."""
     at = [work.at(point.step, point.resume_share) for point in work.points]
     here, heights = np.array([one[:2] for one in at]), np.array([one[2] for one in at])
     hops = _hops(here, heights, ways, ways.back_level_m, ways.back_via, rules, conditions, back=True)
@@ -217,12 +217,12 @@ def hops_from_pads(work: Work, ways: PadWays, rules: TransitRules, conditions: F
 
 
 def _turns_s(work: Work) -> NDArray[np.float64]:
-    """Time of braking from the speed of the work, or of gaining it, at each point."""
+    """Time of braking from the speed of the work, or of accelerating to it, at each point."""
     return np.array([turn_s(point.speed_mps) for point in work.points])
 
 
 def _flown_again_s(work: Work, number: int) -> float:
-    """Time for what is flown a second time, between the last picture and where the work was left."""
+    """Time for the stretch that is flown a second time, between the last picture and the place where the work was left."""
     point = work.points[number]
     if point.share == point.resume_share:
         return 0.0
@@ -242,7 +242,7 @@ def hops_between_pads(ways: PadWays, rules: TransitRules, conditions: FlightCond
 def bent_hops(work: Work | None, ways: PadWays, rules: TransitRules, *, back: bool) -> tuple[Hops, NDArray[np.int64]]:
     """Return the level pieces of ways that bend, and the number of the way of each, as `hops_to_pads`, or `hops_from_pads`, numbers them.
 
-    Between pads without `work`. Those have the climbs, the descents and the holds of these ways, and no length.
+    Between pads without `work`. These have the climbs, the descents and the holds of these ways, and no length.
     """
     pads = len(ways.pads)
     at_pads = [(pad.lat, pad.lon) for pad in ways.pads]
@@ -299,7 +299,7 @@ def _hops(
     ends = (pad_lat, pad_lon, lat, lon) if back else (lat, lon, pad_lat, pad_lon)
     length, bearing = geodesy.inverse(*ends)
     middle = geodesy.midpoint(ends[0], ends[1], bearing, length)
-    # it stands where it begins, and over the pad
+    # it stands at its begin, and over the pad
     speed = min(rules.speed_mps, conditions.drone.max_ground_speed_mps)
     moves = length > SAME_PLACE_M
     climb, descent = (level - ground, level - height) if back else (level - height, level - ground)

@@ -1,7 +1,7 @@
 """The missions that a mission is cut into: one for each battery.
 
-Each but the first begins on a pad: it climbs, flies to where the work was left, repeats the commands in force there, and continues. Each but the
-last stops what runs on the way (pictures, video, spraying) and lands on a pad. Between, the items are those of the mission, jumps
+Each except the first begins on a pad: it climbs, flies to the place where the work was left, repeats the commands in force there, and continues. Each except the
+last stops running actions (pictures, video, spraying) and lands on a pad. Between, the items are those of the mission, jumps
 unrolled; heights above home count from the pad, since home moves there when it is armed.
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work, WorkPoint
 
 EXACT_M = 1.0
-"""Acceptance radius of places where the work is left and continued with."""
+"""Acceptance radius of places where the work is left and resumed."""
 
 
 class PartBuilder:
@@ -60,16 +60,16 @@ class PartBuilder:
         return self._of(items, None if span.begin is None else span.begin[1])
 
     def reaches(self, span: Span) -> tuple[Done | None, ...]:
-        """Return for each item of a flight the progress of the work when it is reached; None where it is not a place of the work."""
+        """Return for each item of a flight the progress of the work when it is reached; None if it is not a place of the work."""
         if span.only_moves:
             return (None,) * len(self.flight(span).items)
         return tuple(done for _, done in self._items(span))
 
     def whole(self, flights: list[Mission]) -> tuple[Mission, tuple[int, ...]]:
-        """Join flights to one mission that lands and disarms on every pad; return it and the item that each flight begins with.
+        """Join flights to one mission that lands and disarms on every pad; return it and the first item of each flight.
 
-        Heights count from the pad that it was armed on. An autopilot that stays in its mission continues when it is armed again, without
-        a TAKEOFF; another one begins each flight with its TAKEOFF, when that was made the current item before it was armed.
+        Heights count from the pad where it was armed. An autopilot that stays in its mission continues when it is armed again, without
+        a TAKEOFF; another one begins each flight with its TAKEOFF, if that was made the current item before arming.
         """
         items, begins = list(flights[0].items), [0]
         for flight in flights[1:]:
@@ -82,11 +82,11 @@ class PartBuilder:
         return replace(flights[0], items=tuple(items)), tuple(begins)
 
     def ground_m(self, pad: int | None) -> float:
-        """Height of the ground that a flight leaves, above the home of the mission."""
+        """Height of the ground at the start of a flight, above the home of the mission."""
         return 0.0 if pad is None else self.ways.ground_m[pad]
 
     def _items(self, span: Span) -> Iterator[tuple[MissionItem, Done | None]]:
-        """Yield the items of a flight, each with how far the work is done when it is reached."""
+        """Yield the items of a flight, each with the progress of the work when it is reached."""
         begin, end = span.begin, span.end
         ground = self.ground_m(None if begin is None else begin[1])
         first = 0
@@ -101,7 +101,7 @@ class PartBuilder:
             done = None if step is None else (step, 1.0)
             yield from ((item, done) for item in self._written(taken, ground))
             if begin is None and step == 0 and not self._orders_speed:
-                # vehicles are set to the greatest speed of all flights, not to that which the file tells
+                # vehicles are set to the greatest speed of all flights, not to that of the file
                 yield self._speed(self.work.points[0].speed_mps), None
         if end is not None:
             yield from self._left(self.work.points[end[0]], ground)
@@ -148,7 +148,7 @@ class PartBuilder:
         yield self._place(Command.NAV_WAYPOINT, lat, lon, level - ground, self._transit_frame)
 
     def _resumed(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
-        """Go on where the work was left, with all that held there."""
+        """Resume the work, with all states in force there."""
         yield self._work_place(point, point.resume_share, ground, STEADY_S), (point.step, point.resume_share)
         held = self.work.state(point)
         yield self._speed(point.speed_mps), None
@@ -167,7 +167,7 @@ class PartBuilder:
             yield MissionItem(Command.DO_TRIGGER_CONTROL, Frame.MISSION, 1.0), None
 
     def _left(self, point: WorkPoint, ground: float) -> Iterator[tuple[MissionItem, Done | None]]:
-        """Fly as far as the work is done, and stop what runs on the way."""
+        """Fly as far as the work of this flight, and stop running actions."""
         if point.share < 1.0:
             yield self._work_place(point, point.share, ground, 0.0), (point.step, point.share)
         yield from ((item, None) for item in orders_off(self.work.state(point).values()))
@@ -182,18 +182,18 @@ class PartBuilder:
         yield self._land(pad, ground)
 
     def _bends(self, via: Via, height_m: float) -> Iterator[MissionItem]:
-        """Fly around what closes the straight way."""
+        """Fly around the obstacles of the straight way."""
         for lat, lon in via:
             yield self._place(Command.NAV_WAYPOINT, lat, lon, height_m, self._transit_frame)
 
     def _written(self, taken: int, ground: float) -> Iterator[MissionItem]:
-        """Yield an item of the work as a flight from a ground has it."""
+        """Yield an item of the work in the form for a flight from a ground."""
         number = self.work.route.order[taken]
         item, step = self.work.mission.items[number], self.step_of.get(taken)
         if role_of(item) == "mark":
             return
         if item.command == Command.NAV_RETURN_TO_LAUNCH and step is not None:
-            # launch is another place for every flight but the first
+            # launch is a different place for every flight except the first
             home = self.home.point
             yield self._place(Command.NAV_WAYPOINT, home.lat, home.lon, step.height_m - ground)
             yield self._place(Command.NAV_LAND, home.lat, home.lon, -ground)
@@ -207,7 +207,7 @@ class PartBuilder:
         yield self._shifted(item, ground)
 
     def _shifted(self, item: MissionItem, ground: float) -> MissionItem:
-        """Count a height above home from the ground that the flight leaves."""
+        """Convert a height above home to one above the ground of take-off."""
         counts = (item.command in LOCATED_COMMANDS and item.frame in RELATIVE_FRAMES) or (
             item.command == Command.CONDITION_CHANGE_ALT
         )
@@ -251,7 +251,7 @@ class PartBuilder:
 
 
 def orders_off(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
-    """Return the orders that stop actions which some items start and no order ends: pictures, video, spraying; each once."""
+    """Return the commands that stop actions which some items start and no command ends: pictures, video, spraying; each once."""
     found: dict[tuple[int, float], MissionItem] = {}
     for item in items:
         off: MissionItem | None = None
@@ -269,19 +269,19 @@ def orders_off(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
 
 
 def _is_nothing(item: MissionItem) -> bool:
-    """Whether an order only ends something: a new flight begins without it."""
+    """Whether a command only ends something: a new flight begins without it."""
     return item.command in (Command.VIDEO_STOP_CAPTURE, Command.IMAGE_STOP_CAPTURE) or is_no_region(item)
 
 
 def completed(mission: Mission, *, lands: bool, takes_off_m: float | None) -> tuple[Mission, tuple[str, ...]]:
-    """Add a take-off and a return to launch to a mission that lacks them, and say so; heights above home."""
+    """Add a take-off and a return to launch to a mission that lacks them, with notes; heights above home."""
     items, notes = list(mission.items), []
     if takes_off_m is not None and mission.home is not None:
         point = mission.home.point
         takeoff = MissionItem(
             Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT, x=point.lat_e7, y=point.lon_e7, z=round(takes_off_m, 2)
         )
-        # numbers of items that jumps lead to count from before
+        # jumps use item numbers of the unchanged mission
         items = [takeoff, *(_later(item) for item in items)]
         notes.append("there was no TAKEOFF: one was added")
     if not lands:

@@ -1,8 +1,8 @@
 """Pictures of a mission that no item commands individually: at a distance or time interval.
 
-Both autopilots take the next picture when they are a distance away from where they took the last one, in a straight line on the map
-(``AP_Camera_Backend.cpp``, ``CameraTrigger.cpp``); both take the first picture of an interval at once. A vehicle that goes on from the place
-of the last picture with the same distance takes the next one where it would have taken it.
+Both autopilots take the next picture at a distance from the last one, in a straight line on the map
+(``AP_Camera_Backend.cpp``, ``CameraTrigger.cpp``); both take the first picture of an interval at once. A vehicle that continues from the place
+of the last picture with the same distance takes the next one at the original place.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 MS = 1000.0
 MAX_PICTURES = 200_000
-"""A mission that takes more is not computed."""
+"""A mission that takes more is refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Taking:
-    """How pictures are being taken: every so many metres, or seconds; 0 is not."""
+    """How pictures are being taken: every so many metres, or seconds; 0: not."""
 
     every_m: float = 0.0
     every_s: float = 0.0
     paused: bool = False
-    """DO_TRIGGER_CONTROL stopped it, and may let it go on."""
+    """DO_TRIGGER_CONTROL stopped it, and may resume it."""
 
     def __bool__(self) -> bool:
         return not self.paused and (self.every_m > 0.0 or self.every_s > 0.0)
@@ -68,7 +68,7 @@ def takes_one(item: MissionItem) -> bool:
 
 
 def within(since_s: float, every_s: float, duration_s: float) -> list[float]:
-    """Return when pictures are taken in some time, the last one so long before it began."""
+    """Return the times of pictures in an interval, given the time since the last one before it."""
     count = math.floor((since_s + duration_s) / every_s + 1e-9)
     if count > MAX_PICTURES:
         raise InputError(f"the mission takes more than {MAX_PICTURES} pictures", field="mission")
@@ -78,7 +78,7 @@ def within(since_s: float, every_s: float, duration_s: float) -> list[float]:
 def along_leg(
     start: tuple[float, float], end: tuple[float, float], last: tuple[float, float], every_m: float
 ) -> Iterator[float]:
-    """Yield the shares of a straight leg at which pictures are taken every so many metres; places are metres on a plane."""
+    """Yield the shares of a straight leg at which pictures are taken at a distance interval; places are metres on a plane."""
     (x0, y0), (x1, y1) = start, end
     dx, dy = x1 - x0, y1 - y0
     length_sq = dx * dx + dy * dy
@@ -91,7 +91,7 @@ def along_leg(
         b, c = fx * dx + fy * dy, fx * fx + fy * fy - every_m * every_m
         inside = b * b - length_sq * c
         if c > 0.0 and share == 0.0:
-            following = 0.0  # it is farther away than that already
+            following = 0.0  # it is already farther away than that
         elif inside < 0.0:
             return
         else:

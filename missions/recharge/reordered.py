@@ -1,6 +1,6 @@
 """A mission with its units in another order: every state restored, every picture at its place.
 
-A way that the mission does not have is as high as the ways to pads: no lower than the highest place of the mission, or what a terrain model says.
+A way that the mission does not have is at the height of the ways to pads: no lower than the highest place of the mission, or the height required by a terrain model.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 EXACT_M = 1.0
 HIGHER_M = 0.5
-"""A way that is higher by less is flown as it is."""
+"""A smaller excess of height is ignored."""
 HEAD, TAIL = -1, -2
-"""Instead of a unit: what is flown before the first one, and behind the last."""
+"""In place of a unit: the part before the first one, and the part after the last."""
 
 
 class Spot(NamedTuple):
@@ -42,7 +42,7 @@ class Spot(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A unit as it is flown: from its beginning, or from its end."""
+    """A unit with its direction: from its beginning, or from its end."""
 
     unit: int
     reverse: bool = False
@@ -50,7 +50,7 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reordered:
-    """A mission, and which of its items are those of which turn, head and tail included."""
+    """A mission, and the ranges of its items for each turn, head and tail included."""
 
     mission: Mission
     items: tuple[tuple[int, int], ...]
@@ -58,7 +58,7 @@ class Reordered:
 
 
 class Reorderer:
-    """Writes a mission in other orders. `level_m` gives the height of a way between two spots."""
+    """Writes a mission in other orders. `level_m` returns the height of a way between two spots."""
 
     def __init__(
         self, work: Work, division: Division, level_m: Callable[[Spot, Spot], float], *, keeps_height_of_zero: bool
@@ -77,7 +77,7 @@ class Reorderer:
         return [Turn(number) for number in range(len(self.division.units))]
 
     def reordered(self, tour: Sequence[Turn], *, events: bool = True) -> Reordered:
-        """Return the mission with its units in an order; without `events`, what happens once before and behind them is omitted."""
+        """Return the mission with its units in an order; without `events`, single events before and after them are omitted."""
         head = [self._written(taken) for taken in range(self.head_until)]
         head = [one for one in tidied(head) if role_of(one) != "mark" and (events or role_of(one) != "event")]
         written = list(head)
@@ -100,7 +100,7 @@ class Reorderer:
         return Reordered(mission, tuple(ranges))
 
     def begins(self, turn: Turn) -> Spot:
-        """Return where a unit begins as it is flown; for the tail, its first place."""
+        """Return where a unit begins in its direction; for the tail, its first place."""
         if turn.unit == TAIL:
             return self._spot(min(self.tail_step, len(self.steps) - 1))
         unit = self._unit(turn)
@@ -110,7 +110,7 @@ class Reorderer:
         return self._spot(unit.last) if unit.last > end else self._at(self._pictures(unit)[-1])
 
     def ends(self, turn: Turn) -> Spot:
-        """Return where a unit ends as it is flown; for the head, where the first unit is flown to from."""
+        """Return where a unit ends in its direction; for the head, the place before the first unit."""
         if turn.unit == HEAD:
             return self._spot(self.division.units[0].first - 1)
         unit = self._unit(turn)
@@ -128,7 +128,7 @@ class Reorderer:
         return turn.unit == after
 
     def speed_mps(self, turn: Turn) -> float:
-        """Return the speed that is ordered for the way to a turn."""
+        """Return the commanded speed of the way to a turn."""
         step = self.tail_step if turn.unit == TAIL else self._unit(turn).first
         return self.steps[min(step, len(self.steps) - 1)].speed_mps
 
@@ -146,7 +146,7 @@ class Reorderer:
 
     @staticmethod
     def _held(items: Iterable[MissionItem], before: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
-        """Return the states that hold behind some items, and those that held before."""
+        """Return the states in force after some items, given those before."""
         held = dict(before)
         for item in items:
             if role_of(item) == "way":
@@ -158,7 +158,7 @@ class Reorderer:
 
     @cached_property
     def _targets(self) -> dict[int, dict[str, MissionItem]]:
-        """Return what holds where each unit and the tail begin, by their first step."""
+        """Return the states in force where each unit and the tail begin, by their first step."""
         found: dict[int, dict[str, MissionItem]] = {}
         held: dict[str, MissionItem] = {}
         read = 0
@@ -169,7 +169,7 @@ class Reorderer:
         return found
 
     def _way(self, before: Turn, turn: Turn, held: Mapping[str, MissionItem]) -> list[MissionItem]:
-        """Order again what holds for a turn, and fly to it; `held` is what holds."""
+        """Repeat the states in force for a turn, and fly to it; `held` are those in force now."""
         step = self.tail_step if turn.unit == TAIL else self._unit(turn).first
         target = self._targets[step]
         wanted, known = lasting(target), lasting(held)
@@ -197,7 +197,7 @@ class Reorderer:
         return self._backwards(unit) if turn.reverse else self._forwards(unit)
 
     def _forwards(self, unit: Unit) -> list[MissionItem]:
-        """Write a unit as it is, its first picture by distance where it was, whatever picture was the last one before."""
+        """Write a unit unchanged, its first picture by distance at its place, whatever the last picture before it."""
         begin, until = self.steps[unit.first].taken, self._taken(unit.last + 1)
         first = next((taken for taken in range(begin, until) if _by_distance(self.items[self.order[taken]])), None)
         late: dict[int, list[MissionItem]] = {}
@@ -221,7 +221,7 @@ class Reorderer:
         return tidied(tail)
 
     def _backwards(self, unit: Unit) -> list[MissionItem]:
-        """Write a line from its end: the last picture at once, and so on as far as half a spacing beyond the first."""
+        """Write a line from its end: the last picture at once, and so on until half a spacing beyond the first."""
         begin, end = self._core(unit)
         pictures = self._pictures(unit)
         found = [self._written(self.steps[step].taken) for step in range(unit.last, end, -1)]
@@ -246,7 +246,7 @@ class Reorderer:
         return [self.items[one] for one in self.order[self.steps[step].taken + 1 : self._taken(step + 1)]]
 
     def _pictures(self, unit: Unit) -> list[Picture]:
-        """Return the pictures of a unit on its ways, those included that an order takes at once where a line begins."""
+        """Return the pictures of a unit on its ways, including those that a command takes at once where a line begins."""
         begin, until = bisect_left(self.picture_steps, unit.first), bisect_right(self.picture_steps, unit.last)
         return [one for one in self.work.pictures[begin:until] if not self._is_event(one)]
 
@@ -263,7 +263,7 @@ class Reorderer:
         return Spot(float(lat), float(lon), first.height_m)
 
     def _written(self, taken: int) -> MissionItem:
-        """Return an item as it is flown behind any other: places and heights that count from the item before are written out."""
+        """Return an item in a form that may follow any other: places and heights relative to the item before are made explicit."""
         item, number = self.items[self.order[taken]], self.step_of.get(taken)
         if number is None or item.command == Command.NAV_RETURN_TO_LAUNCH:
             return item

@@ -1,4 +1,4 @@
-"""The flights of a cut mission: each from where the work continues to where it is left, from a pad to a pad."""
+"""The flights of a cut mission: each from the point where the work resumes to the point where it is left, from a pad to a pad."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Where the work is left, and the pad that is flown to; more than one pad in a row where one is only on the way."""
+    """Point where the work is left, and the destination pad; several pads in a row if one is only on the way."""
 
     point: int
     pads: tuple[int, ...]
@@ -19,14 +19,14 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """One flight: from where the work continues to where it is left, from a pad to a pad.
+    """One flight: from the point where the work resumes to the point where it is left, from a pad to a pad.
 
     Attributes
     ----------
     begin : (int, int) or None
-        Point at which the work was left, and the pad that is taken off from; None: the start of the mission.
+        Point at which the work was left, and the pad of take-off; None: the start of the mission.
     end : (int, int) or None
-        Point at which the work is left, and the pad that is landed on; None: the end of the mission. Where the point is that of `begin`,
+        Point at which the work is left, and the pad of landing; None: the end of the mission. If the point is that of `begin`,
         the flight only leads from pad to pad.
     """
 
@@ -40,11 +40,11 @@ class Span:
 
 
 Done = tuple[int, float]
-"""How far the work is done: the step that leads there, and the share of its leg; in this order they compare."""
+"""Progress of the work: the step that leads there, and the share of its leg; they compare in this order."""
 
 
 def spans_of(cuts: Sequence[Cut], begin: tuple[int, int] | None = None) -> list[Span]:
-    """Return the flights that cuts make of the work, from its start or from a point and a pad on."""
+    """Return the flights that result from cuts of the work, from its start or from a point and a pad."""
     found: list[Span] = []
     before = begin
     for cut in cuts:

@@ -1,10 +1,10 @@
 """Independent parts of a mission, whose order is free: lines of surveys, and places of inspections.
 
-A *unit* is flown as it is: a line along which pictures are taken by distance or time, with the places straight before and behind it, or a
-place where pictures are taken or the vehicle stays. Between two units lies a way on which nothing is done. Only what surely means nothing
-is taken apart: where something runs on the way (pictures, video, spraying), where a place lies between that is neither work nor straight ahead
-(it may lead around a tower), where an order waits or counts from the item before, units are joined. Where an item acts on the world
-(a gripper, a winch, a jump), the order is kept, and why is said.
+A *unit* is flown unchanged: a line along which pictures are taken by distance or time, with the places straight before and after it, or a
+place where pictures are taken or the vehicle stays. Between two units is a way without actions. Units are separated only where this is certain to have no
+effect: they are joined where an action runs on the way (pictures, video, spraying), where a place between them is neither work nor straight ahead
+(it may lead around a tower), and where a command waits or is relative to the item before. Where an item acts on the world
+(a gripper, a winch, a jump), the order is kept, and the reason is reported.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work
 
 ALONG_DEG = 10.0
-"""A place lies straight before or behind a line within this angle."""
+"""A place is straight before or after a line within this angle."""
 ROI = "region of interest"
 SPRAYER = "DO_SPRAYER"
 RUNNING = (PICTURES, VIDEO, SPRAYER)
-"""States that do something as long as they hold."""
+"""States that act as long as they are in force."""
 _WAYS = (Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME, Command.NAV_LOITER_TURNS)
 _HARMLESS = (
     Command.IMAGE_START_CAPTURE,
@@ -37,7 +37,7 @@ _HARMLESS = (
     Command.PANORAMA_CREATE,
     Command.NAV_DELAY,
 )
-"""Events that only look."""
+"""Events that only observe."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +55,11 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Division:
-    """The units of a mission, in its order; what lies before the first and behind the last is flown at its beginning and end."""
+    """The units of a mission, in its order; the parts before the first and after the last are flown at its beginning and end."""
 
     units: tuple[Unit, ...]
     kept: tuple[str, ...]
-    """Why the order is not freer than it is."""
+    """Reasons why the order is not freer."""
 
     @property
     def is_free(self) -> bool:
@@ -74,7 +74,7 @@ def divided(work: Work) -> Division:
 
 
 def nothing_runs(held: Mapping[str, MissionItem]) -> bool:
-    """Whether nothing is done on the way with the states that hold: no pictures by distance or time, no video, no spraying."""
+    """Whether the states in force do nothing on the way: no pictures by distance or time, no video, no spraying."""
     taking = NOT
     for item in held.values():
         taking = ordered(item, taking)
@@ -85,7 +85,7 @@ def nothing_runs(held: Mapping[str, MissionItem]) -> bool:
 
 
 def lasting(held: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
-    """Return the states that must be the same wherever a unit is flown; speeds of steps are distinguished."""
+    """Return the states that must be the same wherever a unit is flown; speeds of steps are separate."""
     return {
         key: item
         for key, item in held.items()
@@ -94,7 +94,7 @@ def lasting(held: Mapping[str, MissionItem]) -> dict[str, MissionItem]:
 
 
 def tidied(orders: Sequence[MissionItem], *, last: bool = True) -> list[MissionItem]:
-    """Leave out the states that a unit orders at its end: they are meant for what comes behind it, where they are ordered again."""
+    """Leave out the states that a unit commands at its end: they are for the next item, where they are commanded again."""
     kept = list(orders)
     while last and kept and role_of(kept[-1]) == "state" and not state_key(kept[-1]).startswith(RUNNING):
         kept.pop()
@@ -102,7 +102,7 @@ def tidied(orders: Sequence[MissionItem], *, last: bool = True) -> list[MissionI
 
 
 def _with_what_lies_between(units: Sequence[Unit]) -> tuple[Unit, ...]:
-    """Add what lies between groups as units of their own, which nothing passes, and number the groups."""
+    """Add the parts between groups as units of their own, across which no unit moves, and number the groups."""
     found: list[tuple[Unit, bool]] = []
     for unit, following in zip(units, (*units[1:], None), strict=False):
         found.append((unit, False))
@@ -127,7 +127,7 @@ class _Divider:
         self.after = [self._orders_after(number) for number in range(self.count)]
         self.states = self._states()
         self.idle = [nothing_runs(held) for held in self.states]
-        """Of the way to each step: nothing is done on it."""
+        """For the way to each step: no action on it."""
         self.kept: dict[str, None] = {}
 
     def division(self) -> Division:
@@ -171,7 +171,7 @@ class _Divider:
         return [self.items[one] for one in self.order[self.steps[number].taken + 1 : until]]
 
     def _states(self) -> list[dict[str, MissionItem]]:
-        """Return what holds on the way to each step."""
+        """Return the states in force on the way to each step."""
         found: list[dict[str, MissionItem]] = []
         held: dict[str, MissionItem] = {}
         begins = {step.taken: number for number, step in enumerate(self.steps)}
@@ -187,7 +187,7 @@ class _Divider:
         return found
 
     def _reason(self, number: int) -> str | None:
-        """Return why a step stays where it is; None where it may move."""
+        """Return the reason why a step stays in its place; None if it may move."""
         item = self.items[self._item(number)]
         if item.command not in _WAYS:
             return f"is {item.name}"
@@ -212,7 +212,7 @@ class _Divider:
     def _in_region(self, begin: int, end: int) -> list[tuple[int, int]]:
         """Return the units (first, last step) between two steps that may move."""
         works = self._works(begin, end)
-        if begin > 0 and not self.idle[begin]:  # something runs from before: it stays with that
+        if begin > 0 and not self.idle[begin]:  # an action runs from before: it stays with that
             works = [one for one in works if one[0] > begin]
         if end + 1 < self.count and not self.idle[end + 1]:
             works = [one for one in works if one[1] < end]
@@ -236,7 +236,7 @@ class _Divider:
         return found
 
     def _works(self, begin: int, end: int) -> list[tuple[int, int]]:
-        """Return runs of steps along which something is done, and steps at which something is."""
+        """Return runs of steps along which an action runs, and steps at which one happens."""
         found: list[tuple[int, int]] = []
         number = begin
         while number <= end:
@@ -250,11 +250,11 @@ class _Divider:
         return found
 
     def _waits(self, number: int) -> bool:
-        """Whether an order behind a step changes the way on."""
+        """Whether a command after a step changes the onward way."""
         return any(role_of(one) == "condition" or one.command == Command.CONDITION_YAW for one in self.after[number])
 
     def _bearing(self, number: int) -> float | None:
-        """Bearing of the way to a step; None where there is none."""
+        """Bearing of the way to a step; None if there is none."""
         if number < 1:
             return None
         length, bearing = geodesy.inverse(*self.work.places[number], *self.work.places[number + 1])
@@ -278,11 +278,11 @@ class _Divider:
         return last + 1 if self._straight(last, last + 1) and not self._waits(last) else last
 
     def _keys(self, step: int) -> set[str]:
-        """Return what is ordered on the way to a step: what another unit must be able to order again. Regions of interest can be ended."""
+        """Return the states commanded on the way to a step, which another unit must be able to command again. Regions of interest can be ended."""
         return {key for key in lasting(self.states[step]) if key != ROI}
 
     def _adds(self, unit: Unit) -> bool:
-        """Whether something is ordered in a unit that was not ordered before it, and that nothing ends."""
+        """Whether a unit starts a state that was not in force before it, and that no command ends."""
         inner = [
             one for step in range(unit.first, unit.last + 1) for one in tidied(self.after[step], last=step == unit.last)
         ]

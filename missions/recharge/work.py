@@ -1,8 +1,8 @@
 """The work of a mission: every point at which it may be left and resumed, and the state there.
 
-The route is the one that checks judge (`missions.checks.route`): jumps followed, holds counted. Points are the items that are flown to,
+The route is that of the checks (`missions.checks.route`): jumps followed, holds counted. Points are the items with a place,
 and points on straight legs between them, so that a leg that is longer than a battery can be left on the way. Where pictures are taken
-every so many metres or seconds, a leg is left half-way between two of them, and continued with from the place of the first, so that none
+every so many metres or seconds, a leg is left half-way between two of them, and resumed at the place of the first, so that none
 is lost and none is taken twice.
 """
 
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 EVERY_S = 15.0
-"""A leg may be left about so often."""
+"""Approximate number of points at which a leg may be left."""
 LEAST_LEFT_M = 4.0
-"""A leg is not left nearer than this to its end: it is left there."""
+"""A leg is not left nearer than this to its end, but at the end."""
 RUN_UP_M = 40.0
-"""Before a place where pictures begin nothing is left nearer than this: it is flown through as fast, and from the same side, as without a cut."""
+"""Before a place where pictures begin the work is not left nearer than this: it is flown through as fast, and from the same side, as without a cut."""
 SAME_PICTURE_M = 0.05
 
 
 class Picture(NamedTuple):
-    """A picture: where it is taken, and on the way to which step, at which share of the leg; by an item where one orders it."""
+    """A picture: its place, the step whose way it is on, and the share of the leg; the item, if one commands it."""
 
     lat: float
     lon: float
@@ -63,15 +63,15 @@ class WorkPoint:
     """The step that leads here, -1 at the start; its leg is flown as far as `share`."""
     share: float
     taken: int
-    """So many items of the unrolled mission are done."""
+    """Number of items of the unrolled mission that are done."""
     speed_mps: float
     """Commanded on the way on."""
     hinders: int | None = None
-    """Number of the item for which it cannot be left here; None where it can."""
+    """Number of the item that prevents leaving it here; None if it may be left."""
     resume_share: float = 1.0
-    """Where the leg is continued with: at the place of the last picture, else at `share`."""
+    """Where the leg is resumed: at the place of the last picture, otherwise at `share`."""
     next_share: float | None = None
-    """Where pictures begin again that are taken every so many seconds."""
+    """Where pictures at a time interval begin again."""
     on_ground: bool = False
 
 
@@ -83,7 +83,7 @@ class Work:
     route: Route
     steps: tuple[Step, ...]
     places: tuple[Place, ...]
-    """Where each step begins; behind the last, where the last one ends."""
+    """Where each step begins; the last entry is where the last one ends."""
     heights_m: tuple[float, ...]
     """Likewise, above home."""
     points: tuple[WorkPoint, ...]
@@ -101,12 +101,12 @@ class Work:
         return self.heights_m[step] + share * (self.heights_m[step + 1] - self.heights_m[step])
 
     def state(self, point: WorkPoint) -> dict[str, MissionItem]:
-        """Return what holds at a point: the latest order of each kind, in the order given."""
+        """Return the states in force at a point: the latest command of each kind, in the given order."""
         held: dict[str, MissionItem] = {}
         for number in self.route.order[: point.taken]:
             item = self.mission.items[number]
             if role_of(item) == "way":
-                held.pop("CONDITION_YAW", None)  # a heading holds on one way only
+                held.pop("CONDITION_YAW", None)  # a heading is in force on one way only
             elif role_of(item) == "state":
                 held.pop(state_key(item), None)
                 held[state_key(item)] = item
@@ -128,10 +128,10 @@ def work_of(
     only: bool = True,
     last_picture: Place | None = None,
 ) -> Work:
-    """Return the work of a mission as a family of autopilots flies it, endless jumps followed `laps` times.
+    """Return the work of a mission as flown by a family of autopilots, endless jumps followed `laps` times.
 
-    `only`: no other one flies it, too; else it is not left where they go different ways.
-    `last_picture`: where the camera took its last picture before.
+    `only`: no other family flies it, too; otherwise it is not left where their ways differ.
+    `last_picture`: place of the last picture before it.
 
     Raises an `InputError` if its home is unknown, if it never ends, if a height is unknown, or if there is nothing to fly.
     """
@@ -186,7 +186,7 @@ class _Reading:
         self.taking = NOT
         self.last = last
         self.since_s = 0.0
-        """Since the last picture of those that are taken every so many seconds."""
+        """Time since the last picture of those at a time interval."""
         self.restarted = max((n for n, one in enumerate(route.order) if restarts(mission.items[one])), default=-1)
         self.pictures: list[Picture] = []
         self.points: list[WorkPoint] = []
@@ -220,11 +220,11 @@ class _Reading:
 
     @staticmethod
     def _begin_pictures(run: Sequence[MissionItem]) -> bool:
-        """Whether some of the orders at a place begin to take pictures."""
+        """Whether some of the commands at a place start pictures."""
         return any(ordered(item, NOT) for item in run)
 
     def _left_behind(self, run: Sequence[MissionItem]) -> int:
-        """Return how many of the orders at a place are done before it is left: its events, and until no pictures are taken."""
+        """Return the number of commands at a place that are done before it is left: its events, and those until no pictures are taken."""
         least, taking = 0, self.taking
         for index, item in enumerate(run):
             if role_of(item) in ("condition", "bound"):
@@ -243,7 +243,7 @@ class _Reading:
         return least if best is None else best
 
     def _orders(self, begin: int, end: int, step: int) -> None:
-        """Take the orders that are given at a place."""
+        """Apply the commands at a place."""
         lat, lon = self.places[step + 1] if step >= 0 else self.places[0]
         for taken in range(begin, end):
             number = self.route.order[taken]
@@ -279,7 +279,7 @@ class _Reading:
             self._inside(number, step, index / count, index / count, None)
 
     def _pictures(self, number: int, step: Step, start: Place, end: Place, length: float) -> list[float]:
-        """Take the pictures of a leg; return the shares of it at which they are."""
+        """Take the pictures of a leg; return their shares of it."""
         taking = self.taking
         if not taking:
             return []
@@ -296,13 +296,13 @@ class _Reading:
         return shares
 
     def _by_time(self, every_s: float, way_s: float, hold_s: float) -> list[float]:
-        """Return the shares of a leg at which pictures are due by the clock; those of the stay at its end are at its end."""
+        """Return the shares of a leg at which pictures at a time interval are due; those of the stay at its end are at its end."""
         at_s = within(self.since_s, every_s, way_s + hold_s)
         self.since_s += way_s + hold_s - len(at_s) * every_s
         return [min(one / way_s, 1.0) if way_s > 0.0 else 1.0 for one in at_s]
 
     def _is_straight(self, number: int, item: MissionItem) -> bool:
-        """Whether the way to a step is a straight line that may be left: no curve, no take-off or landing, no order that waits."""
+        """Whether the way to a step is a straight line that may be left: no curve, no take-off or landing, no command that waits."""
         if self.bound is not None or item.command != Command.NAV_WAYPOINT or not number or self._paused(number - 1):
             return False
         before = self.steps[number - 1]
@@ -311,7 +311,7 @@ class _Reading:
             return False
         aside_m = geodesy.distance_m(*self.places[number - 1], *self.places[number])
         if not self.only and begin.command in TAKEOFF_COMMANDS and aside_m > 1.0:
-            return False  # who climbs where it stands flies another way from there
+            return False  # an autopilot that climbs at its position flies another way from there
         run = [self.mission.items[one] for one in self.route.order[before.taken + 1 : self.steps[number].taken]]
         if any(role_of(one) == "condition" for one in run):
             return False
@@ -323,7 +323,7 @@ class _Reading:
     def _between_pictures(
         self, number: int, step: Step, shares: Sequence[float], length: float, least_share: float
     ) -> None:
-        """Points half-way between two pictures, not more often than need be."""
+        """Points half-way between two pictures, no more than necessary."""
         last = 0.0
         every_s = self.taking.every_s > 0.0
         for index, share in enumerate(shares):
@@ -350,18 +350,18 @@ class _Reading:
         ahead = step if last else self.steps[number + 1]
         hinders = self._hinders(number, ahead, (lat, lon), on_ground=on_ground)
         if begins and hinders is None:
-            hinders = step.item  # the first picture is taken where it comes by, on its way there
+            hinders = step.item  # the first picture is taken where the vehicle passes, on its way there
         height = self.heights[number + 1]
         self.points.append(
             WorkPoint(lat, lon, height, number, 1.0, taken, ahead.speed_mps, hinders, on_ground=on_ground)
         )
 
     def _paused(self, number: int) -> bool:
-        """Whether pictures were stopped that an order behind a step lets go on."""
+        """Whether pictures were stopped that a command after a step resumes."""
         return self.taking.paused and self.steps[number].taken < self.restarted
 
     def _hinders(self, number: int, ahead: Step, here: Place, *, on_ground: bool) -> int | None:
-        """Return the item for which the mission cannot be left at a step, None where it can."""
+        """Return the item that prevents leaving the mission at a step, None if there is none."""
         step = self.steps[number]
         item = self.mission.items[step.item]
         if self.bound is not None:
@@ -370,7 +370,7 @@ class _Reading:
             return step.item
         curve = Command.NAV_SPLINE_WAYPOINT
         if curve in (item.command, self.mission.items[ahead.item].command) and not step.hold_s:
-            return step.item  # a curve has its form from the places before and behind it
+            return step.item  # the form of a curve depends on the places before and after it
         if self._paused(number):
             return step.item
         if self.taking and (self.last is None or geodesy.distance_m(*self.last, *here) > SAME_PICTURE_M):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def work_hops(work: Work, conditions: FlightConditions) -> tuple[Hops, NDArray[np.float64]]:
-    """Return the hop from every point of the work to the next, and the package that is carried on it, kg."""
+    """Return the hop from every point of the work to the next, and the package carried on it, kg."""
     parts: list[Hops] = []
     payload: list[float] = []
     height_m, released = 0.0, False
@@ -47,7 +47,7 @@ def times_and_charges(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return seconds and charge of hops that start at some times, each of shape (times, hops).
 
-    Of several winds the mean over those that let a hop be flown; infinite where none does.
+    For several winds, the mean over those in which a hop is flyable; infinite if there are none.
     """
     weight = conditions.weather.probability
     times, charges = np.empty((len(at_s), len(hops.length_m))), np.empty((len(at_s), len(hops.length_m)))

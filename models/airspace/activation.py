@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from datetime import date
 
 Span = tuple[float, float]
-"""Begin and end, POSIX seconds; both belong to it."""
+"""Begin and end, POSIX seconds, both included."""
 DAY_S = 86_400.0
 EVERY_DAY = frozenset(range(7))
 SUN_EVENTS = ("BMCT", "SR", "SS", "EECT")
 """Begin of morning civil twilight, sunrise, sunset, end of evening civil twilight, as ED-318 names them."""
 SUN_S = 300.0
-"""So much longer hours that depend on the sun count at either end: a zone is wide, and the refraction of the day unknown."""
+"""Hours that depend on the sun are extended by this at either end: a zone is wide, and the refraction of the day is unknown."""
 _CLOCK = re.compile(r"T?(\d{1,2}):?(\d{2})(?::?(\d{2})(?:[.,]\d+)?)?\s*(Z|UTC|[+-]\d{2}:?\d{2}|[+-]\d{2})?")
 
 
@@ -39,9 +39,9 @@ class Window:
     zone : tzinfo
         Of the clock and of the days.
     events : (str, str)
-        Of `SUN_EVENTS`, where it begins or ends with one instead; where the sun does not rise or set on a day, all of it counts.
+        Members of `SUN_EVENTS` that replace the begin or the end; on a day on which the sun does not rise or set, the whole day counts.
     place : (float, float)
-        Latitude and longitude, degrees, at which they are.
+        Latitude and longitude, degrees, at which they are computed.
     """
 
     begin_s: float
@@ -68,7 +68,7 @@ class Window:
         return begin_s, end_s
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield its parts between two times."""
+        """Yield the parts of it between two times."""
         day = datetime.fromtimestamp(from_s, self.zone).date() - timedelta(days=2)
         last = datetime.fromtimestamp(until_s, self.zone).date()
         length = timedelta(days=1) if self.end_s <= self.begin_s else timedelta()
@@ -95,7 +95,7 @@ class Period:
     windows: tuple[Window, ...] = ()
 
     def spans(self, from_s: float, until_s: float) -> Iterator[Span]:
-        """Yield its parts between two times."""
+        """Yield the parts of it between two times."""
         begin_s, end_s = max(self.begin_s, from_s), min(self.end_s, until_s)
         if begin_s > end_s:
             return
@@ -157,7 +157,7 @@ def _window_text(window: Window) -> str:
 
 
 def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> float | None:
-    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None where it does not occur that day.
+    """Time of one of `SUN_EVENTS` at a place on a day of a clock, POSIX seconds; None if it does not occur that day.
 
     Raises a `ModuleNotFoundError` if astral (extra ``weather``) is not installed.
     """
@@ -172,9 +172,9 @@ def sun_s(event: str, day: date, place: tuple[float, float], zone: tzinfo) -> fl
 
 
 def clock_s(text: str) -> tuple[float, tzinfo | None] | None:
-    """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None where it has none.
+    """Read a time of day, ``17:00:00.00+02:00``: seconds after midnight and its zone, None if it has none.
 
-    None where it is not a time of day.
+    None if it is not a time of day.
     """
     found = _CLOCK.fullmatch(text.strip())
     if found is None:
@@ -195,9 +195,9 @@ def clock_s(text: str) -> tuple[float, tzinfo | None] | None:
 
 
 def instant_s(text: str, zone: tzinfo = UTC) -> float | None:
-    """Read a date with a time of day, by ISO 8601 or as in mails; without an offset it is that of the zone.
+    """Read a date with a time of day, by ISO 8601 or as in e-mails; a time without an offset is in the zone.
 
-    None where it is none.
+    None for any other text.
     """
     for read in (datetime.fromisoformat, parsedate_to_datetime):
         try:
@@ -209,7 +209,7 @@ def instant_s(text: str, zone: tzinfo = UTC) -> float | None:
 
 
 def days_of(words: Sequence[object]) -> frozenset[int] | None:
-    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, is any day. None where one is not a day."""
+    """Read days of the week, ``MON`` or ``ANY``; no word, or an empty one, means any day. None if one is not a day."""
     days: set[int] = set()
     for word in words or ("",):
         name = str(word or "").strip().title()[:3]

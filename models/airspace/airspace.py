@@ -1,4 +1,4 @@
-"""Whether a way may be flown at a height and a time: one answer for planners, missions, checks, flights and reports."""
+"""Whether a way may be flown at a height and a time: the same code for planners, missions, checks, flights and reports."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from skyway.models.airspace.activation import Span
 
 FEW = 200
-"""Fewer ways than this, or than there are zones, are looked up in a tree of the zones, which is kept; more in a tree of themselves."""
+"""Fewer ways than this, or than there are zones, are searched in a stored tree of the zones; more ways in a tree of the ways."""
 
 USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR = 50.0, 10.0, 1.5
-"""What is kept from zones, and how far around them flights go, where nobody says otherwise."""
+"""Default distance from zones, and default limit of detours around them."""
 
 
 class Conflict(NamedTuple):
@@ -59,7 +59,7 @@ class Airspace:
     authorized : frozenset of str
         Ids of zones for which an authorization was given.
     notes : tuple of Fault
-        What of the files was not understood, and counts as closed.
+        Parts of the files that were not understood, and count as closed.
     handed : tuple of str
         Files given in addition to those of the scenario.
     """
@@ -107,7 +107,7 @@ class Airspace:
         return replace(more, margin_m=USUAL_MARGIN_M, height_margin_m=USUAL_HEIGHT_MARGIN_M, max_detour=USUAL_DETOUR)
 
     def is_closed(self, zone: Zone) -> bool:
-        """Whether a zone is closed while it is active: prohibited, or without the authorization that it needs."""
+        """Whether a zone is closed while it is active: prohibited, or without the authorization that it requires."""
         return zone.kind == "prohibited" or (zone.kind == "authorization" and zone.id not in self.authorized)
 
     @cached_property
@@ -138,9 +138,9 @@ class Airspace:
         return widened([volume.area for _, volume in self.volumes], self.margin_m)
 
     def hits(self, ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Which way comes into which of `volumes`, or nearer than the margins: numbers of both, in order.
+        """Pairs of a way and one of `volumes` that the way enters, or passes nearer than the margins: numbers of both, in order.
 
-        Whether it is closed, and when, is not asked.
+        Whether and when the volume is closed is not considered.
         """
         if not self.volumes or not len(ways.lat1):
             none = np.empty(0, dtype=np.int64)
@@ -151,13 +151,13 @@ class Airspace:
         return pairs[:, 0], pairs[:, 1]
 
     def touched(self, ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Which way comes over, into or under which of `volumes`, or nearer than the margin: numbers of both."""
+        """Pairs of a way and one of `volumes` that the way passes over, into or under, or nearer than the margin: numbers of both."""
         return self._crossed(lines(ways))
 
     def conflicts(self, ways: Ways, from_s: float | None = None, until_s: float | None = None) -> list[Conflict]:
         """Return why ways may not be flown between two times, POSIX seconds, or at any time.
 
-        They may be where nothing is returned. A zone that becomes active as the flight ends, or ends as it begins, is none.
+        An empty result means that they may be flown. A zone that becomes active as the flight ends, or ends as it begins, does not count.
         """
         found: dict[tuple[int, int], Conflict] = {}
         spans: dict[int, list[Span]] = {}
@@ -172,7 +172,7 @@ class Airspace:
         return list(found.values())
 
     def too_high(self, ways: Ways, max_height_m: float = math.inf) -> NDArray[np.bool_]:
-        """Which ways are somewhere higher above the ground than the region, or the drone, may be."""
+        """Ways that are somewhere higher above the ground than the region or the drone allows."""
         return np.asarray(ways.high_agl_m > min(self.max_height_m, max_height_m) + 1e-6)
 
     def crossed_by(self, ways: Ways) -> NDArray[np.bool_]:
@@ -185,7 +185,7 @@ class Airspace:
     def holding(
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], climbed: Ways | None = None
     ) -> dict[int, Zone]:
-        """Closed zone by the number of each place within one at any time, its border included: at any height, or where it is climbed."""
+        """Closed zone by the number of each place that is within one at any time, its border included: at any height, or at heights of the climb."""
         way, volume = self.hits(at_any_height(lat, lon, lat, lon) if climbed is None else climbed)
         pairs = zip(way[::-1].tolist(), volume[::-1].tolist(), strict=True)
         return {place: self.zones[self.volumes[one][0]] for place, one in pairs if self.closed[one]}
@@ -215,13 +215,13 @@ class Airspace:
                 continue
             if len(some) < FEW * max(1, len(self.wide) // FEW):
                 line, area = self._tree.query(some, predicate="intersects")
-            else:  # areas are prepared, once each; that is worth a tree of the lines
+            else:  # areas are prepared once each, which justifies a tree of the lines
                 area, line = shapely.STRtree(some).query(self.wide, predicate="intersects")
             found.append((these[line], area))
         return np.concatenate([one for one, _ in found]), np.concatenate([one for _, one in found]).astype(np.int64)
 
     def _beyond(self, bounds: NDArray[np.float64]) -> list[tuple[float, NDArray[np.int64]]]:
-        """Turns for lines near the 180th meridian where areas go on beyond it."""
+        """Offsets of longitude for lines near the 180th meridian where areas continue beyond it."""
         west, east = self._reach
         turns = []
         if east > 180.0:
@@ -264,7 +264,7 @@ class Airspace:
         return (highest >= floor - self.height_margin_m) & (lowest <= ceiling + self.height_margin_m)
 
     def told(self, ways: Ways, from_s: float | None = None, until_s: float | None = None) -> list[Conflict]:
-        """Return what a flight along ways must know: zones with conditions, and those entered by authorization."""
+        """Return the conditions of a flight along ways: zones with conditions, and those entered by authorization."""
         others = replace(
             self,
             zones=tuple(

@@ -23,16 +23,16 @@ MAX_VERTICES = 1_000_000
 CORNERS = 96
 """Of a circle; its polygon lies outside the circle, by 0.05 % of the radius at most."""
 THIN_M = 100.0
-"""What is a line or a point is widened by so much."""
+"""Lines and points are widened by this."""
 MAX_RADIUS_M = 1_000_000.0
 WIDER = 1.011
-"""Margins grow by this, for the arcs of 32 corners about a corner (1 / cos(pi / 32)), and degrees of latitude of 110.6 km."""
+"""Margins are enlarged by this, for the arcs of 32 corners about a corner (1 / cos(pi / 32)), and degrees of latitude of 110.6 km."""
 Place = tuple[float, float]
 """Longitude and latitude, degrees."""
 
 
 def circle(lon: float, lat: float, radius_m: float, notes: Notes) -> shapely.Geometry | None:
-    """Return the polygon of a circle; None, with a fault, where the circle is impossible."""
+    """Return the polygon of a circle; None, with a fault, if the circle is impossible."""
     import shapely
 
     if not _sound([(lon, lat)], notes):
@@ -60,10 +60,10 @@ def _around(lon: float, lat: float, radius_m: float, bearing_deg: NDArray[np.flo
 
 
 def polygon(rings: Sequence[Sequence[Place]], notes: Notes) -> shapely.Geometry | None:
-    """Return the area of an outer ring and its holes; None, with a fault, where it has no place on the earth.
+    """Return the area of an outer ring and its holes; None, with a fault, if it is not on the Earth.
 
-    A ring that is not closed is closed. One that crosses itself, or encloses nothing, counts as its convex hull, which
-    holds whatever it can have meant, and is noted.
+    An open ring is closed. A ring that crosses itself, or encloses nothing, is replaced by its convex hull, which
+    contains every possible meaning of it, with a note.
     """
     import shapely
 
@@ -101,13 +101,13 @@ def joined(areas: Iterable[shapely.Geometry]) -> shapely.Geometry:
 
 
 def widened(areas: Sequence[shapely.Geometry], margin_m: float) -> NDArray[np.object_]:
-    """Return areas wider by a margin on all sides, nowhere by less."""
+    """Return areas widened by at least a margin on all sides."""
     import shapely
 
     found = np.array(areas, dtype=object)
     if margin_m <= 0.0 or not len(found):
         return found
-    # Degrees of longitude are made as long as those of latitude where they are shortest, then buffered, and back.
+    # Degrees of longitude are scaled to the length of those of latitude where they are shortest, then buffered, and scaled back.
     bounds = shapely.bounds(found)
     cos_lat = np.cos(np.radians(np.minimum(np.maximum(np.abs(bounds[:, 1]), np.abs(bounds[:, 3])) + 0.01, 89.0)))
     xy, of = shapely.get_coordinates(found, return_index=True)
@@ -128,7 +128,7 @@ def _widened(area: shapely.Geometry, margin_m: float, lat: float) -> shapely.Geo
 
 
 def _sound(ring: Sequence[Place], notes: Notes) -> bool:
-    """Whether all places are on the earth; else one is a fault."""
+    """Whether all places are on the Earth; a place that is not is a fault."""
     places = np.array(ring, dtype=np.float64).reshape(-1, 2)
     wrong = ~((np.abs(places[:, 0]) <= 180.0) & (np.abs(places[:, 1]) <= 90.0))
     if not wrong.any():
@@ -145,6 +145,6 @@ def _next_to_each_other(ring: Sequence[Place]) -> NDArray[np.float64]:
     places = np.array(ring, dtype=np.float64).reshape(-1, 2)
     if np.ptp(places[:, 0]) > 180.0:
         unwrapped: Any = np.unwrap(places[:, 0], period=360.0)
-        if abs(unwrapped[-1] - unwrapped[0]) < 180.0:  # else it goes around a pole
+        if abs(unwrapped[-1] - unwrapped[0]) < 180.0:  # otherwise it goes around a pole
             places = np.column_stack((unwrapped, places[:, 1]))
     return places

@@ -1,8 +1,8 @@
 """Zones of EUROCAE ED-269 (JSON) and ED-318 (GeoJSON), as authorities publish them.
 
 The two differ in words and places: the kind of restriction is ``restriction`` or ``type``, the time ``applicability`` or
-``limitedApplicability``, the limits stand beside the area or in a ``layer`` inside it. Publications take more liberties than
-the standards allow; they are read all the same.
+``limitedApplicability``, the limits are beside the area or in a ``layer`` inside it. Publications deviate from the
+standards; such deviations are accepted.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ RESTRICTIONS: dict[str, Kind] = {
     "USPACE": "authorization",
     "U-SPACE": "authorization",
 }
-"""Kind of zone by the word of either standard; in U-space a flight needs the authorization of a service."""
+"""Kind of zone by the word of either standard; in U-space a flight requires the authorization of a service."""
 METADATA_DATES = ("validFrom", "validTo", "issued")
 
 
 def is_ed269(item: object) -> bool:
-    """Whether it looks like a zone of ED-269: a list of volumes."""
+    """Whether it looks like a zone of ED-269: it has a list of volumes."""
     if not isinstance(item, dict):
         return False
     geometry = item.get("geometry")
@@ -68,7 +68,7 @@ def is_ed318(feature: object) -> bool:
 
 
 def zone_of_ed269(item: dict[str, Any], notes: Notes, source: str) -> Zone | None:
-    """Read a zone of ED-269; None, with a fault, where it cannot be placed."""
+    """Read a zone of ED-269; None, with a fault, if it cannot be placed."""
     volumes = []
     geometry = item.get("geometry")
     parts = geometry if isinstance(geometry, list) else [geometry]
@@ -95,7 +95,7 @@ def zone_of_ed269(item: dict[str, Any], notes: Notes, source: str) -> Zone | Non
 
 
 def zone_of_ed318(feature: dict[str, Any], notes: Notes, source: str) -> Zone | None:
-    """Read a feature of ED-318; None, with a fault, where it cannot be placed."""
+    """Read a feature of ED-318; None, with a fault, if it cannot be placed."""
     properties, geometry = feature.get("properties"), feature.get("geometry")
     item = properties if isinstance(properties, dict) else {}
     volumes = []
@@ -127,7 +127,7 @@ def check_metadata(document: dict[str, Any], notes: Notes) -> None:
 
 
 def _layers(geometry: object, layer: object) -> Iterator[tuple[object, object]]:
-    """Yield each geometry with its layer, or with that of the collection it is in."""
+    """Yield each geometry with its own layer, or with that of the collection that contains it."""
     if isinstance(geometry, dict) and geometry.get("type") == "GeometryCollection":
         parts = geometry.get("geometries")
         for part in parts if isinstance(parts, list) else [None]:
@@ -190,7 +190,7 @@ def text_of(value: object) -> str:
 
 
 def _activation(value: object, notes: Notes, volumes: Sequence[Volume]) -> Activation:
-    """Read when a zone counts: always where nothing limits it, or where that is not understood."""
+    """Read when a zone is active: always if nothing limits it, or if the limit is not understood."""
     if value in (None, "", []):
         return ALWAYS
     entries = value if isinstance(value, list) else [value]
@@ -228,7 +228,7 @@ def _instant(value: object, missing: float, notes: Notes) -> float:
 
 
 def _window(entry: object, notes: Notes, place: tuple[float, float]) -> Window | None:
-    """Read hours of days; None is all the time. Of the sun they are those at a place."""
+    """Read hours of days; None means all day. Hours by the sun are those at a place."""
     if not isinstance(entry, dict):
         notes.closed("schedule", "is not understood", entry, "counted as all day")
         return None
@@ -258,7 +258,7 @@ def _window(entry: object, notes: Notes, place: tuple[float, float]) -> Window |
     if days == EVERY_DAY and clocks[0][0] == clocks[1][0]:
         return None
     begin_s, end_s = clocks[0][0], clocks[1][0]
-    if clocks[1][1] is not None:  # an end on another clock is put on that of the begin
+    if clocks[1][1] is not None:  # an end on another clock is converted to the clock of the begin
         end_s = (end_s + _offset_s(zone) - _offset_s(clocks[1][1])) % DAY_S if clocks[1][1] != zone else end_s
     return Window(begin_s, end_s, days, zone)
 

@@ -44,11 +44,11 @@ _KINDS: dict[str, Kind] = {
 """Kinds by the words, classes and letters of the forms; in Finland R and R2 are restricted areas, L aerodromes, and D,
 which is a danger area there, closes as class D does."""
 _DANISH: dict[str, Kind] = {"modelflyveplads": "conditional"}
-"""What is no ground for an authorization on the Danish map: model airfields, to be told beforehand."""
+"""Zones of the Danish map that require no authorization: model airfields, which are only to be notified beforehand."""
 
 
 def zone_of_feature(feature: dict[str, Any], number: int, notes: Notes, source: str) -> Zone | None:
-    """Read one feature; None, with a fault, where it cannot be placed."""
+    """Read one feature; None, with a fault, if it cannot be placed."""
     found = feature.get("properties")
     properties = found if isinstance(found, dict) else {}
     upper = {str(key).upper(): value for key, value in properties.items()}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def number(value: object) -> float:
-    """Return a number, NaN where it is none."""
+    """Return a number, NaN for any other value."""
     if isinstance(value, bool):
         return math.nan
     try:
@@ -25,7 +25,7 @@ def number(value: object) -> float:
 
 
 def places(value: object, notes: Notes) -> list[Place]:
-    """Return positions as (longitude, latitude); none, with a fault, where one is not a position."""
+    """Return positions as (longitude, latitude); an empty list, with a fault, if one is not a position."""
     found: list[Place] = []
     for one in value if isinstance(value, list) else [value]:
         if not isinstance(one, list | tuple) or len(one) < 2:
@@ -42,7 +42,7 @@ def places(value: object, notes: Notes) -> list[Place]:
 def area(geometry: object, notes: Notes, radius_m: float | None = None) -> shapely.Geometry | None:
     """Return the area of a Polygon, MultiPolygon, collection of those, or Point with a radius.
 
-    None, with a fault, where it has none. The radius of a point is that of its ``extent``, or the one that is given.
+    None, with a fault, if it has none. The radius of a point is that of its ``extent``, or the given one.
     """
     kind = geometry.get("type") if isinstance(geometry, dict) else None
     if not isinstance(geometry, dict) or kind not in ("Polygon", "MultiPolygon", "GeometryCollection", "Point"):

@@ -1,6 +1,6 @@
 """Zones of KML and KMZ: polygons of Google Earth and the map services of some authorities.
 
-Limits and kind stand in ``ExtendedData``, under the names of `models.airspace.geojson`. Altitudes of the corners say how a
+Limits and kind are in ``ExtendedData``, under the names of `models.airspace.geojson`. Altitudes of the corners define how a
 polygon is drawn, not where the zone ends: they are not limits.
 """
 
@@ -46,7 +46,7 @@ def unpacked(data: bytes, file: str, max_bytes: int) -> bytes:
 
 
 def read_kml(text: str, notes: Notes, source: str) -> list[Zone]:
-    """Return the zones of the placemarks that have areas; one without is a fault."""
+    """Return the zones of the placemarks that have areas; a placemark without one is a fault."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError("has a document type", source, remedy="KML needs none: take the line <!DOCTYPE …> out")
     try:

@@ -18,7 +18,7 @@ Datum = Literal["AGL", "AMSL", "FL", "WGS84"]
 
 M_PER_FT = 0.3048
 UNLIMITED = 99_999.0
-"""Feet or metres at and above which a published ceiling means that there is none."""
+"""Feet or metres at and above which a published ceiling means no ceiling."""
 GEOID_M = (-107.0, 86.0)
 """Least and greatest height of the geoid (EGM2008) above the ellipsoid."""
 _DATUMS: dict[str, Datum] = {
@@ -41,7 +41,7 @@ class Limit:
     """Infinite where there is none."""
     datum: Datum = "AMSL"
     pressure: Pressure = NOT_TOLD
-    """Of the day: where flight levels lie."""
+    """Pressure and temperature of the day, which determine the heights of flight levels."""
 
     def __str__(self) -> str:
         if math.isinf(self.value_m):
@@ -54,15 +54,15 @@ class Limit:
         return f"{height_text(self.value_m)} {self.datum}"
 
     def lowest(self) -> tuple[float, bool]:
-        """Least height that it may stand for, metres, and whether it counts from the ground; else from the sea."""
+        """Least height that it may mean, metres, and whether it is above the ground; otherwise above the sea."""
         return self._band_m()[0], self.datum == "AGL"
 
     def highest(self) -> tuple[float, bool]:
-        """Greatest height that it may stand for, likewise."""
+        """Greatest height that it may mean, likewise."""
         return self._band_m()[1], self.datum == "AGL"
 
     def _band_m(self) -> tuple[float, float]:
-        """Least and greatest height that it may stand for, over the sea or the ground."""
+        """Least and greatest height that it may mean, over the sea or the ground."""
         if self.datum == "FL" and math.isfinite(self.value_m):
             return self.pressure.band_m(self.value_m)
         low, high = GEOID_M if self.datum == "WGS84" else (0.0, 0.0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from skyway.models.base.errors import Fault, one_line
 
 CLOSES_NOTHING = "closes nothing"
-"""How notes begin on what is no zone."""
+"""Begin of notes on items that are not zones."""
 
 
 @dataclass(slots=True)
@@ -19,9 +19,9 @@ class Notes:
     place : Fault
         File, line and feature that is read now.
     taken : list of Fault
-        What was understood in the stricter way: it closes more rather than less, and says so.
+        Items that were interpreted in the stricter way, which closes more, with a note.
     faults : list of Fault
-        What has no place, or no sense: such a file is not used.
+        Items without a place or a meaning: a file with one of these is not used.
     """
 
     place: Fault
@@ -33,7 +33,7 @@ class Notes:
         self.place = replace(self.place, field=one_line(feature), line=line)
 
     def closed(self, what: str, problem: str, value: object, counted: str) -> None:
-        """Note what is not understood, and what it counts as."""
+        """Note an item that is not understood, and how it counts."""
         self.taken.append(self._fault(what, problem, value, counted))
 
     def wrong(self, what: str, problem: str, value: object = None, remedy: str | None = None) -> None:

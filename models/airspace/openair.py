@@ -1,7 +1,7 @@
 """Zones of OpenAir text files, versions 1 and 2: the airspace of pilots.
 
 A zone begins with ``AC``. ``V X=`` and ``V D=`` stay in force until they change. Radii are in nautical miles, angles from
-true north, heights in feet above the sea where nothing else is said.
+true north, heights in feet above the sea unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CLASSES: dict[str, Kind] = {
     **dict.fromkeys(("ADIZ", "ALERT", "WARNING", "PROTECTED", "HTZ", "VFRR", "TRP", "TFZ", "LTA", "UTA"), "conditional"),
 }  # fmt: skip
 """Kind of zone by class (``AC``) or type (``AY``). Restricted and danger areas, and controlled airspace, are entered with
-the consent of whoever runs them."""
+the consent of the operator or controller in charge."""
 _IGNORED = frozenset(("AF", "AG", "AX", "AR", "AT", "SP", "SB", "TO", "TC", "AM", "AS"))
 _RECORD = re.compile(r"(A[A-Z]|D[A-Z]|S[A-Z]|T[A-Z]|V)(?:\s+(.*))?$", re.IGNORECASE)
 _COORDINATE = re.compile(r"\s*([0-9][0-9:.\s]*?)\s*([NSEW])\s*,?", re.IGNORECASE)
@@ -73,7 +73,7 @@ class Reader:
         self.zones: list[Zone] = []
 
     def read(self, text: str) -> list[Zone]:
-        """Return the zones; what is not understood is noted."""
+        """Return the zones; parts that are not understood are noted."""
         for number, line in enumerate(text.splitlines(), 1):
             plain = line.split("*", 1)[0].strip()
             if not plain:
@@ -189,7 +189,7 @@ class Reader:
             draft.ring += self._arc(word, value, self.centre)
 
     def _arc(self, word: str, value: str, centre: Place) -> list[Place]:
-        """Return the places of an arc: by radius and angles (DA), or by its two ends (DB), which both belong to it."""
+        """Return the places of an arc: by radius and angles (DA), or by its two ends (DB), both included."""
         lon, lat = centre
         if word == "DA":
             numbers = _numbers(value)
@@ -211,7 +211,7 @@ class Reader:
         return [ends[0], *inner, ends[1]]
 
     def _places(self, text: str) -> list[Place]:
-        """Read positions, latitude first; empty where one is none."""
+        """Read positions, latitude first; an empty list if one is not a position."""
         parts = _COORDINATE.findall(text)
         if not parts or len(parts) % 2 or _COORDINATE.sub("", text).strip(" ,"):
             return []
@@ -244,7 +244,7 @@ class Reader:
         return sum(value / 60.0**place for place, value in enumerate(values))
 
     def _break(self, what: str, problem: str, value: str) -> None:
-        """Note that the outline is not understood: the zone is then the hull of what is left of it."""
+        """Note that the outline is not understood: the zone becomes the convex hull of the remaining places."""
         if self.draft is not None:
             self.draft.broken = True
         self.notes.closed(what, problem, value, "counted as the convex hull of the rest of its outline")
@@ -273,7 +273,7 @@ class Reader:
 
 
 def _numbers(text: str) -> list[float]:
-    """Read numbers set apart by commas or blanks; empty where one is none."""
+    """Read numbers separated by commas or blanks; an empty list if one is not a number."""
     try:
         found = [float(part) for part in re.split(r"[,\s]+", text.strip()) if part]
     except ValueError:

@@ -5,9 +5,9 @@ all heights, since QNH is reduced by the standard atmosphere too. The true heigh
 
     z = A + dT / 0.0065 ln(T(s) / T(A)),  T(h) = 288.15 - 0.0065 h
 
-of the height A that the altimeter shows, with s the height of the place whose QNH it is: there an altimeter shows its own height at any temperature.
+where A is the height that the altimeter shows, and s the height of the place of the QNH: there an altimeter shows its own height at any temperature.
 
-What is unknown is taken as far as it can be, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. What is known may change until the flight:
+Unknown values range between their extremes, so a level is a band: QNH from 955 to 1085 hPa, air 40 degrees colder to 30 warmer than the standard. Known values may change until the flight:
 QNH by 6 hPa, which is what "very rapidly" means in three hours (Met Office, "Barometric pressure tendency"), and the air between ground and level by 6 degrees.
 
 Sources: ICAO Doc 7488, Manual of the ICAO Standard Atmosphere (1993); ICAO Doc 8168, volume I, part III, section 1, chapter 4 (temperature corrections; 4 % for 10 degrees).
@@ -36,11 +36,11 @@ POSSIBLE_K = -40.0, 30.0
 """Warmer than the standard."""
 CHANGE_HPA, CHANGE_K = 6.0, 6.0
 READABLE_HPA = 870.0, 1090.0
-"""Pressures at sea level that were ever measured, rounded outwards."""
+"""Lowest and highest pressure at sea level on record, rounded outwards."""
 HIGHEST_M = 30_000.0
-"""Above it the temperature counts no further."""
+"""Above this height the temperature has no further effect."""
 HIGHEST_PLACE_M, PLACES = 4500.0, 30
-"""No airport lies higher (Daocheng Yading: 4,411 m); heights of places in between that are tried."""
+"""No airport is higher (Daocheng Yading: 4,411 m); and the heights of places in between that are tried."""
 METAR = "metar="
 MAX_BYTES = 4 * 1024 * 1024
 _TYPED = re.compile(r"(?:QNH|Q)?(\d{3,4}(?:\.\d+)?)(?:HPA)?|A(\d{4})|(\d{2}\.\d+)(?:INHG)?", re.IGNORECASE)
@@ -56,7 +56,7 @@ class Pressure:
     temperature_c: tuple[float, float] | None = None
     """Likewise, near the ground; None: not known."""
     sure: bool = False
-    """Whether the pressure was told."""
+    """Whether the pressure was given."""
 
     def band_m(self, level_m: float) -> tuple[float, float]:
         """Least and greatest height above mean sea level of a pressure height."""
@@ -69,7 +69,7 @@ class Pressure:
         return min(found), max(found)
 
     def _true_m(self, shown_m: float) -> Iterator[float]:
-        """Yield heights that an altimeter at QNH may show so; the place whose QNH it is may lie at any height up to there."""
+        """Yield heights that an altimeter at QNH may show as this pressure height; the place of the QNH may be at any height up to it."""
         top_m = min(shown_m, HIGHEST_M)
         for step in range(PLACES + 1):
             place_m = min(top_m, HIGHEST_PLACE_M) * step / PLACES
@@ -88,9 +88,9 @@ NOT_TOLD = Pressure()
 
 
 def split_pressure(path: Path) -> tuple[Path, Pressure]:
-    """File of a name, and the pressure that is said behind it: ``zones.txt@Q1021``, ``zones.txt@A2992,15C``, ``zones.txt@metar=FILE``.
+    """File of a name, and the pressure that follows it: ``zones.txt@Q1021``, ``zones.txt@A2992,15C``, ``zones.txt@metar=FILE``.
 
-    Raises an `InputError` if it is none.
+    Raises an `InputError` if it is not a pressure.
     """
     head, mark, told = str(path).rpartition("@")
     if not mark or path.is_file() or not Path(head).is_file():
@@ -101,12 +101,12 @@ def split_pressure(path: Path) -> tuple[Path, Pressure]:
 
 
 def resolved(path: Path) -> str:
-    """Name of an airspace file as other processes find it, and of the METARs that are named behind it."""
+    """Name of an airspace file as seen by other processes, and of the METARs that follow it."""
     return str(path.resolve()) if METAR not in str(path) else named_in(str(path), Path.cwd())
 
 
 def named_in(text: str, folder: Path) -> str:
-    """Name of an airspace file in a folder, and of the METARs that are named behind it."""
+    """Name of an airspace file in a folder, and of the METARs that follow it."""
     head, mark, file = text.rpartition("@" + METAR)
     return f"{folder / head}{mark}{folder / file}" if mark else str(folder / text)
 
@@ -125,7 +125,7 @@ def _typed(told: str, file: str) -> Pressure:
 
 
 def _of_metars(path: Path) -> Pressure:
-    """Bounds of what METARs tell."""
+    """Bounds of the values in METARs."""
     found = pressures_told(read_text(path, max_bytes=MAX_BYTES))
     qnh = [hpa for hpa, _ in found if READABLE_HPA[0] <= hpa <= READABLE_HPA[1]]
     warmth = [degrees for _, degrees in found if degrees is not None]

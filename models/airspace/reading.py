@@ -43,9 +43,9 @@ class AirspaceFile:
     zones : tuple of Zone
         In their order.
     notes : tuple of Fault
-        What was not understood and counts as closed.
+        Items that were not understood and count as closed.
     faults : tuple of Fault
-        What can be put nowhere.
+        Items that cannot be placed.
     """
 
     path: str
@@ -58,7 +58,7 @@ class AirspaceFile:
 def inspect_airspace(path: Path) -> AirspaceFile:
     """Read an airspace file of any form, with its faults. Raises an `InputError` if it is not one.
 
-    The pressure of the day may follow its name (`split_pressure`): flight levels lie by it.
+    The pressure of the day may follow its name (`split_pressure`): it determines the heights of flight levels.
     """
     path, pressure = split_pressure(path)
     file = str(path)
@@ -85,7 +85,7 @@ def inspect_airspace(path: Path) -> AirspaceFile:
         notes.at("")
         if form in ("OpenAir", "KML"):
             notes.wrong("", "has no zones", None, "give a file with zones, or none")
-        else:  # a list that is empty says so itself
+        else:  # an empty list reports itself
             notes.closed("", "has no zones", None, CLOSES_NOTHING)
     if pressure is not NOT_TOLD:
         zones = [_on_a_day(zone, pressure) for zone in zones]
@@ -101,9 +101,9 @@ def _on_a_day(zone: Zone, pressure: Pressure) -> Zone:
 
 
 def read_airspace(paths: Sequence[Path]) -> tuple[tuple[Zone, ...], tuple[Fault, ...]]:
-    """Read the zones of some files, and what counts as closed because it was not understood.
+    """Read the zones of some files, and the items that count as closed because they were not understood.
 
-    An `InputError` has every fault of every file.
+    An `InputError` contains every fault of every file.
     """
     faults: list[Fault] = []
     zones: list[Zone] = []
@@ -197,7 +197,7 @@ def _features(document: object, file: str) -> list[Any]:
 
 
 def _label(feature: object, number: int) -> str:
-    """Return how people find a feature in its file: by number, and name where it has one."""
+    """Return the designation of a feature in its file, for people: its number, and its name if it has one."""
     names: list[str] = []
     if isinstance(feature, dict):
         properties = feature.get("properties")

@@ -27,14 +27,14 @@ class Ways(NamedTuple):
     lon2: NDArray[np.float64]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
-    """Least and greatest height above sea level; infinite where they are unknown."""
+    """Least and greatest height above sea level; infinite if they are unknown."""
     low_agl_m: NDArray[np.float64]
     high_agl_m: NDArray[np.float64]
     """Least and greatest height above the ground."""
 
 
 def at_any_height(lat1: ArrayLike, lon1: ArrayLike, lat2: ArrayLike, lon2: ArrayLike) -> Ways:
-    """Return ways that touch every zone below, above and about them."""
+    """Return ways that touch every zone below, above and around them."""
     ends = [np.array(one, dtype=np.float64) for one in np.broadcast_arrays(*np.atleast_1d(lat1, lon1, lat2, lon2))]
     low, high = np.full(ends[0].shape, -np.inf), np.full(ends[0].shape, np.inf)
     return Ways(ends[0], ends[1], ends[2], ends[3], low, high, low, high)
@@ -47,7 +47,7 @@ def flown_at(
 ) -> Ways:
     """Return ways between places (lat1, lon1, lat2, lon2) whose heights and grounds change linearly.
 
-    Heights and grounds at begin and end are above sea level, NaN where they are unknown: then the way counts at any.
+    Heights and grounds at begin and end are above sea level, NaN if unknown: then the way counts at any height.
     """
     level = at_any_height(*places)
     height = np.array(np.broadcast_arrays(*heights_m, level.lat1)[:2], dtype=np.float64)
@@ -64,9 +64,9 @@ def flown_at(
 def level_flights(
     places: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike], grounds_m: tuple[ArrayLike, ArrayLike], cruise_m: float
 ) -> Ways:
-    """Return ways as high as single segments are flown: level, the cruise height above the higher of the two grounds.
+    """Return ways at the heights of single segments: level, the cruise height above the higher of the two grounds.
 
-    Where a ground is unknown the way is taken to be over level ground.
+    If a ground is unknown the way is assumed to be over level ground.
     """
     level = at_any_height(*places)
     first, last = (np.broadcast_to(np.asarray(one, dtype=np.float64), level.lat1.shape) for one in grounds_m)
@@ -126,7 +126,7 @@ def together(*parts: Ways) -> Ways:
 def lines(ways: Ways) -> NDArray[np.object_]:
     """Return ways as lines in longitude and latitude, those without a length as points.
 
-    Across the 180th meridian they go on beyond 180 degrees.
+    Across the 180th meridian they continue beyond 180 degrees.
     """
     import shapely  # imported late: 60 ms
 

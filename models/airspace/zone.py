@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["prohibited", "authorization", "conditional", "information"]
 KINDS: tuple[Kind, ...] = ("prohibited", "authorization", "conditional", "information")
-"""From the strictest. The first is closed, the second is closed without an authorization; the others are reported."""
+"""From the strictest. The first is closed, the second is closed without an authorization; the others are only reported."""
 CLOSING: tuple[Kind, ...] = KINDS[:2]
 
 
@@ -26,7 +26,7 @@ class Volume:
     area : shapely.Polygon or shapely.MultiPolygon
         Longitude and latitude (x, y), degrees.
     floor, ceiling : Limit
-        Both belong to it.
+        Both included.
     """
 
     area: shapely.Geometry
@@ -44,9 +44,9 @@ class Zone:
     Attributes
     ----------
     id : str
-        Of the publisher, else its name; authorizations are given by it.
+        Of the publisher, otherwise its name; authorizations refer to it.
     name : str
-        What people call it, in English where it has an English name.
+        Name for people, in English if it has an English name.
     kind : Kind
         ``prohibited``, ``authorization``, ``conditional`` or ``information``.
     volumes : tuple of Volume
@@ -56,7 +56,7 @@ class Zone:
     source : str
         The file that it is from.
     message, authority : str
-        What the publisher says, and who gives authorizations; empty where nothing is said.
+        The publisher's message, and the authority that gives authorizations; empty if not stated.
     """
 
     id: str
@@ -70,5 +70,5 @@ class Zone:
 
     @property
     def label(self) -> str:
-        """Id and name, once where they are the same."""
+        """Id and name, once if they are the same."""
         return self.id if self.name in ("", self.id) else f"{self.id} ({self.name})"

@@ -15,10 +15,10 @@ LISTENING = ("udpin", "tcpin")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where to speak."""
+    """Address of one end of a link."""
 
     kind: str
-    """``udpin`` and ``tcpin`` listen, ``udpout`` and ``tcp`` speak first, ``serial`` opens a device."""
+    """``udpin`` and ``tcpin`` listen, ``udpout`` and ``tcp`` send first, ``serial`` opens a device."""
     host: str
     """Host, or the device."""
     port: int
@@ -46,7 +46,7 @@ def resolve(address: Address, kind: int) -> tuple[int, Any]:
 
 
 def bind(listener: socket.socket, target: Any, address: Address) -> None:
-    """Bind a socket; where the address is taken, or not ours, it is closed: an `InputError`."""
+    """Bind a socket; if the address is taken, or not of this machine, it is closed: an `InputError`."""
     try:
         listener.bind(target)
     except OSError as error:

@@ -7,9 +7,9 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """A clock that one can wait on.
+    """A clock with a wait function.
 
-    A simulated clock advances the simulation while it is waited on, so that nothing ever really waits.
+    A simulated clock advances the simulation during the wait, so no real time passes.
     """
 
     def now_s(self) -> float:

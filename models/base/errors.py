@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 
 class SkywayError(Exception):
-    """Anything skyway reports instead of an answer.
+    """Any result of skyway that is not an answer.
 
     Attributes
     ----------
     exit_code : int
-        Exit code of a command: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
+        Exit code of a command: 1 no solution, 2 wrong usage or input, 3 the vehicle or link failed.
     """
 
     exit_code = 2
 
 
 def one_line(text: str) -> str:
-    """Replace what no terminal should be sent (line ends, escape codes, lone surrogates) by spaces."""
+    """Replace characters that must not be sent to a terminal (line ends, escape codes, lone surrogates) by spaces."""
     return text if text.isprintable() else "".join(char if char.isprintable() else " " for char in text)
 
 
@@ -33,14 +33,14 @@ class Fault:
     """One fault of an input, with the data to correct it."""
 
     problem: str
-    """What is wrong, in a few words."""
+    """The problem, in a few words."""
     file: str | None = None
     line: int | None = None
     field: str | None = None
     value: object = None
-    """Where it is and what stands there; None where it does not apply. Lines count from 1."""
+    """Its location, and the value there; None if not applicable. Lines count from 1."""
     remedy: str | None = None
-    """What would be right."""
+    """The correct form."""
 
     def __str__(self) -> str:
         where = self.file or ""
@@ -59,9 +59,9 @@ class Fault:
 
 
 class InputError(SkywayError, ValueError):
-    """A file, option or argument is wrong; carries every fault found, not only the first.
+    """A file, option or argument is wrong; contains every fault found, not only the first.
 
-    What is wrong is said by faults, or in words, with the other arguments of a `Fault`.
+    The problem is described by faults, or in words, with the other arguments of a `Fault`.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ def refuse(faults: Sequence[Fault]) -> None:
 
 
 class InfeasibleError(SkywayError):
-    """The request is well formed, and the answer is no: why, with the figures that bind.
+    """The request is well formed but has no solution: the reason, with the figures that bind.
 
     The binding constraint is ``payload``, ``energy``, ``wind``, ``airspace``, ``disconnected``, ``room``,
     ``no-drone`` or ``time-limit``.
@@ -106,9 +106,9 @@ class NoRouteError(InfeasibleError):
 
 
 class AuditError(SkywayError):
-    """A planner's answer is not what comes out when it is flown; it is not given.
+    """A planner's answer differs from its simulated flight; it is not returned.
 
-    The leg counts from 1, None is the whole; claimed and flown are figures, or words.
+    The leg counts from 1, None is the whole plan; claimed and flown are figures, or words.
     """
 
     exit_code = 1
@@ -160,11 +160,11 @@ class CommandRefusedError(LinkError):
 
 
 class UploadMismatchError(LinkError):
-    """The vehicle's mission differs from what was sent; a start is blocked."""
+    """The vehicle's mission differs from the one sent; a start is blocked."""
 
 
 class StationConflictError(LinkError):
-    """Another ground station speaks with our system id."""
+    """Another ground station sends with our system id."""
 
     def __init__(self, system: int, component: int) -> None:
         super().__init__(
@@ -175,7 +175,7 @@ class StationConflictError(LinkError):
 
 
 class ParameterAbsentError(LinkError):
-    """The vehicle answers, and has no such parameter."""
+    """The vehicle answers, but has no such parameter."""
 
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for other parameters")

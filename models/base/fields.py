@@ -38,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def finite(text: object) -> float | None:
-    """Return the number in a text or value, or None where it is not a finite number."""
+    """Return the number in a text or value, or None if it is not a finite number."""
     if isinstance(text, bool) or (isinstance(text, str) and "_" in text):
         return None
     try:
@@ -157,7 +157,7 @@ class Table:
         return [Table(value, self.file, f"{path}[{number}]", self.faults) for number, value in enumerate(values)]
 
     def finish(self) -> None:
-        """Report every field that was not read: a misspelt name must not pass for a default."""
+        """Report every field that was not read: a misspelt name must not silently mean a default."""
         unknown = [key for key in self._values if key not in self._read]
         for key in unknown[:MAX_UNKNOWN]:
             close = difflib.get_close_matches(key, self._read, n=1)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def file_error(action: str, path: Path, error: Exception) -> InputError:
-    """Return the error of a file that the system does not let be ``read``, ``written`` or ``made`` (`action`)."""
+    """Return the error of a file that the system does not allow to be ``read``, ``written`` or ``made`` (`action`)."""
     return InputError(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path))
 
 
@@ -57,7 +57,7 @@ def read_text(path: Path, *, max_bytes: int) -> str:
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
-    """Write a file so that a reader, or a crash, never sees half of it; errors are those of `writing`."""
+    """Write a file so that a reader, or a crash, never leaves or sees half of it; errors are those of `writing`."""
     with writing(path, force=force) as stream:
         stream.write(content.encode() if isinstance(content, str) else content)
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)
 """Times are rounded to one of these."""
 UNKNOWN = "unknown"
-"""What is said of a figure that is unknown, or no finite number."""
+"""Text for a figure that is unknown or not finite."""
 SURE = 0.25
-"""A figure is rounded to a step of at least this share of how far its interval reaches."""
+"""A figure is rounded to a step of at least this share of its interval's half width."""
 
 
 def is_known(value: float | None) -> TypeGuard[float]:
@@ -55,22 +55,22 @@ def counter(seconds: float | None) -> str:
 
 
 def about(figure: Figure) -> str:
-    """Return a delivery time with as many digits as it is sure: ``1 h 35 min``, ``19 min 30 s``."""
+    """Return a delivery time with as many digits as are certain: ``1 h 35 min``, ``19 min 30 s``."""
     if not _known(figure):
         return UNKNOWN
     return _stepped(figure.value, step_for(figure.half_width))
 
 
 def between(figure: Figure) -> str:
-    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty where nothing was sampled.
+    """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty if nothing was sampled.
 
-    Each end is rounded as far as it is from the value: the lower end of a long tail is not lost in the step of the upper one.
+    Each end is rounded by its own distance from the value, so that the step of a long upper tail does not hide the lower end.
     """
     if not _known(figure):
         return ""
     below, above = step_for(figure.value - figure.low), step_for(figure.high - figure.value)
     low, high = below * math.floor(figure.low / below + 1e-9), above * math.ceil(figure.high / above - 1e-9)
-    low_s, high_s = min(low, rounded_s(figure)), max(high, rounded_s(figure))  # with the value, as `about` says it
+    low_s, high_s = min(low, rounded_s(figure)), max(high, rounded_s(figure))  # with the value, as `about` writes it
     step = 1 if min(below, above) < 60 else 60
     return f"{_stepped(low_s, step)} to {_stepped(high_s, step)}" if high_s > low_s else ""
 
@@ -82,12 +82,12 @@ def rounded_s(figure: Figure) -> float:
 
 
 def no_earlier(later: Figure, earlier: Figure) -> Figure:
-    """Return a time that is not shorter than another, even after rounding: rounded up where its own step would make it shorter."""
+    """Return a time that is not shorter than another, even after rounding: rounded up if its own step would make it shorter."""
     if not (_known(later) and _known(earlier)) or later.value < earlier.value or rounded_s(later) >= rounded_s(earlier):
         return later
     step = step_for(later.half_width)
     more = step * math.ceil(rounded_s(earlier) / step) - later.value
-    return replace(later, value=later.value + more, low=later.low + more, high=later.high + more)  # as unsure as before
+    return replace(later, value=later.value + more, low=later.low + more, high=later.high + more)  # same uncertainty
 
 
 def minutes(figure: Figure) -> str:
@@ -105,7 +105,7 @@ def minutes(figure: Figure) -> str:
 
 
 def share(figure: Figure) -> str:
-    """Return a probability with as many digits as it is sure: ``92 %``, ``99.8 %``, ``>99.8 %``, ``<0.2 %``."""
+    """Return a probability with as many digits as are certain: ``92 %``, ``99.8 %``, ``>99.8 %``, ``<0.2 %``."""
     if not _known(figure):
         return UNKNOWN
     value, low, high = figure.value, figure.low, figure.high
@@ -119,7 +119,7 @@ def share(figure: Figure) -> str:
 
 
 def percent(fraction: float | None, digits: int | None = 0, *, signed: bool = False) -> str:
-    """Return a share as a percentage: ``87 %``; with no `digits`, three significant ones, for what was given: ``0.05 %``."""
+    """Return a share as a percentage: ``87 %``; without `digits`, three significant ones, for given values: ``0.05 %``."""
     if not is_known(fraction):
         return UNKNOWN
     return f"{100 * fraction:{'+' if signed else ''}{'.3g' if digits is None else f'.{digits}f'}} %"
@@ -258,7 +258,7 @@ def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = F
 
 
 def later_text(later: Figure) -> str:
-    """Return how much later something arrives on average, or that there is no measurable difference."""
+    """Return the mean delay of an arrival against another, or that there is no measurable difference."""
     if not _known(later):
         return UNKNOWN
     if later.low == later.high == 0.0:
@@ -282,7 +282,7 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
 
 
 def by(figure: Figure, c: Composition, zone: ZoneInfo) -> str:
-    """Clock time of a delivery time, as sure as that is: with seconds only where they are sure to the second."""
+    """Clock time of a delivery time, with its precision: with seconds only if they are certain to the second."""
     if not _known(figure):
         return UNKNOWN
     seconds = step_for(figure.half_width) == 1

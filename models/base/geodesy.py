@@ -58,7 +58,7 @@ def earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def coarse_distance_m(lat: ArrayLike, lon: ArrayLike, lats: ArrayLike, lons: ArrayLike) -> NDArray[np.float64]:
-    """Distances between points, broadcast against each other, on a sphere: within 0.6 % of `inverse` and much faster, to leave out what is too far."""
+    """Distances between points, broadcast against each other, on a sphere: within 0.6 % of `inverse` and much faster, to exclude distant points."""
     here, there = (np.radians(np.asarray(one, dtype=np.float64)) for one in (lat, lats))
     half = 0.5 * np.radians(np.asarray(lons, dtype=np.float64) - np.asarray(lon, dtype=np.float64))
     square = np.sin(0.5 * (there - here)) ** 2 + np.cos(here) * np.cos(there) * np.sin(half) ** 2
@@ -71,7 +71,7 @@ def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
 
 
 def way(lat1: float, lon1: float, lat2: float, lon2: float) -> tuple[float, float]:
-    """Length and initial bearing of the geodesic between two points, as `inverse` has them of many."""
+    """Length and initial bearing of the geodesic between two points: `inverse` for a single pair."""
     azimuth, _, length = _wgs84().inv(lon1, lat1, lon2, lat2)
     bearing = float(azimuth) % 360.0
     return float(length), 0.0 if bearing >= 360.0 else bearing
@@ -127,7 +127,7 @@ def local_offsets_m(
 
 
 def coordinate_faults(lat: float, lon: float, *, file: str | None = None) -> list[Fault]:
-    """Return what is wrong with a position in degrees: out of range, or not a number."""
+    """Return the problem with a position in degrees: out of range, or not a number; None if it is valid."""
     faults = []
     hint = "degrees, not ten-millionths of them" if 1e5 < abs(lat) < 1e9 else "degrees from -90 to 90"
     if not -90.0 <= lat <= 90.0:
@@ -142,7 +142,7 @@ def coordinate_faults(lat: float, lon: float, *, file: str | None = None) -> lis
 
 
 def about(lon: ArrayLike, centre: float | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitudes as they lie on a map about a centre: each within 180 degrees of it, some beyond 180 or below -180."""
+    """Longitudes as drawn on a map about a centre: each within 180 degrees of it, some beyond 180 or below -180."""
     values = np.asarray(lon, dtype=np.float64)
     off = np.mod(values - centre + 180.0, 360.0) - 180.0
     return np.where(np.abs(values - centre) <= 180.0, values, centre + off)
@@ -154,7 +154,7 @@ def wrapped(lon: float) -> float:
 
 
 def middle_longitude(lon: ArrayLike) -> float:
-    """Middle of the shortest arc that holds all longitudes, from -180 up to 180 degrees; 0 without any."""
+    """Middle of the shortest arc that contains all longitudes, from -180 up to 180 degrees; 0 if there are none."""
     values = np.unique(np.mod(np.asarray(lon, dtype=np.float64).ravel(), 360.0))
     if not len(values):
         return 0.0
@@ -181,7 +181,7 @@ def _cut(places: Sequence[tuple[float, float]]) -> list[list[list[float]]]:
     for lat, lon in places:
         if before is not None and abs(lon - before[1]) > 180.0:
             side = 180.0 if before[1] > 0.0 else -180.0
-            beyond = lon + 2.0 * side  # the end as seen from the side that the line comes from
+            beyond = lon + 2.0 * side  # the end as seen from the side where the line starts
             share = (side - before[1]) / (beyond - before[1]) if beyond != before[1] else 0.0
             cross = before[0] + share * (lat - before[0])
             if [side, cross] != parts[-1][-1]:

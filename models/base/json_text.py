@@ -25,7 +25,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(one) for one in value]
     if hasattr(value, "__struct_fields__"):
-        if hasattr(value, "to_json"):  # it says itself how it stands in JSON
+        if hasattr(value, "to_json"):  # it defines its own JSON form
             return value.to_json()
         from msgspec import UNSET
 

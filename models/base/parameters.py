@@ -1,7 +1,7 @@
 """Parameters: the tuned numbers of a part, each with default, unit, range, meaning and the measurement behind it.
 
-A part is a frozen dataclass derived from `Parameters`; its fields are made by `parameter`, or are parts themselves. From that
-alone a tree of parts is checked, listed, changed by name (``planner.robust.members=50``) and compared with its defaults.
+A part is a frozen dataclass derived from `Parameters`; its fields are made by `parameter`, or are parts themselves. This
+suffices to check, list, change (``planner.robust.members=50``) and compare a tree of parts with its defaults.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 Value = bool | int | float | tuple[float, ...]
-"""What a parameter can be."""
+"""Types of a parameter's value."""
 P = TypeVar("P", bound="Parameters")
 
 
@@ -31,13 +31,13 @@ def parameter(
     default : bool, int, float or tuple of float
         Its type is the parameter's; a tuple holds one number or more.
     meaning : str
-        What it decides, a sentence.
+        Its effect, in one sentence.
     low, high : float
         The range, both ends included; of each number of a tuple.
     unit : str
         ``s``, ``m/s``; empty for counts and shares.
     measured : str
-        By which measurement it was set; empty where nobody measured.
+        The measurement that it was set by; empty if it was not measured.
     """
     return field(
         default=default, metadata={"meaning": meaning, "range": (low, high), "unit": unit, "measured": measured}
@@ -46,10 +46,10 @@ def parameter(
 
 @dataclass(frozen=True)
 class Parameters:
-    """Base of all parts: no value is out of range or of another type."""
+    """Base of all parts: checks the range and type of every value."""
 
     def __post_init__(self) -> None:
-        """Refuse what is out of range."""
+        """Refuse values that are out of range."""
         faults = [fault for one in entries(self) if (fault := one.fault(one.value)) is not None]
         refuse(faults)
 
@@ -120,7 +120,7 @@ def entries(part: Parameters, name: str = "") -> list[Entry]:
 
 
 def text_of(value: Value) -> str:
-    """Return a value as it is typed: ``0.12,0.25``."""
+    """Return a value as typed: ``0.12,0.25``."""
     if isinstance(value, tuple):
         return ",".join(map(text_of, value))
     if isinstance(value, int):
@@ -130,7 +130,7 @@ def text_of(value: Value) -> str:
 
 
 def changed(part: Parameters, name: str = "") -> dict[str, str]:
-    """Return the parameters of a tree that are not at their defaults, by name, as they are typed (`with_settings`)."""
+    """Return the parameters of a tree that are not at their defaults, by name, as typed (`with_settings`)."""
     return {one.name: text_of(one.value) for one in entries(part, name) if one.value != one.default}
 
 
@@ -150,7 +150,7 @@ def with_values(part: P, values: Mapping[str, Value]) -> P:
 
 
 def with_settings(part: P, settings: Iterable[str]) -> P:
-    """Return a tree with parameters changed as they are typed: ``planner.robust.members=50``.
+    """Return a tree with parameters changed by typed settings: ``planner.robust.members=50``.
 
     Raises an `InputError` if one is not ``name=value``, has no such parameter, or a value out of range.
     """
@@ -165,7 +165,7 @@ def with_settings(part: P, settings: Iterable[str]) -> P:
 
 
 def _find(known: Mapping[str, Entry], name: str) -> Entry:
-    """Return a parameter by its name, or raise an `InputError` that names those near it."""
+    """Return a parameter by its name, or raise an `InputError` that lists similar names."""
     if name in known:
         return known[name]
     last = name.rpartition(".")[2]

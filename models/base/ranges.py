@@ -7,18 +7,18 @@ from numbers import Real
 from skyway.models.base.errors import Fault
 
 MIN_PERCENT = 1.0
-"""A state of charge between 0 and this is a slip of the pen: percent were meant for a fraction, or a fraction for percent."""
+"""A state of charge between 0 and this is a typing error: percent for a fraction, or a fraction for percent."""
 
 
 def divided(value: float, by: float, most: float) -> str | None:
-    """Return the meaning of a number given in a unit so many times smaller; None where it then is not from 0 to `most`."""
+    """Return the meaning of a number if it was given in a unit this many times smaller; None if that is not from 0 to `most`."""
     return f"; did you mean {value / by:g}?" if _is_number(value) and 0.0 < value / by <= most else None
 
 
 def range_faults(
     field: str, value: float, low: float, high: float, remedy: str, meant: str | None = None
 ) -> list[Fault]:
-    """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
+    """Faults of a number that must lie in a range; `meant` is its possible meaning in another unit."""
     if not _is_number(value):
         return [Fault("is not a number", field=field, value=value, remedy=remedy)]
     if low <= value <= high:

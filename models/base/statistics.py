@@ -11,31 +11,31 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
-"""Of every interval: it holds the figure of very many simulated deliveries about that often."""
+"""Of every interval: with very many simulated deliveries, it contains the figure about this often."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure and how sure it is."""
+    """A figure and its uncertainty."""
 
     value: float
     low: float
     high: float
-    """95 % interval; both are the value where nothing was sampled."""
+    """95 % interval; both are the value if nothing was sampled."""
     error: float = 0.0
-    """Standard error, the days of a forecast being a sample of those that may come."""
+    """Standard error; the days of a forecast are treated as a sample of possible days."""
     seed_error: float = 0.0
-    """The part of it that another seed would show: queues, gusts and vehicles, with the days of the forecast as they
-    are."""
+    """The part of it that changes with the seed: queues, gusts and vehicles, for the same days of the
+    forecast."""
 
     @property
     def half_width(self) -> float:
-        """Distance of the farther end of the interval from the value."""
+        """Distance from the value to the farther end of the interval."""
         return max(self.high - self.value, self.value - self.low)
 
     @property
     def rest(self) -> Figure:
-        """The probability that it is not so."""
+        """The complementary probability."""
         return Figure(1.0 - self.value, 1.0 - self.high, 1.0 - self.low, self.error, self.seed_error)
 
     def scaled(self, factor: float) -> Figure:
@@ -45,7 +45,7 @@ class Figure:
 
 
 def certain(value: float) -> Figure:
-    """Return a figure that nothing sampled goes into."""
+    """Return a figure without sampling error."""
     return Figure(value, value, value)
 
 
@@ -58,9 +58,9 @@ def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64],
 
 
 def drawn_evenly(rng: np.random.Generator, groups: int, each: int) -> NDArray[np.float64]:
-    """Numbers between 0 and 1, one for each of so many draws of every group, in order (group, draw).
+    """Numbers between 0 and 1, one for each of a number of draws of every group, in order (group, draw).
 
-    Each is uniform, but together they lie evenly: one in each interval of 1 / each within every group, and one in each of
+    Each is uniform, but together they are stratified: one in each interval of 1 / each within every group, and one in each of
     1 / (groups each) over all. Source: McKay, Beckman and Conover, "A comparison of three methods for selecting values of input
     variables", Technometrics 21 (1979).
     """

@@ -34,14 +34,14 @@ HOPELESS_FAULTS = 100_000
 
 
 class Problem(NamedTuple):
-    """Why a text is not the value it should be."""
+    """Reason why a text is not a valid value."""
 
     text: str
     remedy: str
 
 
 class FaultCollector:
-    """Faults of one file, which each of them names: the first twenty are reported, the rest counted."""
+    """Faults of one file: the first twenty are reported, the others counted."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -63,7 +63,7 @@ class FaultCollector:
         return [int(number) for number in wrong[:LISTED_FAULTS]]
 
     def raise_if_hopeless(self) -> None:
-        """Raise the faults found so far if there are too many to read on."""
+        """Raise the faults found so far if there are too many to continue."""
         if len(self._found) + self._unlisted > HOPELESS_FAULTS:
             self.raise_if_any(after=" in the lines read so far")
 
@@ -85,7 +85,7 @@ class Chunk:
     lines: list[int]
     """Line of each row, counted from 1."""
     columns: dict[str, tuple[str, ...]]
-    """Texts of each column asked for, by its name, stripped of nothing."""
+    """Texts of each requested column, by its name, not stripped."""
 
     def decode(
         self,
@@ -98,7 +98,7 @@ class Chunk:
     ) -> NDArray[np.float64]:
         """Read a column of numbers, shape (rows,); a fault is noted and becomes NaN.
 
-        Texts in `known` are not read again; those without a fault join them.
+        Texts in `known` are not read again; valid texts are added to them.
         """
         texts = self.columns[name]
         values: dict[str, float] = {} if known is None else known
@@ -127,7 +127,7 @@ def read_table(
 ) -> Iterator[Chunk]:
     """Yield a CSV file in chunks of rows, with the requested columns; faults of its shape are collected.
 
-    Without `required` all columns are given, in the order of the file. An `InputError` refuses what is above 64 MB or 5
+    Without `required` all columns are given, in the order of the file. An `InputError` refuses a file above 64 MB or 5
     million rows, empty, without rows, or without a required column.
     """
     reader = csv.reader(io.StringIO(_text(path), newline=""))
@@ -160,7 +160,7 @@ def read_table(
 def _whole(
     lines: list[int], rows: list[list[str]], width: int, faults: FaultCollector
 ) -> tuple[list[int], list[list[str]]]:
-    """Leave out rows of the wrong width; all but empty ones are faults."""
+    """Leave out rows of the wrong width; all except empty ones are faults."""
     kept = [number for number, row in enumerate(rows) if len(row) == width]
     for line, row in zip(lines, rows, strict=True):
         if row and len(row) != width:
@@ -173,7 +173,7 @@ def _text(path: Path) -> str:
     try:
         too_large = path.stat().st_size > MAX_BYTES
     except (OSError, ValueError):
-        too_large = False  # files.read_text says what is wrong
+        too_large = False  # files.read_text reports the problem
     if too_large:
         remedy = "cut it to the part that is needed"
         raise InputError(f"is larger than {MAX_BYTES / 1e6:.0f} MB", str(path), remedy=remedy)

@@ -1,8 +1,8 @@
 """Units and conventions.
 
 Inside the code: metres, metres per second, kilograms, joules, watts, seconds (float64); bearings and wind
-directions in degrees clockwise from true north in [0, 360); wind directions say where the wind blows FROM;
-wind vectors are (north, east) and say where the air moves TOWARDS; instants are timezone-aware UTC in the
+directions in degrees clockwise from true north in [0, 360); wind directions are those that the wind blows FROM;
+wind vectors are (north, east) and point where the air moves TOWARDS; instants are timezone-aware UTC in the
 public API and POSIX seconds in kernels; state of charge is a fraction of nameplate energy, 0 to 1.
 Wh, km/h, minutes and percent appear only where a person reads or types them.
 """
@@ -42,7 +42,7 @@ SPEED_UNITS_MPS = {
 def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
     """Read an ISO 8601 instant with its offset, such as ``2013-07-10T14:00-04:00``; returns it in UTC.
 
-    An `InputError` that names `field` and `file` refuses a naive time: it means a different instant to each reader.
+    An `InputError` that names `field` and `file` refuses a naive time, because it is ambiguous.
     """
     example = "write it as 2013-07-10T14:00-04:00 or 2013-07-10T18:00Z"
     try:

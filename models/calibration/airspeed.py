@@ -1,7 +1,7 @@
 """Calibration of an airspeed sensor and a heading offset from a log of fixed-wing flight.
 
-The length of the velocity through the air, ``|ground velocity - wind|``, is the airspeed whatever the heading says; on several
-courses this alone tells wind and factor. The direction of the same velocity then tells the offset of the heading.
+The length of the velocity through the air, ``|ground velocity - wind|``, is the airspeed, independent of the heading; on several
+courses this suffices to determine wind and factor. The direction of the same velocity then gives the offset of the heading.
 
 Source: A. Cho et al., "Wind estimation and airspeed calibration using a UAV with a single-antenna GPS receiver and pitot tube",
 IEEE TAES 47(1), 2011.
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 MIN_BLOCKS = 30
 MAX_BLOCKS = 1800
 KNOT_S = 120.0
-"""The wind of the fit is linear between knots so far apart."""
+"""Distance of the knots between which the wind of the fit is linear."""
 KNOT_SIGMA_MPS = 1.5
-"""How much it may change from knot to knot."""
+"""Standard deviation of its change from knot to knot."""
 SIGMA_MPS = 0.7
 MAX_FACTOR_SIGMA = 0.03
 ALIKE = 10.0
-"""How many neighbouring seconds of side slip are as good as one."""
+"""Number of neighbouring seconds of side slip that count as one independent value."""
 STEADY_RAD_S = math.radians(8.0)
 """The heading is compared where the course turns no faster than this."""
 
@@ -44,14 +44,14 @@ class AirspeedFit:
     """Airspeed calibration found from one flight."""
 
     reason: str
-    """Why it cannot tell, or what it was found from."""
+    """The reason why it was not identified, or the data that it was found from."""
     model: AirspeedModel | None = None
-    """None where it was not identified."""
+    """None if it was not identified."""
     factor_sigma: float = math.inf
-    """Standard deviation of the factor; infinite where nothing was fitted."""
+    """Standard deviation of the factor; infinite if nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
-    """Mean wind, TOWARDS, found along with it; NaN where nothing was fitted."""
+    """Mean wind, TOWARDS, found along with it; NaN if nothing was fitted."""
 
 
 def identify_airspeed(air: Blocks) -> AirspeedFit:

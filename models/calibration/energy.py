@@ -1,7 +1,7 @@
 """Energy models fitted to recorded flights, with their error on flights that were not fitted.
 
-Only the time in which the motors turn counts: a recorder that runs on after the landing would otherwise pass for a drone
-that needs little power.
+Only the time in which the motors turn counts: a recorder that continues after the landing would otherwise make the drone seem
+to need little power.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SMOOTH_S = 2.0
 MOTORS_ON = 0.3
 """Share of the median power, smoothed, above which the motors turn."""
 LONGEST_GAP_S = 0.5
-"""A longer pause between samples counts as so much: what happened in it is unknown."""
+"""A longer pause between samples counts as this long: what happened in it is unknown."""
 MIN_MASS_SPREAD = 1.03
 """With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
 DEFAULT_KAPPA = 1.5
@@ -79,24 +79,24 @@ class EnergyFit:
 
     @property
     def belief(self) -> EnergyBelief:
-        """What these flights imply for others of the same drone."""
+        """The energy belief for other flights of the same drone."""
         return EnergyBelief.calibrated(self.left_out_error)
 
     @property
     def worst(self) -> float:
-        """Largest error without its sign."""
+        """Largest absolute error."""
         return max(abs(error) for error in self.left_out_error)
 
     @property
     def median(self) -> float:
-        """Median error without its sign."""
+        """Median absolute error."""
         return float(np.median(np.abs(self.left_out_error)))
 
 
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
     """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    An `InputError`, which gives its name, says that power is unknown, or that the motors never ran.
+    An `InputError`, which gives its name, means that power is unknown, or that the motors never ran.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
@@ -149,7 +149,7 @@ def published_errors(records: Sequence[PowerRecord], air_density_kg_m3: float) -
 
 
 def calibrated(drone: Drone, fit: EnergyFit) -> Drone:
-    """Return the drone with a fitted model, and what is believed of it; its endurances follow from the model."""
+    """Return the drone with a fitted model and its energy belief; its endurances follow from the model."""
     model = fit.model
     full_kg = drone.mass_kg + drone.max_payload_kg
     return replace(
@@ -199,7 +199,7 @@ def _fit(records: Sequence[PowerRecord], name: ModelName, drone: Drone, density:
 
 
 def _momentum(records: Sequence[PowerRecord], phase: Phase, density: float) -> tuple[float, float]:
-    """b1 and b0 of one phase: weighted least squares; b0 is 0 where the masses are too much alike to tell."""
+    """b1 and b0 of one phase: weighted least squares; b0 is 0 if the masses are too similar to separate them."""
     flown = [record for record in records if record.time_s[phase] > 1.0]
     if not flown:
         return M100_COEFFICIENTS[phase]

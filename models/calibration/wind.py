@@ -1,8 +1,8 @@
 """Drag and level bias of a drone, fitted to a log of its flight.
 
 Flown on one course only, or standing in the wind, a drone leans by an amount that a strong wind and little drag explain
-as well as a weak wind and much drag. On two courses the wind stays and the course turns, which tells them apart. So the fit
-looks for drag, bias and a wind that changes slowly, all at once, and says how sure it is.
+as well as a weak wind and much drag. On two courses the wind stays and the course turns, which separates them. So the fit
+determines drag, bias and a slowly changing wind together, with their uncertainty.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from skyway.models.wind.estimation.blocks import Blocks
 
 KNOT_S = 120.0
-"""The wind of the fit is linear between knots so far apart."""
+"""Distance of the knots between which the wind of the fit is linear."""
 KNOT_SIGMA_MPS = 1.5
-"""How much it may change from knot to knot."""
+"""Standard deviation of its change from knot to knot."""
 MAX_BLOCKS = 1800
 """Of a longer flight the last part is fitted."""
 BIAS_SIGMA_MPS2 = 0.15
@@ -36,9 +36,9 @@ FAST_MPS = 8.0
 """Quadratic drag is fitted where airspeeds differ by more than this."""
 MIN_BLOCKS = 60
 SMOOTH = 10
-"""Blocks averaged before a fit to a known wind: eddies that pass the mast do not pass the drone."""
+"""Blocks averaged before a fit to a known wind: eddies at the mast are not those at the drone."""
 MAX_RELATIVE_SIGMA = 0.20
-"""A drag that is less sure than this is not identified."""
+"""A drag with a larger relative uncertainty is not identified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +46,15 @@ class DragFit:
     """Drag found from one flight."""
 
     reason: str
-    """Why not, or what it was found from."""
+    """The reason why it was not identified, or the data that it was found from."""
     drag: DragModel | None = None
-    """As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where the
-    flight does not tell it."""
+    """Uncertainty for this flight; `models.drones.drag.DragModel.another_flight` for the next. None if the
+    flight does not determine it."""
     relative_sigma: float = math.inf
-    """Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted."""
+    """Relative standard deviation of the drag at the typical airspeed; infinite if nothing was fitted."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
-    """Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted."""
+    """Mean wind of the flight, TOWARDS, found along with it; NaN if nothing was fitted."""
     course_spread_deg: float = 0.0
     """How far the courses flown differ, 0 to 180."""
 
@@ -95,8 +95,8 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
 def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0) -> DragModel:
     """Find the linear drag of a flight, hover included, in a wind that was measured nearby.
 
-    The wind is (north, east) TOWARDS, m/s, shape (blocks, 2). The drag has the scatter of what was seen about what was
-    expected.
+    The wind is (north, east) TOWARDS, m/s, shape (blocks, 2). The uncertainty of the drag is the scatter of observed about expected
+    values.
     """
     good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
     if good.sum() < MIN_BLOCKS:
@@ -159,7 +159,7 @@ class _Fit:
         value = float(c1 + c2 * typical)
         relative = math.sqrt(max(float(slope @ covariance @ slope), 0.0)) / value
         mean = wind.mean(axis=0)
-        number = int(free[:2].sum())  # places of the two biases among what was free
+        number = int(free[:2].sum())  # positions of the two biases among the free parameters
         level = math.sqrt(max(0.5 * float(np.trace(covariance[number : number + 2, number : number + 2])), 0.0))
         model = DragModel(
             linear_per_s=float(c1),
@@ -188,7 +188,7 @@ class _Fit:
 
 
 def _white(left: NDArray[np.float64], period_s: float) -> float:
-    """Standard deviation of residuals, shape (2, n), without what is alike from one to the next: that is gusts, not noise."""
+    """Standard deviation of residuals, shape (2, n), without the part common to consecutive residuals: that part is gusts, not noise."""
     alike = float(np.mean(left[:, 1:] * left[:, :-1])) * math.exp(period_s / WindFilterSettings().gust_tau_s)
     return math.sqrt(max(float(np.mean(left**2)) - max(alike, 0.0), 0.0))
 

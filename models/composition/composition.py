@@ -196,7 +196,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class ArrivalDistribution:
-    """When the package arrives, over the forecast (None: unknown), and how sure each figure is."""
+    """Arrival of the package over the forecast (None: unknown), with the uncertainty of each figure."""
 
     mean: datetime | None
     p50: datetime | None
@@ -205,7 +205,7 @@ class ArrivalDistribution:
     delivery_mean: Figure | None = None
     delivery_p50: Figure | None = None
     delivery_p95: Figure | None = None
-    """The same as delivery times, s, and how sure they are; None where nothing was sampled."""
+    """The same as delivery times, s, with their uncertainty; None if nothing was sampled."""
     runs: int | None = None
     """Simulated deliveries behind them."""
 
@@ -242,7 +242,7 @@ class EnergyDistribution:
 
 
 def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:
-    """Every float of a value and of what it holds, with where it stands."""
+    """Every float of a value and of its parts, with its path."""
     if isinstance(value, float):
         yield where.lstrip("."), value
     elif isinstance(value, Mapping):
@@ -299,19 +299,19 @@ class Composition:
     success_probability, on_time_probability : float or None
         That every landing keeps the reserve, and that the package arrives by the deadline; None is unknown.
     success, on_time : Figure or None
-        How sure these are; None where nothing was sampled.
+        Uncertainty of these; None if nothing was sampled.
     parameters : mapping of str to str
         Parameters of planners that were not at their defaults, as they are typed after ``--set``.
     conditions : tuple of Condition
         Winds and pads observed at the time of planning that the promise rests on.
     terrain : TerrainUse or None
-        Terrain that the legs are flown over; None where the ground is known at stations alone.
+        Terrain that the legs are flown over; None if the ground is known at stations alone.
     authorized : tuple of str
         Zones for which the plan counts on an authorization.
     zones : tuple of str
         Files of zones given in addition to those of the scenario.
     not_before : datetime or None
-        Before this the package does not arrive; None: it may at any time.
+        Earliest arrival of the package; None: no limit.
     energy : EnergyDistribution or None
         Where the scenario has prices, or the objective counts energy.
     costs : DeliveryCosts or None
@@ -374,7 +374,7 @@ class Composition:
     def there_and_back(self) -> Composition:
         """All flights as one chain, the way back after the delivery; itself where there is no way back.
 
-        The time at the target is a stop. Of what is not a flight or a stop it says what the delivery does.
+        The time at the target is a stop. Fields other than flights and stops are those of the delivery.
         """
         way = self.way_back
         if way is None or way.plan is None:

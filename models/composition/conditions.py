@@ -21,7 +21,7 @@ class Condition:
     age_s: float
     """Before the departure."""
     source: str
-    """The file, service or option that it was handed over with."""
+    """The file, service or option that it came from."""
     speed_mps: float | None = None
     from_deg: float | None = None
     """Of a wind, as observed; no direction is a variable one."""

@@ -62,7 +62,7 @@ _STRUCTS: dict[type, type[msgspec.Struct]] = {
     WayBack: schema.WayBack,
     Composition: schema.Composition,
 }
-"""What each class is in the file."""
+"""Structure in the file of each class."""
 _CLASSES = {struct: kind for kind, struct in _STRUCTS.items()}
 _INSTANTS = ("depart", "arrive", "mean", "p50", "p95", "time", "not_before")
 T = TypeVar("T")
@@ -74,7 +74,7 @@ def to_json(composition: Composition) -> dict[str, Any]:
 
 
 def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
-    """Leave out what there is none of, and say where the scenario is; likewise in the plans of a way back."""
+    """Omit empty fields, and add the path of the scenario; likewise in the plans of a way back."""
     scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
     back = composition.way_back
     if back is None:
@@ -101,13 +101,13 @@ def _tidy(document: dict[str, Any], composition: Composition) -> dict[str, Any]:
 
 
 def figure_json(figure: Figure | None) -> dict[str, float] | None:
-    """Return a figure as plain JSON values: value, 95 % interval, standard error, and what of it another seed would show."""
+    """Return a figure as plain JSON values: value, 95 % interval, standard error, and the part of it that changes with the seed."""
     plain: dict[str, float] | None = _plain(figure)
     return plain
 
 
 def _plain(value: Any) -> Any:
-    """Return a value, and all that it holds, as the file has it."""
+    """Return a value, with everything in it, in the form of the file."""
     struct = _STRUCTS.get(type(value))
     if struct is not None:
         names = zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True)
@@ -120,7 +120,7 @@ def _plain(value: Any) -> Any:
 
 
 def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
-    """Write the composition, whole or not at all.
+    """Write the composition atomically.
 
     Raises an `InputError` if the file exists and `force` is not given, or if its folder cannot be written.
     """
@@ -130,7 +130,7 @@ def save(composition: Composition, path: str | PathLike[str], *, force: bool = F
 def load(path: str | PathLike[str]) -> Composition:
     """Read a composition written by `save` or by ``skyway plan --json``.
 
-    An `InputError` refuses what is unreadable, not JSON, of another schema, or has a field that is missing or out of
+    An `InputError` refuses a file that is unreadable, not JSON, of another schema, or has a field that is missing or out of
     range.
     """
     return from_json(read_text(Path(path), max_bytes=MAX_BYTES), file=str(path))
@@ -194,14 +194,14 @@ def _way_back(raw: schema.Composition, services: tuple[DroneService, ...], file:
 
 
 def _read(kind: Callable[..., T], raw: msgspec.Struct, file: str, where: str, **given: Any) -> T:
-    """Return what a structure of the file is; `where` is its place, for errors, and what is given is taken as it is."""
+    """Return the value of a structure of the file; `where` is its place, for errors, and `given` fields are taken unchanged."""
     names = zip(raw.__struct_fields__, raw.__struct_encode_fields__, strict=True)
     own = {one.name for one in fields(cast("Any", kind))}.difference(given)
     return kind(**given, **{n: _value(n, getattr(raw, n), file, where + name) for n, name in names if n in own})
 
 
 def _value(name: str, value: Any, file: str, where: str) -> Any:
-    """Return what one field of a structure, or one of a list or mapping, stands for."""
+    """Return the value of one field of a structure, or of one item of a list or mapping."""
     if type(value) in _CLASSES:
         return _read(_CLASSES[type(value)], value, file, f"{where}.")
     if isinstance(value, list):

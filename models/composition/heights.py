@@ -32,7 +32,7 @@ class TerrainUse:
     files : tuple of str
         Terrain models and obstacles, as they were named.
     clearance : Clearance
-        What is kept over them.
+        Required clearance over them.
     """
 
     files: tuple[str, ...] = ()
@@ -127,7 +127,7 @@ def obstacles_told(
 
 
 def least_words(heights: LegHeights) -> str:
-    """Least clearance of a leg in words, and where it is."""
+    """Least clearance of a leg and its location, in words."""
     at = f"{distance_text(heights.least_along_m)} along"
     if heights.least_m < 0.0:
         return f"{height_text(-heights.least_m)} below the highest ground or obstacle in the corridor, {at}"
@@ -135,7 +135,7 @@ def least_words(heights: LegHeights) -> str:
 
 
 def least_at_m(along_m: Sequence[float], heights_m: Sequence[float], place_m: float) -> float:
-    """Height of a flown way at a distance along it; the lower one where it changes at once."""
+    """Height of a flown way at a distance along it; the lower one if it changes at once."""
     found = [
         min(h0, h1) if a1 == a0 else h0 + (place_m - a0) / (a1 - a0) * (h1 - h0)
         for (a0, h0), (a1, h1) in pairwise(zip(along_m, heights_m, strict=True))

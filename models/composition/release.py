@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 Release = Literal["gripper", "winch", "place", "hand"]
-"""``gripper``: it lands, and a gripper opens; ``hand``: it lands, and a person takes the package off and says so; ``winch``: it hovers and lowers the
+"""``gripper``: it lands, and a gripper opens; ``hand``: it lands, and a person takes the package off and confirms it; ``winch``: it hovers and lowers the
 package on a line; ``place``: it sinks until the package stands on the ground, lets go and climbs (ArduPilot's NAV_PAYLOAD_PLACE)."""
 RELEASES: tuple[Release, ...] = get_args(Release)
 
 WINCH_HEIGHT_M = 15.0
 """Above the ground at the target, where it hovers while the line is out."""
 WINCH_SLACK_M = 1.0
-"""So much more line than height, so that the hook comes free."""
+"""Excess of line over height, so that the hook comes free."""
 WINCH_MPS = 1.0
 """Line a second: WINCH_RATE_MAX, as ArduPilot has it by default."""
 WINCH_SETTLE_S = 10.0
@@ -20,9 +20,9 @@ WINCH_SETTLE_S = 10.0
 PLACE_HEIGHT_M, PLACE_MPS = 10.0, 0.5
 """It sinks from this height above the ground, with ArduPilot's LAND_SPEED."""
 PLACE_LOWEST_M = -5.0
-"""It gives up so far below the ground as it is known."""
+"""The descent is aborted this far below the known ground."""
 PLACE_SETTLE_S = 10.0
-"""The ground is felt, the gripper opens, and it waits, before it climbs."""
+"""Time to detect the ground, open the gripper and wait before the climb."""
 
 
 def hovers(release: str) -> bool:
@@ -36,7 +36,7 @@ def winch_s() -> float:
 
 
 def hover_s(release: str) -> float:
-    """Time in the air at the target, beyond the way down and up again that a landing takes as well."""
+    """Time in the air at the target, beyond the descent and climb that a landing also takes."""
     if release == "winch":
         return 2.0 * winch_s()
     return PLACE_HEIGHT_M / PLACE_MPS + PLACE_SETTLE_S if release == "place" else 0.0

@@ -1,7 +1,7 @@
 """Structure of a composition file: the fields of each class of `models.composition.composition`, in their order.
 
-Fields have the names of the class; `rename` says what they are called in the file. What is `_Derived` follows from other fields:
-it is written for readers, and not read. See `models.composition.file`.
+Fields have the names of the class; `rename` gives their names in the file. Fields of `_Derived` follow from other fields:
+they are written for readers, and not read. See `models.composition.file`.
 """
 
 from __future__ import annotations

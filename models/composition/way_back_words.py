@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def delivered_text(composition: Composition) -> str:
-    """Describe the delivery of the package, and what the drone does then."""
+    """Describe the delivery of the package, and the drone's actions after it."""
     way = composition.way_back
     if way is None:
         return "delivered"
@@ -33,7 +33,7 @@ def end_text(back: Composition) -> str:
 
 
 def way_back_lines(composition: Composition, zone: ZoneInfo) -> list[str]:
-    """Describe what the way back takes, and what is kept for a package that cannot be delivered."""
+    """Describe duration and energy of the way back, and the reserve for a package that cannot be delivered."""
     way, lines = composition.way_back, []
     if way is None:
         return []

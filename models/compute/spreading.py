@@ -1,7 +1,7 @@
 """Work distributed over processes of this machine, or over a Dask cluster: the same answers for any number and order of workers.
 
-A piece of work is a call of a function of a module with one argument; it may depend on nothing else. Answers are returned in the order of
-the arguments. Pieces of a worker that was lost are done again.
+A piece of work is a call of a function of a module with one argument; it must not depend on anything else. Answers are returned in the order of
+the arguments. Pieces of a lost worker are repeated.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 TRIES = 3
-"""A piece whose worker was lost so often is given up: it is what kills them."""
+"""A piece whose worker was lost this often is abandoned: the piece itself probably ends them."""
 AHEAD = 3
 """Bundles handed over at a time, for each worker."""
 BUNDLE_S = 2.0
-"""About so long a bundle of pieces takes, of a worker's time."""
+"""Target duration of a bundle of pieces, of a worker's time."""
 MOST = 64
 """Pieces of a bundle."""
 CONNECT_S = 10.0
@@ -40,7 +40,7 @@ def processors() -> int:
     """Processors that this process may use."""
     try:
         return max(len(os.sched_getaffinity(0)), 1)
-    except AttributeError:  # not on this system
+    except AttributeError:  # not available on this system
         return os.cpu_count() or 1
 
 
@@ -60,15 +60,15 @@ def spread(
     work : callable
         A function of a module, that others can import.
     arguments : sequence
-        One for each piece; they are pickled.
+        Arguments of the pieces; they are pickled.
     common : object, optional
-        What all pieces have in common, too large to be sent with each: `work` has it before its argument.
+        Data common to all pieces, too large to be sent with each: it precedes the argument of `work`.
     workers : int
         Processes of this machine; with 1 it is done in this one.
     cluster : str, optional
         Scheduler of a Dask cluster, ``tcp://HOST:PORT``, in place of processes.
     told : callable, optional
-        Is told pieces done, pieces in all, and about how long the rest takes, s; NaN at first.
+        Called with pieces done, all pieces, and an estimate of the remaining time, s; NaN at first.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def spread(
 
 
 class _Progress:
-    """How far it is, and how long the rest may take at the pace so far."""
+    """Progress, and an estimate of the remaining time at the current pace."""
 
     def __init__(self, total: int, told: Told | None) -> None:
         self._total, self._told, self._count = total, told, 0
@@ -118,7 +118,7 @@ class _Spread(Generic[T, R]):
         self._answers: dict[int, R] = {}
         self._lost = [0] * len(arguments)
         self._size = 1
-        """Pieces of the next bundle; it grows where they are short."""
+        """Pieces of the next bundle; the number grows if they are short."""
 
     def all(self) -> list[R]:
         left = list(range(len(self._arguments)))
@@ -129,7 +129,7 @@ class _Spread(Generic[T, R]):
         return [self._answers[number] for number in range(len(self._arguments))]
 
     def _round(self, executor: Executor, common: object, left: deque[int], ahead: int) -> None:
-        """Do pieces until none is left, or the workers were lost."""
+        """Do pieces until all are done, or the workers were lost."""
         running: dict[Future[tuple[list[R], float]], list[int]] = {}
         try:
             while left or running:
@@ -149,7 +149,7 @@ class _Spread(Generic[T, R]):
             self._size = 1
             for bundle in running.values():
                 for one in bundle:
-                    self._lost[one] += len(bundle) == 1  # of a larger one it is unknown which
+                    self._lost[one] += len(bundle) == 1  # in a larger bundle the piece is unknown
             if max(self._lost) >= TRIES:
                 raise SkywayError(f"workers were lost {TRIES} times at one piece of work: {error}") from error
         finally:
@@ -158,7 +158,7 @@ class _Spread(Generic[T, R]):
 
     @contextmanager
     def _executor(self) -> Iterator[tuple[Executor, int, object]]:
-        """Yield an executor, how many workers it has, and what stands for what all pieces have in common: each worker is sent that once."""
+        """Yield an executor, its number of workers, and a placeholder of the common data, which each worker is sent once."""
         if self._cluster is None:
             spawn = multiprocessing.get_context("spawn")
             pool = ProcessPoolExecutor(self._workers, mp_context=spawn, initializer=_keep, initargs=(self._common,))
@@ -195,14 +195,14 @@ class _Spread(Generic[T, R]):
 
 
 class _Kept:
-    """Stands for what a process keeps."""
+    """Placeholder of the data that a process stores."""
 
 
 _kept: list[object] = [None]
 
 
 def _keep(common: object) -> None:
-    """Begin a process, and keep what all pieces have in common."""
+    """Start a process, and store the common data."""
     begin_worker()
     _kept[0] = common
 
@@ -215,7 +215,7 @@ def _bundle(work: Callable[..., R], common: object, arguments: list[T]) -> tuple
 
 
 def _lost_errors() -> tuple[type[BaseException], ...]:
-    """What says that a worker was lost, not that its work is wrong."""
+    """Errors that mean a lost worker, not a fault in the work."""
     import sys
 
     exceptions: list[type[BaseException]] = [BrokenExecutor, CancelledError]

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
 LIFELINE = "SKYWAY_LIFELINE"
-"""Variable of the environment with the port that is open as long as a program that others are to end with."""
+"""Environment variable with a port that is open as long as the program with which child processes are to end."""
 _HOST, _BACKLOG = "127.0.0.1", 512
 
 
 def begin_worker() -> None:
-    """Begin a process that works for its parent: it ends with it, also where that was killed and could not say so."""
+    """Start a worker process that ends with its parent, also if the parent was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -43,16 +43,16 @@ def end_workers(pool: ProcessPoolExecutor) -> None:
 
 @contextmanager
 def lifeline() -> Iterator[dict[str, str]]:
-    """Give the environment of commands that are to end with this program, and so are those that they start, however it ends.
+    """Return the environment of commands that are to end with this program, with the commands that they start, however it ends.
 
-    They call `hold_lifeline`. Nobody answers them: the system ends their connections with the program that they lead to.
+    They call `hold_lifeline`. The port never answers: the system closes the connections when the program ends.
     """
     with socket.create_server((_HOST, 0), backlog=_BACKLOG) as listener:
         yield {**os.environ, LIFELINE: str(listener.getsockname()[1])}
 
 
 def hold_lifeline() -> None:
-    """End this process with the program whose `lifeline` is in its environment, where there is one."""
+    """End this process with the program whose `lifeline` is in its environment, if there is one."""
     port = os.environ.get(LIFELINE)
     if port is None:
         return

@@ -1,7 +1,7 @@
 """Calibration of a plane's airspeed sensor and heading: a scale factor and an offset.
 
 An uncalibrated pitot tube is a few per cent off (ArduPilot's ARSPD_RATIO), and a compass, or a fuselage that flies askew, a
-few degrees; at 20 m/s each of them makes a wind of 1 to 3 m/s that is not there.
+few degrees; at 20 m/s each of them causes an apparent wind of 1 to 3 m/s.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from skyway.models.base.errors import InputError
 
 FLIGHT_TO_FLIGHT_FACTOR, FLIGHT_TO_FLIGHT_HEADING_RAD = 0.03, math.radians(3.0)
-"""How far sensor and heading of one aircraft may differ between flights: the probe's place in the flow, the compass beside its load."""
+"""Difference of sensor and heading of one aircraft between flights: the probe's place in the flow, the compass beside its load."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +20,7 @@ class AirspeedModel:
     """From sensors to the velocity through the air."""
 
     factor: float = 1.0
-    """True airspeed is what the sensor says times this."""
+    """True airspeed is the reading of the sensor times this."""
     heading_offset_rad: float = 0.0
     """The vehicle moves through the air where its heading points plus this, clockwise."""
     sigma_mps: float = 0.7

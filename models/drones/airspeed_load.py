@@ -1,8 +1,8 @@
 """Power of a multirotor over airspeed, relative to hover.
 
 In forward flight less power goes into holding the drone up, and more into drag and into the blades: the power dips at medium
-speed and rises beyond it. The energy models (`models.drones.power`) are those of hover or of a mean cruise, and tell nothing of it; what
-is missing is drag, which the drone's own lean tells (`models.drones.drag`).
+speed and rises beyond it. The energy models (`models.drones.power`) are those of hover or of a mean cruise, without this dependence; the missing
+quantity is drag, which follows from the drone's own lean (`models.drones.drag`).
 
 Source: momentum theory in forward flight (Glauert), blades and their rise with the advance ratio from J. G. Leishman,
 *Principles of Helicopter Aerodynamics*, 2nd ed., sections 2.14 and 5.4; the share of blades in hover, 30 %, from there as well.
@@ -27,7 +27,7 @@ INFLOW_MPS = 5.7
 BLADE_SHARE = 0.3
 """Share of the blades' own drag in the power of hover."""
 BLADE_RISE, TIP_MPS = 4.65, 110.0
-"""It grows by so much with the square of the advance ratio; speed of the blades' tips."""
+"""Its growth with the square of the advance ratio; speed of the blades' tips."""
 INDUCED_FACTOR = 1.15
 """Induced power over that of an ideal propeller."""
 
@@ -37,7 +37,7 @@ class AirspeedLoad:
     """Power over airspeed of one kind of multirotor."""
 
     drag: DragModel
-    """How it is held back by the air."""
+    """Drag of the drone."""
 
     def factor(self, airspeed_mps: ArrayLike) -> NDArray[np.float64]:
         """Power at an airspeed over that in hover."""

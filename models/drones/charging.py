@@ -106,7 +106,7 @@ class ChargingCurve:
     def piecewise(self, pieces: int = 24) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Piecewise-linear curve through points of the true one, for kernels: times, s, and SoC, from empty to full.
 
-        Chords of a concave function lie below it: the piecewise curve never promises charge that is not there. The
+        Chords of a concave function lie below it: the piecewise curve never promises charge that is not available. The
         falling part has `pieces` straight ones, so that both arrays have the shape (pieces + 2,), or (2,) without such
         a part. With the default 24 pieces it is at most 0.00011 (0.011 % SoC) below.
         """

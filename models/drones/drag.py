@@ -1,7 +1,7 @@
 """Drag of a multirotor: from tilt to air velocity.
 
 A rotor craft that moves through the air with velocity v is held back by ``d = c1 v + c2 |v| v`` (metres per second squared).
-What the tilted thrust gives beyond the acceleration seen is that drag, so attitude and ground velocity tell the wind.
+Thrust beyond the observed acceleration balances that drag, so attitude and ground velocity determine the wind.
 Linear drag is that of the rotors (induced and blade drag), quadratic that of the body.
 
 Source: R. Mahony, V. Kumar, P. Corke, "Multirotor Aerial Vehicles", IEEE RAM 19(3), 2012 (rotor drag); J. Gonzalez-Rocha
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FLIGHT_TO_FLIGHT_RELATIVE, FLIGHT_TO_FLIGHT_BIAS_MPS2 = 0.10, 0.10
-"""How far drag and level of one aircraft differ between flights (load, propellers, how level it stood when it was armed): four
+"""Differences of drag and level of one aircraft between flights (load, propellers, attitude when it was armed): four
 flights of one Matrice 100 gave 5 to 12 % and 0.06 to 0.12 m/s2."""
 FLIGHT_TO_FLIGHT_MANOEUVRE = 0.03
-"""So much of an acceleration another flight's drag may take for drag: between hover and cruise it is not quite what it is in either, and attitude
+"""Share of an acceleration that the drag of another flight may misinterpret as drag: the drag changes between hover and cruise, and attitude
 and velocity are not of quite the same instant. In five logged flights (Matrice 100, a quadrotor) the drag seen scatters by 0.18 m/s2 in
 steady flight and by 0.25 to 0.35 at 2 m/s2, of which the scatter that calibration finds has a part already."""
 SLOWEST_MPS = 0.5
-"""Slopes of the drag are those of at least so much airspeed: purely quadratic drag has none at rest."""
+"""Least airspeed at which slopes of the drag are taken: purely quadratic drag has none at rest."""
 MAX_TILT_RAD = math.radians(60.0)
 
 
@@ -54,7 +54,7 @@ class DragModel:
     bias_sigma_mps2: float = 0.0
     """Standard deviation of each bias, likewise."""
     manoeuvre_share: float = 0.0
-    """What is added to `sigma_mps2` (squares) while the vehicle accelerates: this share of the acceleration."""
+    """Share of the acceleration that is added to `sigma_mps2` (squares) while the vehicle accelerates."""
 
     def __post_init__(self) -> None:
         if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):
@@ -80,7 +80,7 @@ class DragModel:
         """Velocity through the air, shape (n, 2), that gives a drag in m/s2, shape (n, 2)."""
         size = np.hypot(drag[:, 0], drag[:, 1])
         c1, c2 = self.linear_per_s, self.quadratic_per_m
-        # of the two forms of the root, this one needs no division by c2 and no difference of like numbers
+        # of the two forms of the root, this one needs no division by c2 and no difference of similar numbers
         speed = 2.0 * size / (c1 + np.sqrt(c1 * c1 + 4.0 * c2 * size) + 1e-12)
         return np.asarray(drag / (c1 + c2 * speed + 1e-12)[:, None])
 
@@ -95,9 +95,9 @@ class DragModel:
         return np.asarray(across[:, None, None] * np.eye(2) + (along - across)[:, None, None] * flow)
 
     def noise(self, air_velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance of what is new in each wind measured at these air velocities and accelerations, shape (n, 3): nn, ne, ee.
+        """Covariance of the independent error of each wind measured at these air velocities and accelerations, shape (n, 3): nn, ne, ee.
 
-        What is the same in all of them, an error of the coefficients or of the bias, is not in it (`models.wind.estimation.systematic`).
+        It excludes the common error of all of them, of the coefficients or of the bias (`models.wind.estimation.systematic`).
         """
         slope = self.slope(air_velocity)
         variance = self.sigma_mps2**2 + self.manoeuvre_share**2 * (acceleration**2).sum(axis=1)
@@ -112,7 +112,7 @@ def thrust_acceleration(
 ) -> NDArray[np.float64]:
     """Horizontal acceleration (north, east) that a tilted thrust gives while it holds the vehicle up, shape (n, 2).
 
-    NaN where the vehicle is tilted by more than 60 degrees: nothing is held up then.
+    NaN if the vehicle is tilted by more than 60 degrees: nothing is held up then.
     """
     cos_roll, sin_roll = np.cos(roll_rad), np.sin(roll_rad)
     cos_pitch, sin_pitch = np.cos(pitch_rad), np.sin(pitch_rad)

@@ -30,7 +30,7 @@ class AirFile:
 
 
 def drag_file(drag: DragModel | None, notes: Sequence[str] = (), airspeed: AirspeedModel | None = None) -> str:
-    """Write a drag, an airspeed sensor, or both as TOML, with notes as comments, as sure as they are for another flight."""
+    """Write a drag, an airspeed sensor, or both as TOML, with notes as comments, with the uncertainty for another flight."""
     lines = [*(f"# {note}" for note in notes), f'schema = "{SCHEMA}"']
     if drag is not None:
         drag = drag.another_flight()

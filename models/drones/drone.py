@@ -22,7 +22,7 @@ class Drone:
     Attributes
     ----------
     id, name, provider : str
-        Unique id, what people call it, who operates it.
+        Unique id, name for people, operator.
     mass_kg : float
         With batteries, without package.
     max_payload_kg : float
@@ -41,19 +41,19 @@ class Drone:
     price_per_km : float or None
         Price, in any one currency; only compared.
     wear_per_flight_h, wear_per_cycle : float
-        What an hour of flight wears off the drone, and a full charge of flight off its battery, in the scenario's currency.
+        Wear of the drone per hour of flight, and of its battery per full charge of flight, in the scenario's currency.
     energy : EnergyModel or None
         Power in flight; None is the `endurance` model of the figures above.
     energy_belief : EnergyBelief
-        How far its flights may be from that; by default as of a drone that nobody has measured.
+        Uncertainty of that model for its flights; by default that of a drone without measurements.
     max_height_m : float
         Greatest height above the ground that it may be flown at.
     limits : WeatherLimits
         Of the weather besides the wind.
     cold : tuple of (float, float)
-        What share of its nameplate energy the battery holds at temperatures of the air, °C ascending; nothing where that is unknown.
+        Share of its nameplate energy that the battery holds at temperatures of the air, °C ascending; empty if unknown.
     battery_held : float
-        What share of it the battery holds now; `battery_j` is what is left.
+        Share of it that the battery holds now; `battery_j` is already reduced by it.
     """
 
     id: str

@@ -1,4 +1,4 @@
-"""The energy belief: the ratio of measured to modelled energy of a leg, and how it is learnt.
+"""The energy belief: the ratio of measured to modelled energy of a leg, and how it is updated.
 
 The ratio of a leg is r = m + a + b: a mean m, a part a that persists (this aircraft, its battery and package on this delivery),
 and a part b that is fresh on each leg (manoeuvres, head or tail wind at the same airspeed, turbulence). Planners promise with it,
@@ -32,22 +32,22 @@ FLIGHT_SD, LEG_SD, PART_SD = 0.015, 0.03, 0.025
 """Standard deviations of the ratio where a model was fitted to other flights of the same aircraft: between flights, between the straight legs
 of a flight, and between the halves of a leg of 15 s or more. Five flights of a Matrice 100 with 0 to 500 g at 4 to 12 m/s, 20 legs."""
 PUBLISHED_MEAN, PUBLISHED_SD = 0.99, 0.062
-"""Of aircraft whose power is that of their published endurance at any airspeed. Measured: 0.83 of it at 6 to 10 m/s (the same Matrice 100);
-momentum theory at 20 m/s: 1.15. Of all aircraft, 98 % are taken to be from one to the other. One aircraft: the weakest number here."""
+"""For aircraft whose power is that of their published endurance at any airspeed. Measured: 0.83 of it at 6 to 10 m/s (the same Matrice 100);
+momentum theory at 20 m/s: 1.15. 98 % of all aircraft are assumed to be between the two. One aircraft: the least certain number here."""
 PUBLISHED_LEG_SD = 0.06
 """Between the legs of a delivery of such an aircraft: those of `LEG_SD` and, by momentum theory in the wind record of New York, 0.055 because the
 airspeed changes from leg to leg (the ground speed is capped in a tail wind)."""
 AIRSPEED_SD = 0.04
-"""Between aircraft where momentum theory tells the power over airspeed (`models.drones.airspeed_load`): that of the flights of the Matrice 100."""
+"""Between aircraft if momentum theory gives the power over airspeed (`models.drones.airspeed_load`): that of the flights of the Matrice 100."""
 AIRSPEED_LEG_SD = 0.04
 """Between the legs of a delivery of such an aircraft: `LEG_SD`, and 0.027 because the wind is known in flight to 0.4 m/s, and the power at 20 m/s grows by 0.067 of
 itself with each m/s (`airspeed_slope` of `benchmarks.tables.energy_error`)."""
 DEGREES_OF_FREEDOM = 15.0
 """Of the standard deviation between legs: 20 legs of five flights. They themselves have no heavy tails: kurtosis 2.2, that of normal ones is 3."""
 PRIOR_FLIGHTS = 4.0
-"""Flights of the aircraft that was measured that speak for another one, less its own flights: one fewer than there were."""
+"""Number of flights of the measured aircraft that count for another aircraft, besides its own flights: one fewer than there were."""
 SOC_SD = 0.006
-"""Of a state of charge told in whole percent."""
+"""For a state of charge reported in whole percent."""
 LEAST_RATIO = 0.2
 """No sampled leg takes less: 8 standard deviations below the mean."""
 
@@ -62,7 +62,7 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True)
 class EnergyBelief:
-    """The ratio of measured to modelled energy of a leg; the default is that of a drone nobody has measured."""
+    """The ratio of measured to modelled energy of a leg; the default is that of a drone without measurements."""
 
     mean_ratio: float = PUBLISHED_MEAN
     sd_between: float = PUBLISHED_SD
@@ -84,7 +84,7 @@ class EnergyBelief:
         """Return that of a drone whose model was fitted to its own flights.
 
         The errors are those of the energy of each flight by a model fitted to the others, relative; NaN counts as
-        nothing known. They are weighed with `FLIGHT_SD` as with `PRIOR_FLIGHTS` flights.
+        unknown. They are combined with `FLIGHT_SD`, which has the weight of `PRIOR_FLIGHTS` flights.
         """
         error = np.array([one for one in left_out_error if math.isfinite(one)])
         variance = (PRIOR_FLIGHTS * FLIGHT_SD**2 + float((error**2).sum())) / (PRIOR_FLIGHTS + len(error))
@@ -92,7 +92,7 @@ class EnergyBelief:
         return cls(1.0, math.sqrt(variance * (1.0 + 1.0 / fitted_to)), LEG_SD)
 
     def counting_airspeed(self) -> EnergyBelief:
-        """Return the same where the model counts the power over airspeed as well: more of the error persists, so a leg teaches more."""
+        """Return the same where the model includes the power over airspeed: more of the error persists, so a leg is more informative."""
         return replace(
             self, sd_between=min(self.sd_between, AIRSPEED_SD), sd_within=min(self.sd_within, AIRSPEED_LEG_SD)
         )
@@ -115,7 +115,7 @@ class EnergyBelief:
         return self.mean_ratio + self.leg_sd * self.sigmas(probability)
 
     def sigmas(self, probability: float) -> float:
-        """So many standard deviations above the mean is that."""
+        """Number of standard deviations of that ratio above the mean."""
         nu = self.degrees_of_freedom
         z = NormalDist().inv_cdf(probability) * (8.0 * nu + 3.0) / (8.0 * nu + 1.0)
         return math.copysign(math.sqrt(nu * math.expm1(z * z / nu)), z)
@@ -131,7 +131,7 @@ class EnergyBelief:
         return np.asarray(np.copysign(z, t))
 
     def sampled(self, rng: np.random.Generator, deliveries: int, legs: int) -> NDArray[np.float64]:
-        """Draw the ratios of the legs of deliveries, shape (deliveries, legs); more deliveries begin with the same ones."""
+        """Draw the ratios of the legs of deliveries, shape (deliveries, legs); a larger number of deliveries begins with the same ones."""
         deviate = rng.standard_t(self.degrees_of_freedom, (deliveries, 1 + legs))
         ratio = self.mean_ratio + self.sd_between * deviate[:, :1] + self.sd_within * deviate[:, 1:]
         return np.maximum(ratio, LEAST_RATIO)
@@ -160,13 +160,13 @@ class EnergyBelief:
     def learnt(self, used_soc: float, expected_soc: float, soc_sd: float = SOC_SD) -> EnergyBelief:
         """Return the belief after a whole leg: about the part that persists.
 
-        The charge that it took, and that the model says for it, are fractions of nameplate; `soc_sd` is the standard
+        The measured charge, and the modelled one, are fractions of nameplate; `soc_sd` is the standard
         deviation of a reported state of charge.
         """
         return _updated(self, used_soc, expected_soc, self.sd_within, soc_sd)
 
     def in_flight(self, used_soc: float, expected_soc: float, soc_sd: float = SOC_SD) -> EnergyBelief:
-        """Return the belief about the rest of a leg of which so much has been flown; see `learnt`."""
+        """Return the belief about the rest of a leg of which a part has been flown; see `learnt`."""
         return _updated(self.next_flight(), used_soc, expected_soc, PART_SD, soc_sd)
 
     def next_flight(self) -> EnergyBelief:
@@ -185,7 +185,7 @@ EXACT = EnergyBelief(1.0, 0.0, 0.0)
 
 
 def _updated(belief: EnergyBelief, used_soc: float, expected_soc: float, spread: float, soc_sd: float) -> EnergyBelief:
-    """Weigh a belief with one measurement: a scalar Kalman step."""
+    """Update a belief with one measurement: a scalar Kalman step."""
     if not (expected_soc > 0.0 and math.isfinite(used_soc)):
         return belief
     noise = math.hypot(math.sqrt(2.0) * soc_sd / expected_soc, spread)

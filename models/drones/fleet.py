@@ -93,7 +93,7 @@ def _drone(table: Table) -> Drone:
 
 
 def _cold(table: Table) -> tuple[tuple[float, float], ...]:
-    """Read what the battery holds by temperature."""
+    """Read the share that the battery holds by temperature."""
     found = []
     for row in table.tables("cold_battery"):
         found.append((row.number("temperature_c", low=-60, high=60), row.number("held", above=0, high=1)))

@@ -1,7 +1,7 @@
 """Telemetry of a vehicle, in one form for live links and all log formats.
 
-A `TelemetrySample` is one look at one vehicle. A `TelemetryTrack` is many of them as columns, which is what the
-filter and the calibrations compute with; both have the same fields, so that nothing downstream can tell a live
+A `TelemetrySample` is one sample of one vehicle. A `TelemetryTrack` is many of them as columns, which is the form that the
+filter and the calibrations use; both have the same fields, so that code downstream cannot distinguish a live
 flight from a replay.
 """
 
@@ -44,7 +44,7 @@ class TelemetrySample:
     yaw_rad: float = math.nan
     """Body (forward, right, down) in north-east-down; pitch is positive nose up, yaw clockwise from true north."""
     airspeed_mps: float = math.nan
-    """True airspeed of a sensor, as far as it can be told: bridges without a sensor repeat the ground speed."""
+    """True airspeed of a sensor, as far as can be determined: bridges without a sensor repeat the ground speed."""
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
     """The autopilot's own estimate, where the air moves TOWARDS; NaN while it is not alive (exactly 0)."""
@@ -56,31 +56,31 @@ class TelemetrySample:
     current_a: float = math.nan
     power_w: float = math.nan
     """Of the main battery; current and power are positive when it is discharged. Power is their product where both are
-    known, else what the log says."""
+    known, otherwise as reported in the log."""
     armed: float = math.nan
     landed: float = math.nan
     """1 yes, 0 no."""
     fixed_wing: float = math.nan
-    """1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on the rotors of a
-    multirotor; `NEITHER` where on something else (a VTOL in transition, a helicopter, wheels, a hull)."""
+    """1 if the vehicle reports that it flies on wings (a plane, a VTOL in forward flight), 0 if on the rotors of a
+    multirotor; `NEITHER` for anything else (a VTOL in transition, a helicopter, wheels, a hull)."""
     mission_item: float = math.nan
-    """Item that is flown to, as the vehicle counts."""
+    """Item that the vehicle flies to, in its own numbering."""
     mode: float = math.nan
     """The autopilot's custom mode number."""
     mission_reached: float = math.nan
-    """Item reached last, as the vehicle counts."""
+    """Item reached last, in the vehicle's numbering."""
     link_loss: float = math.nan
-    """Share of its latest packets that did not arrive, 0 to 1; NaN in logs."""
+    """Share of its latest packets that were lost, 0 to 1; NaN in logs."""
     gps_ok: float = math.nan
     ekf_ok: float = math.nan
-    """1 where the vehicle trusts its receiver, and its own estimate of position and velocity, 0 where it does not
+    """1 if the vehicle trusts its receiver, and its own estimate of position and velocity, 0 if it does not
     (`link.logs.common.trust`)."""
     airspeed_ok: float = math.nan
-    """1 where the airspeed is that of a sensor which the vehicle has and believes."""
+    """1 if the airspeed is that of a sensor that the vehicle has and uses."""
 
     @property
     def ground_speed_mps(self) -> float:
-        """Speed over the ground, m/s; NaN where it is unknown."""
+        """Speed over the ground, m/s; NaN if it is unknown."""
         return math.hypot(self.vel_north_mps, self.vel_east_mps)
 
     @classmethod
@@ -101,7 +101,7 @@ QUANTITIES: tuple[str, ...] = tuple(
 COLUMN = {name: number for number, name in enumerate(QUANTITIES)}
 """Column of each quantity in a track."""
 NEITHER = 0.5
-"""`TelemetrySample.fixed_wing` of what hangs on neither wings nor the rotors of a multirotor."""
+"""`TelemetrySample.fixed_wing` of vehicles that fly neither on wings nor on the rotors of a multirotor."""
 _LIMITS = {
     "lat_deg": (-90.0, 90.0),
     "lon_deg": (-180.0, 180.0),
@@ -121,7 +121,7 @@ _LOWEST, _HIGHEST = np.array(LOWEST, dtype=np.float64), np.array(HIGHEST, dtype=
 
 
 def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return telemetry, shape (..., quantities), with implausible values as NaN: damage, or a sensor that is not there."""
+    """Return telemetry, shape (..., quantities), with implausible values as NaN: damage, or a missing sensor."""
     return np.where((values >= _LOWEST) & (values <= _HIGHEST), values, np.nan)  # false for NaN
 
 
@@ -130,7 +130,7 @@ class TimeBase:
     """Clock of a stream of times, and its defects."""
 
     source: str
-    """Whose clock, in words."""
+    """Source of the clock, in words."""
     absolute: bool = True
     """Whether times are POSIX seconds; otherwise they count from the log's own zero."""
     doubts: tuple[str, ...] = field(default=())

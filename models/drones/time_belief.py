@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 GROUND_S = 20.0
-"""On the ground at each stop, beside waiting and charging: the landing is noticed, the next mission uploaded and read back, the list gone through,
-the motors armed. It takes 6 to 7 s with a simulated drone and nobody to ask."""
+"""On the ground at each stop, beside waiting and charging: the landing is detected, the next mission uploaded and read back, the checklist completed,
+the motors armed. It takes 6 to 7 s with a simulated drone and no questions to a person."""
 
 QUADRATURE = 25
-"""Nodes of sums over what is believed of manoeuvres."""
+"""Nodes of sums over the distribution of manoeuvres."""
 
 
 class TimeFactors(NamedTuple):
@@ -46,13 +46,13 @@ class TimeBelief:
     """Of each time on the ground."""
 
     def manoeuvre_factors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return factors of manoeuvres and their weights: sums over them are means over what is believed (Gauss and Hermite)."""
+        """Return factors of manoeuvres and their weights: weighted sums over them are means over the distribution (Gauss and Hermite)."""
         deviates, weights = np.polynomial.hermite_e.hermegauss(QUADRATURE)
         sigma = np.sqrt(np.log1p(self.manoeuvres_sd**2))
         return np.exp(sigma * deviates - 0.5 * sigma * sigma), weights / weights.sum()
 
     def sampled(self, rng: np.random.Generator, runs: int, flights: int) -> TimeFactors:
-        """Draw what times are over what is expected of them."""
+        """Draw ratios of actual to expected times."""
 
         def drawn(sd: float, *shape: int) -> NDArray[np.float64]:
             sigma = np.sqrt(np.log1p(sd * sd))
@@ -68,4 +68,4 @@ class TimeBelief:
 
 
 EXACT = TimeBelief(0.0, 0.0, 0.0, 0.0, 0.0)
-"""Everything takes what is expected."""
+"""Every time equals its expectation."""

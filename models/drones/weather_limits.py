@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherLimits:
-    """What closes flights; by default nothing does.
+    """Weather limits that close flights; none by default.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class WeatherLimits:
     daylight_only: bool = False
 
     def stricter(self, other: WeatherLimits) -> WeatherLimits:
-        """Return the limits that keep both."""
+        """Return the limits that satisfy both."""
         return WeatherLimits(
             gust_mps=min(self.gust_mps, other.gust_mps),
             rain_mm_h=min(self.rain_mm_h, other.rain_mm_h),
@@ -52,7 +52,7 @@ class WeatherLimits:
 
 
 NO_LIMITS = WeatherLimits()
-"""Nothing but the wind closes flights."""
+"""Only the wind closes flights."""
 
 
 def read_limits(table: Table) -> WeatherLimits:

@@ -18,7 +18,7 @@ class Clearance:
     position_error_m : float
         How far beyond the corridor the vehicle may be.
     max_height_m : float
-        Above the ground below: a flight steps down rather than be higher, as far as the clearance lets it.
+        Above the ground below: a flight steps down to keep this height, as far as the clearance allows.
     """
 
     least_m: float = 30.0

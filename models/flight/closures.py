@@ -18,7 +18,7 @@ PARTS = (1, 2, 3, 4, 6, 12)
 """Number of parts into which slots are divided, so that zones begin and end at the start of a part."""
 LEAST_SLOT_S = 300.0
 AFTERWARDS_S = 86_400.0
-"""The last slot holds on; what is active so long after it closes it."""
+"""The last slot continues; a zone that is active up to this long after it closes it."""
 
 
 class Closures(NamedTuple):
@@ -72,7 +72,7 @@ def closing_zones(network: Network) -> dict[int, tuple[int, ...]]:
 
 
 def parts_of_slots(network: Network, start_s: float, slot_s: float, slots: int) -> int:
-    """Return into how many parts slots are best divided, so that zones begin and end between slots; 1 where none does."""
+    """Return the number of parts into which slots are best divided, so that zones begin and end between slots; 1 if none does."""
     edges_s: set[float] = set()
     end_s = start_s + slots * slot_s
     for zone in {zone for zones in closing_zones(network).values() for zone in zones}:

@@ -1,6 +1,6 @@
 """The energy of a flight: the power of each phase times the time in it, as joules and as a share of the battery.
 
-Planners, checks, replays and supervisors ask here. How long a phase takes is the business of `models.flight.kernels` (through
+Planners, checks, replays and supervisors use this module. The duration of a phase comes from `models.flight.kernels` (through
 wind that changes) or of a log.
 """
 
@@ -45,7 +45,7 @@ class FlightPower:
         return {"climb": self.climb_w, "cruise": self.cruise_w, "descent": self.descent_w}[phase]
 
     def energy_j(self, climb_s: float, cruise_s: ArrayLike, descent_s: float) -> ArrayLike:
-        """Energy of a flight of which so much time is climbed, cruised or hovered, and descended; numbers or arrays."""
+        """Energy of a flight with the given times of climb, of cruise or hover, and of descent; numbers or arrays."""
         return self.climb_w * climb_s + self.descent_w * descent_s + self.cruise_w * cruise_s  # type: ignore[operator]
 
     @property

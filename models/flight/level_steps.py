@@ -107,7 +107,7 @@ def level_steps(
     level_m = np.empty(len(floor))
     for (start, level), (until, following) in pairwise([*levels, (len(floor), math.nan)]):
         level_m[start:until] = level
-        if until < len(floor):  # up before what is higher begins, down when it has ended
+        if until < len(floor):  # up before the higher part begins, down when it has ended
             step = float(share[until - 1 if following > level else until])
             knots += [(step, level), (step, following)]
     knots.append((1.0, levels[-1][1]))
@@ -121,7 +121,7 @@ def level_steps(
 def _levels(floor: NDArray[np.float64], ceiling: NDArray[np.float64]) -> list[tuple[int, float]]:
     """Fewest levels between a floor and a ceiling: where each begins, and its height.
 
-    A level goes on until the greatest floor since its beginning is above the least ceiling.
+    A level continues until the greatest floor since its beginning is above the least ceiling.
     """
     levels: list[tuple[int, float]] = []
     begin = 0

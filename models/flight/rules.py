@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.forecast import WindEnsemble
 
 STEP_MPS2 = 2.0
-"""A vehicle that climbs or descends on its way stops for it: braking and speeding up at this cost as long as the ground speed over it. Flown over the example
+"""A vehicle that climbs or descends on its way stops for it: braking and accelerating cost this long at a ground speed equal to it. Flown over the example
 `hills` by both simulated autopilots at their usual accelerations: 11 s for each stop from 20 m/s."""
 
 
@@ -48,7 +48,7 @@ class FlightRules:
     wind_profile_exponent : float
         Of the power law that carries wind to cruise height.
     clearance : Clearance
-        What is kept over terrain and obstacles, where a terrain model is known (`models.flight.way_heights`).
+        Required clearance over terrain and obstacles, where a terrain model is known (`models.flight.way_heights`).
     limits : WeatherLimits
         Of the weather besides the wind, for all drones.
     """
@@ -111,8 +111,8 @@ def air_over(
 ) -> SegmentWind:
     """Lay the ensemble's wind, carried to the height at which each is flown, over the segments of a network.
 
-    Over a terrain model segments are longer by what is climbed and descended beyond the cruise height, see `lifts_s`: as far as
-    is flown meanwhile at the drone's greatest ground speed, so that no wind makes it take less.
+    Over a terrain model segments are longer by the climbs and descents beyond the cruise height, see `lifts_s`: by the distance
+    flown meanwhile at the drone's greatest ground speed, so that no wind makes it take less.
 
     Without a planned airspeed it is the drone's for cruising. An `InputError` refuses a speed, height or length that is
     not finite and above 0: kernels would never end, or read beyond their arrays.
@@ -161,7 +161,7 @@ def segment_factors(network: Network, rules: FlightRules, segments: NDArray[np.i
 def lifts_s(
     rules: FlightRules, up_m: NDArray[np.float64], down_m: NDArray[np.float64], power: FlightPower | None = None
 ) -> NDArray[np.float64]:
-    """Seconds of cruise that climbs and descents stand for: their time, or where more, the time in which a cruise takes their energy."""
+    """Duration of cruise equivalent to climbs and descents: their time or, if longer, the time in which a cruise takes their energy."""
     climb_s, descent_s = np.maximum(up_m, 0.0) / rules.climb_rate_mps, np.maximum(down_m, 0.0) / rules.descent_rate_mps
     if power is None:
         return climb_s + descent_s
@@ -178,7 +178,7 @@ def air_between(
     max_ground_speed_mps: float,
     factor: NDArray[np.float64],
 ) -> SegmentWind:
-    """Lay the wind over straight ways of one's own choice; without climb, descent and limits of the wind.
+    """Lay the wind over given straight ways; without climb, descent and limits of the wind.
 
     The wind is that at cruise height; `factor` converts it to the height at which each way is flown
     (`models.flight.heights.wind_factors`). Middles of the ways (lat, lon), degrees, their courses, lengths and factors
@@ -217,7 +217,7 @@ def _air(
 
 
 def _check_flown(network: Network, drone: Drone, rules: FlightRules, airspeed_mps: float) -> None:
-    """Refuse what no flight can be computed with."""
+    """Refuse values with which no flight can be computed."""
     above_0 = {
         f"{drone.id}.airspeed_mps": airspeed_mps,
         f"{drone.id}.max_airspeed_mps": drone.max_airspeed_mps,

@@ -1,9 +1,9 @@
-"""Heights of a way: one answer, for plans, checks, missions, flights and reports.
+"""Heights of a way: the same code for plans, checks, missions, flights and reports.
 
 Without a terrain model it is the rule of `models.flight.heights`: the cruise height above the higher ground next to each
 station, linear between. Over a terrain model a way is flown in level steps: at the cruise height above the ground below or more,
 nowhere lower than the clearance over anything in the corridor, and no higher above the ground than the clearance's greatest height as
-far as that lets it. The vehicle climbs and descends straight up and down at the steps, so that what a step costs does not depend on
+far as the clearance allows. The vehicle climbs and descends vertically at the steps, so the cost of a step does not depend on
 the wind. There are as few steps as possible: each level continues as long as one height is possible, and is the nearest to the level before.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 TURN_EVERY_M = 150.0
-"""Ways of turns and diverts, which are many, are looked at so far apart, and as much wider."""
+"""Ways of turns and diverts, which are many, are sampled at this distance, and widened by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Over:
     clearance: Clearance
     cruise_height_m: float
     notes: tuple[str, ...] = ()
-    """What plans over it tell."""
+    """Notes for plans made over it."""
 
 
 class Knot(NamedTuple):
@@ -64,9 +64,9 @@ class WayHeights:
     knots : tuple of Knot
         In order, straight lines between; two of one place are a climb or descent there.
     up_m, down_m : float
-        All climbs and descents together, from the ground at the begin to the ground at the end; NaN where it is unknown.
+        All climbs and descents together, from the ground at the begin to the ground at the end; NaN if it is unknown.
     mean_above_m : float
-        Mean height above the ground below; NaN where it is unknown.
+        Mean height above the ground below; NaN if it is unknown.
     along_m, ground_m, top_m, height_m : ndarray, shape (samples,)
         Distance along the way, and there: ground below, the highest in the corridor, and the height flown; empty without
         a terrain model.
@@ -110,7 +110,7 @@ def way_heights(
     places : sequence of (lat, lon)
         Begin, stations overflown, end; degrees.
     ground_m : sequence of float
-        Above mean sea level, at each place; NaN where it is unknown and the terrain tells it.
+        Above mean sea level, at each place; NaN if it is unknown and to be taken from the terrain.
     cruise_height_m : float
         Above the ground; over a terrain model its own counts.
     over : Over, optional
@@ -147,7 +147,7 @@ class SegmentHeights(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """As in `WayHeights`; NaN where the ground is unknown throughout."""
+    """As in `WayHeights`; NaN if the ground is unknown throughout."""
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     low_above_m: NDArray[np.float64]
@@ -197,7 +197,7 @@ class WaySteps(NamedTuple):
     up_m: NDArray[np.float64]
     down_m: NDArray[np.float64]
     mean_above_m: NDArray[np.float64]
-    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN where the ground is unknown."""
+    """Climbs, descents and the mean height above the ground of each piece, shape (pieces,); NaN if the ground is unknown."""
     begin_m: float
     end_m: float
     """Heights at which it begins and ends, above mean sea level."""
@@ -228,7 +228,7 @@ def way_steps(places: Sequence[Place], over: Over) -> WaySteps:
 
 
 class StraightWays(NamedTuple):
-    """Straight ways from a place to others, shape (places,) each; NaN where the ground is unknown."""
+    """Straight ways from a place to others, shape (places,) each; NaN if the ground is unknown."""
 
     level_m: NDArray[np.float64]
     """Least height at which they are flown level, above mean sea level."""
@@ -238,7 +238,7 @@ class StraightWays(NamedTuple):
 
 
 def straight_ways(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over) -> StraightWays:
-    """Return what is below straight ways from a place to others, and how high they are flown: those of diverts and of turns in flight."""
+    """Return the ground below straight ways from a place to others, and their heights of flight: those of diverts and of turns in flight."""
     length, bearing = geodesy.inverse(*here, lat, lon)
     count = np.ceil(length / TURN_EVERY_M).astype(np.int64) + 1
     first = np.concatenate(([0], np.cumsum(count)))
@@ -262,7 +262,7 @@ def level_over_m(here: Place, lat: NDArray[np.float64], lon: NDArray[np.float64]
 
 
 def level_within_m(corners: Sequence[Place], over: Over) -> float:
-    """Least height at which any straight way within the hull of some places is flown level; NaN where the ground is unknown."""
+    """Least height at which any straight way within the hull of some places is flown level; NaN if the ground is unknown."""
     import shapely
 
     lat, lon = np.array(corners, dtype=np.float64).T
@@ -278,7 +278,7 @@ def level_within_m(corners: Sequence[Place], over: Over) -> float:
 
 
 def _floor_m(lat: NDArray[np.float64], lon: NDArray[np.float64], over: Over, every_m: float) -> NDArray[np.float64]:
-    """Least height at places, and half as far as `every_m` about them, at which they are flown over; NaN where unknown."""
+    """Least height at places, and half as far as `every_m` about them, at which they are flown over; NaN if unknown."""
     top = over.terrain.top_m(lat, lon, over.clearance.radius_m + 0.5 * every_m)
     return np.maximum(top + over.clearance.least_m, over.terrain.ground_m(lat, lon) + over.cruise_height_m)
 

@@ -1,6 +1,6 @@
 """Hours without flights because of the weather, besides the wind: by the limits of the drone and of the region.
 
-Of an ensemble one member in ten may be worse (`models.wind.ensemble.HourlyWeather`). What a forecast does not tell closes nothing, and is said.
+One member in ten of an ensemble may be worse (`models.wind.ensemble.HourlyWeather`). Limits on quantities that a forecast lacks close nothing, and are reported.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ ICING_SHARE = 0.1
 
 
 class WeatherClosure(NamedTuple):
-    """A time in which nobody flies."""
+    """A time without flights."""
 
     begin_s: float
     end_s: float
     """POSIX seconds."""
     why: str
-    """For people."""
+    """The reason, for people."""
 
 
 def weather_limits(drone: Drone, rules: FlightRules) -> WeatherLimits:
@@ -140,7 +140,7 @@ def _nights(ensemble: WindEnsemble) -> Iterator[WeatherClosure]:
     dark = np.array([elevation(here, from_posix(float(time)), with_refraction=False) < SUNSET_DEG for time in times])
 
     def edge(low_s: float, high_s: float) -> float:
-        """The minute between two times at which it gets dark or light."""
+        """The minute between two times at which the daylight changes."""
         first = elevation(here, from_posix(low_s), with_refraction=False) < SUNSET_DEG
         while high_s - low_s > 60.0:
             middle = 0.5 * (low_s + high_s)

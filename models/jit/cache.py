@@ -2,7 +2,7 @@
 
 numba's own cache (``cache=True``) notices a change of the file that a kernel is in. It does not notice a change of the
 kernels that it calls, of constants that it takes from other modules, or of ``NUMBA_BOUNDSCHECK``. A stamp of all these
-lies beside numba's files; where it differs, the files go before numba looks at them.
+is stored beside numba's files; if it differs, the files are deleted before numba reads them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Kernels compiled by numba, under one set of options; from a library compiled ahead of time where there is one.
 
-The first kernel that numba compiles imports it (a few tenths of a second), so modules with kernels are imported late. What
-is compiled is kept by numba's own cache, under a name with the stamp of its source (`models.jit.cache`).
+The first kernel that numba compiles imports it (a few tenths of a second), so modules with kernels are imported late. Compiled
+code is stored by numba's own cache, under a name with the stamp of its source (`models.jit.cache`).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ def compiled(function: F) -> F:
 
 
 def compiled_lean(function: F) -> F:
-    """Compile a function that makes no arrays: it does not count references to those that it is given.
+    """Compile a function that makes no arrays: it does not count references to its array arguments.
 
-    Where small functions hand on many arrays, the counting takes several times as long as the work. A function that
-    makes an array all the same fails to compile. It may call one of `compiled` that makes some, but hands back none.
+    If small functions pass on many arrays, the counting takes several times as long as the work. A function that
+    does make an array fails to compile. It may call one of `compiled` that makes some, but returns none.
     """
     return _kernel(function, {"_nrt": False})
 
@@ -36,7 +36,7 @@ def compiled_lean(function: F) -> F:
 def compiled_inline(function: F) -> F:
     """Write a function into each kernel that calls it; so it may take a kernel as an argument, and call that.
 
-    Numba keeps no compiled code of a kernel that is handed over in any other way.
+    Numba keeps no compiled code of a kernel that is passed in any other way.
     """
     return _kernel(function, {"_nrt": False, "inline": "always"})
 
@@ -73,11 +73,11 @@ def _compile(function: F, stamp: str, own_options: dict[str, Any]) -> F:
 
 @cache
 def _tell_watchers() -> None:
-    """Hear from now on of every kernel of ours that numba compiles, and pass it on to `watchers`."""
+    """Subscribe to the compilation by numba of every kernel of ours, and pass it on to `watchers`."""
     from numba.core import event
 
     class Compilations(event.Listener):
-        """Knows which kernels are being compiled, the outermost first."""
+        """Records which kernels are being compiled, the outermost first."""
 
         def __init__(self) -> None:
             self.under_way: list[str] = []

@@ -1,9 +1,9 @@
 """Kernels compiled ahead of time, called without numba.
 
 A wheel of skyway holds one shared library, ``_kernels``, made from the kernels of this source by ``build_kernels.py``
-(numba's ahead-of-time compiler), and ``kernels.json``, the list of what is in it: for each kernel the types of arguments
+(numba's ahead-of-time compiler), and ``kernels.json``, the list of its contents: for each kernel the types of arguments
 that it was compiled for. ``make setup`` builds the same library into a checkout. A kernel whose source, or list of types, has
-changed since (``_kernels.stamps.json`` tells) is compiled by numba when it is called.
+changed since (``_kernels.stamps.json``) is compiled by numba when it is called.
 
 Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]`` (element, dimensions, layout, writeable),
 ``["tuple", …]``, and ``["named", "module:Class", …]`` for named tuples.
@@ -44,7 +44,7 @@ class KernelError(SkywayError):
 
 @cache
 def library() -> ModuleType | None:
-    """Return the library of compiled kernels; None where there is none, and where kernels are to check every index."""
+    """Return the library of compiled kernels; None if there is none, and if kernels are to check every index."""
     return import_module(_LIBRARY) if find_spec(_LIBRARY) and not checks_bounds() else None
 
 
@@ -66,7 +66,7 @@ def in_library(name: str, stamp: str) -> bool:
 
 
 def stamp_for(stamp: str, all_kinds: list[list[Any]]) -> str:
-    """Return the stamp of a kernel that is compiled for some types: where a type, or their order, changes it is another kernel."""
+    """Return the stamp of a kernel that is compiled for some types: a change of a type, or of their order, makes it another kernel."""
     return f"{stamp} {hashlib.sha256(json.dumps(all_kinds).encode()).hexdigest()[:16]}"
 
 
@@ -111,7 +111,7 @@ def kind_of(value: Any) -> Kind:
 
 
 def _look(value: Any) -> Any:
-    """Return what decides the type of an argument, found ten times faster than the type itself."""
+    """Return a key that determines the type of an argument, found ten times faster than the type itself."""
     cls = type(value)
     if cls is np.ndarray:
         return (value.dtype.char, value.ndim, value.flags.num)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 PAGE = 50_000
 SLACK = 1e-9
 PART_S = 6 * 3600.0
-"""Windows of a pad are looked for by the parts of time that they touch."""
+"""Windows of a pad are indexed by the parts of time that they touch."""
 
 
 class _Pad:
@@ -42,10 +42,10 @@ class _Pad:
 
 
 def audit(ledger: Ledger) -> list[str]:
-    """Return what the history of a ledger has that it must not have; nothing where every promise was kept.
+    """Return the violations in the history of a ledger; empty if every promise was kept.
 
-    Looked for are windows that were held against the rule, steps between states that make no sense, versions that were not whole or
-    went back, tokens that came after newer ones, and bookings that are not what the history says.
+    Violations are windows that were held against the rule, impossible steps between states, versions that were incomplete or
+    went back, tokens that came after newer ones, and bookings that differ from the history.
     """
     found: list[str] = []
     state: dict[Key, Hold] = {}
@@ -75,7 +75,7 @@ def _key(hold: Hold) -> Key:
 
 
 def _event(event: Event, state: dict[Key, Hold], pad: _Pad) -> list[str]:
-    """Take one event of a pad into account; returns what is wrong with it."""
+    """Process one event of a pad; returns its violations."""
     hold, key = event.hold, _key(event.hold)
     before = state.get(key)
     state[key] = hold
@@ -93,7 +93,7 @@ def _event(event: Event, state: dict[Key, Hold], pad: _Pad) -> list[str]:
 
 
 def _met(where: str, window: Window, pad: _Pad) -> list[str]:
-    """What is wrong with a window among those that were held when it was booked."""
+    """Violations of a window with respect to those that were held when it was booked."""
     touching = pad.touching(window)
     if any(window.epsilon == 0.0 or other.epsilon == 0.0 for other in touching):
         return [f"{where}: overlaps another"]

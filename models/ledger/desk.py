@@ -1,7 +1,7 @@
-"""The desk of a dispatcher, kept with its ledger: orders, drones, flights and pads out of order, each with its state and a document.
+"""The desk of a dispatcher, stored with its ledger: orders, drones, flights and pads out of order, each with its state and a document.
 
-Whatever a dispatcher or a worker must not forget lies here, so that one that is started again finds all of it. What is put down is changed
-under a lease alone: by the dispatcher, or by the keeper that the dispatcher has given it to, and only by who has seen the newest version.
+It stores everything that a dispatcher or a worker needs after a restart. Entries are changed
+only under a lease: by the dispatcher, or by the keeper to which the dispatcher has assigned the entry, and only from the newest version.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ MAX_DOCUMENT = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Something on the desk."""
+    """One entry of the desk."""
 
     kind: Kind
     id: str
     version: int
     state: str
     keeper: str
-    """Whose lease it is changed under, besides the dispatcher's."""
+    """Holder under whose lease it is changed, besides the dispatcher's."""
     document: str
     """JSON."""
 
@@ -45,7 +45,7 @@ class Desk:
         self.ledger, self.dispatcher = ledger, dispatcher
 
     def get(self, kind: Kind, id: str) -> Entry | None:  # noqa: A002  the field's word
-        """Return one entry; None where there is none."""
+        """Return one entry; None if there is none."""
         found = self._found("kind = ? AND id = ?", (kind, id))
         return found[0] if found else None
 
@@ -61,7 +61,7 @@ class Desk:
         return self._found(condition, values)
 
     def keepers(self, kind: Kind, states: Sequence[str]) -> dict[str, str]:
-        """Return who keeps the entries of a kind in some states, by their ids; without the documents."""
+        """Return the keepers of the entries of a kind in some states, by their ids; without the documents."""
         sql = f"SELECT id, keeper FROM desk WHERE dispatcher = ? AND kind = ? AND state IN ({', '.join('?' * len(states))}) ORDER BY id"
         with self.ledger.transaction():
             return {str(id_): str(keeper) for id_, keeper in self.ledger.rows(sql, (self.dispatcher, kind, *states))}
@@ -79,7 +79,7 @@ class Desk:
             return [Entry(*row) for row in self.ledger.rows(sql, (self.dispatcher, *values))]
 
     def put_down(self, kind: Kind, id: str, state: str, document: str) -> Entry:  # noqa: A002
-        """Add a new entry to the desk: anybody may, under an unused id. Raises an `InputError` otherwise."""
+        """Add a new entry to the desk: any process may, under an unused id. Raises an `InputError` otherwise."""
         _check(kind, id, document)
         entry = Entry(kind, id, 1, state, self.dispatcher, document)
         try:
@@ -137,7 +137,7 @@ class Desk:
         )
 
     def history(self, kind: Kind, id: str | None = None, *, after: int = 0, limit: int = 100_000) -> list[tuple[int, datetime, Entry]]:  # noqa: A002  # fmt: skip
-        """Return what was written, of one entry or all of a kind, in order: number, time by the clock of the database, and entry."""
+        """Return the history of one entry or of all of a kind, in order: number, time by the clock of the database, and entry."""
         condition = "kind = ? AND seq > ?"
         values: list[Any] = [kind, after]
         if id is not None:

@@ -1,7 +1,7 @@
-"""The ledger: itineraries booked whole or not at all, by holders of a lease.
+"""The ledger: itineraries booked completely or not at all, by holders of a lease.
 
-The same statements serve both stores; a store adds a connection, a transaction and a few words of its dialect. What may not
-happen is refused three times: by the rule of `models.ledger.window` under a lock of the pads, by the database's own constraints, and
+The same statements serve both stores; a store adds a connection, a transaction and a few words of its dialect. Forbidden
+states are refused three times: by the rule of `models.ledger.window` under a lock of the pads, by the database's own constraints, and
 by the audit of the history.
 """
 
@@ -63,7 +63,7 @@ class Ledger(ABC):
     """Time of the database, in its SQL."""
     LOCK: str
     SHARE: str
-    """Words that lock the rows of a query until the transaction ends, for oneself and against changes by others."""
+    """Words that lock the rows of a query until the transaction ends, exclusively or against changes by others."""
 
     def __init__(self) -> None:
         self._pads: dict[tuple[str, int], int] = {}
@@ -74,15 +74,15 @@ class Ledger(ABC):
 
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
-        """Do all of a block, or nothing; what the database refuses as taken becomes a `TakenError`."""
+        """Run a block as one transaction; a conflict found by the database becomes a `TakenError`."""
 
     @abstractmethod
     def _to_db(self, instant: datetime) -> Any:
-        """Instant as the database keeps it."""
+        """Instant in the form of the database."""
 
     @abstractmethod
     def from_db(self, value: Any) -> datetime:
-        """Instant that the database keeps."""
+        """Instant from the form of the database."""
 
     @abstractmethod
     def close(self) -> None:
@@ -104,7 +104,7 @@ class Ledger(ABC):
     def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
         """Take the lease of a holder for a time. Raises a `FencedError` if another process has it.
 
-        One that has run out is taken over with all its bookings: what its former owner still tries is refused.
+        An expired lease is taken over with all its bookings: further attempts of its former owner are refused.
         """
         _check_text("holder", holder)
         _check_text("owner", owner)
@@ -123,7 +123,7 @@ class Ledger(ABC):
         return Lease(holder, owner, int(taken[0][0]), self.from_db(taken[0][1]))
 
     def renew(self, lease: Lease, ttl_s: float = 60.0) -> Lease:
-        """Keep a lease for so long from now. Raises a `FencedError` if it is lost."""
+        """Extend a lease from now. Raises a `FencedError` if it is lost."""
         _check_ttl(ttl_s)
         sql = (
             f"UPDATE lease SET expires = {self._later()} WHERE holder = ? AND token = ? AND expires > {self.NOW} "
@@ -142,12 +142,12 @@ class Ledger(ABC):
         return bool(found and found[0][0])
 
     def confirm(self, lease: Lease) -> None:
-        """Refuse, with a `FencedError`, what is about to be done under a lease that is lost: asked before each command to a vehicle."""
+        """Refuse, with a `FencedError`, actions under a lost lease: called before each command to a vehicle."""
         with self.transaction():
             self.check(lease)
 
     def give_back(self, lease: Lease) -> None:
-        """End a lease at once, so that another process need not wait for its end; firm bookings stay."""
+        """End a lease at once, so that another process need not wait for its expiry; firm bookings stay."""
         with self.transaction():
             self.rows(
                 f"UPDATE lease SET expires = {self.NOW} WHERE holder = ? AND token = ?", (lease.holder, lease.token)
@@ -158,7 +158,7 @@ class Ledger(ABC):
         """Time of the database after ``?`` seconds, in its SQL."""
 
     def _lease(self, holder: str) -> tuple[Any, ...]:
-        """Token, owner, expiry of a lease, and whether it holds on."""
+        """Token, owner and expiry of a lease, and whether it is still valid."""
         sql = f"SELECT token, owner, expires, expires > {self.NOW} FROM lease WHERE holder = ? {self.SHARE}"
         found = self.rows(sql, (holder,))
         if not found:
@@ -166,7 +166,7 @@ class Ledger(ABC):
         return found[0]
 
     def check(self, lease: Lease) -> None:
-        """Refuse actions under a lease that is no longer the newest, or has run out."""
+        """Refuse actions under a lease that is no longer the newest, or has expired."""
         token, owner, expires, alive = self._lease(lease.holder)
         if token != lease.token:
             raise FencedError(one_line(f"the lease of {lease.holder} (token {lease.token}) went to {owner}"))
@@ -183,7 +183,7 @@ class Ledger(ABC):
         state: State = "firm",
         version: int | None = None,
     ) -> int:
-        """Book the windows of an itinerary, all or none, in place of those it has; returns its new version.
+        """Book the windows of an itinerary, all or none, replacing its existing ones; returns its new version.
 
         Parameters
         ----------
@@ -194,14 +194,14 @@ class Ledger(ABC):
         windows : sequence of Window
             In their order.
         state : State
-            ``tentative`` (given up when the lease runs out) or ``firm``.
+            ``tentative`` (released when the lease expires) or ``firm``.
         version : int, optional
-            The version that it replaces, 0 for none; where it has another one, a `VersionError` says so.
+            The version that it replaces, 0 for none; a `VersionError` if the current version differs.
 
         Raises
         ------
         TakenError
-            A pad is taken; what was booked before still holds.
+            A pad is taken; existing bookings are unchanged.
         FencedError
             The lease is lost.
         """
@@ -245,7 +245,7 @@ class Ledger(ABC):
         self.rows(f"INSERT INTO booking ({columns}) VALUES {', '.join([marks] * len(rows))}", values)
 
     def _own_version(self, lease: Lease, itinerary: str) -> int:
-        """Version of an itinerary, 0 where it is new; refuse that of another holder."""
+        """Version of an itinerary, 0 if it is new; refuse that of another holder."""
         found = self.rows(f"SELECT version, holder FROM itinerary WHERE id = ? {self.LOCK}", (itinerary,))
         if found and found[0][1] != lease.holder:
             raise FencedError(one_line(f"{itinerary} is booked by {found[0][1]}, not by {lease.holder}"))
@@ -265,7 +265,7 @@ class Ledger(ABC):
         return keys
 
     def _refuse_taken(self, windows: Sequence[Window], keys: dict[tuple[str, int], int], lease: Lease) -> None:
-        """Raise what is in the way; tentative bookings whose lease has run out are given up instead."""
+        """Raise conflicting bookings; tentative bookings whose lease has expired are released instead."""
         held, left = self._near(windows, keys)
         if left:
             marks = ", ".join("?" * len(left))
@@ -282,9 +282,9 @@ class Ledger(ABC):
             raise TakenError([held[number] for number in sorted(hits)])
 
     def _near(self, windows: Sequence[Window], keys: dict[tuple[str, int], int]) -> tuple[list[Hold], list[int]]:
-        """Bookings of the pads of some windows about their time, and the ids of those that nobody keeps any more."""
+        """Bookings of the pads of some windows about their time, and the ids of those whose lease has expired."""
         times = [(keys[one.station, one.pad], self._to_db(one.opens), self._to_db(one.closes)) for one in windows]
-        if any(one.epsilon for one in windows):  # what others have promised to third ones counts, too
+        if any(one.epsilon for one in windows):  # epsilon already spent on other bookings counts, too
             begin, end = min(opens for _, opens, _ in times), max(closes for _, _, closes in times)
             where, values = self._touching([(key, begin, end) for key in keys.values()])
             sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE state <> 'released' AND ({where})"
@@ -302,9 +302,9 @@ class Ledger(ABC):
 
     @staticmethod
     def _touching(times: Sequence[tuple[int, Any, Any]]) -> tuple[str, list[Any]]:
-        """Condition, and its values, of bookings of pads (by key) that count at any time between two.
+        """Condition, and its values, of bookings of pads (by key) that are active at any time between two.
 
-        They are found by the time at which they close: after the first, and within the longest window of the pad from the second.
+        They are found by their closing time: after the first, and within the longest window of the pad from the second.
         """
         one = "(pad_key = ? AND state <> 'released' AND closes > ? AND closes < ? + (SELECT longest FROM pad WHERE key = ?) AND opens < ?)"
         values = [value for key, begin, end in times for value in (key, begin, end, key, end)]
@@ -313,8 +313,8 @@ class Ledger(ABC):
     def mark(self, lease: Lease, itinerary: str, state: State, *, number: int | None = None) -> int:
         """Move the windows of an itinerary that are not released, or one of them, to another state; returns how many.
 
-        ``in use`` settles chance windows: who arrives first has the pad, and a `TakenError` tells it to the other one. A
-        `VersionError` refuses a step that makes no sense, such as back from ``in use`` to ``firm``.
+        ``in use`` settles chance windows: the first drone to arrive has the pad, and the other one gets a `TakenError`. A
+        `VersionError` refuses an impossible step, such as back from ``in use`` to ``firm``.
         """
         if state not in FOLLOWING:
             raise InputError("is not a state", field="state", value=state, remedy="one of " + ", ".join(FOLLOWING))
@@ -356,7 +356,7 @@ class Ledger(ABC):
         return [self._hold(row) for row in rows]
 
     def itinerary(self, itinerary: str) -> list[Hold]:
-        """Return the windows of the newest version of an itinerary, released ones as well; empty where there is none."""
+        """Return the windows of the newest version of an itinerary, released ones as well; empty if there is none."""
         sql = (
             f"SELECT {HELD} FROM booking WHERE itinerary = ? AND version = "
             "(SELECT version FROM itinerary WHERE id = ?) ORDER BY number"
@@ -365,7 +365,7 @@ class Ledger(ABC):
             return [self._hold(row) for row in self.rows(sql, (itinerary, itinerary))]
 
     def history(self, itinerary: str | None = None, *, after: int = 0, limit: int = 100_000) -> list[Event]:
-        """Return what happened, of one itinerary or all, in order, after a number that was seen before."""
+        """Return the events of one itinerary or all, in order, after a number that was seen before."""
         condition = "seq > ?"
         values: list[Any] = [after]
         if itinerary is not None:

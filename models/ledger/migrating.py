@@ -27,7 +27,7 @@ def scripts(dialect: str, folder: Path = FOLDER) -> list[str]:
 
 
 def missing(version: int, known: list[str], name: str) -> Iterator[tuple[int, str]]:
-    """Yield the versions that a ledger lacks with their SQL; an `InputError` refuses one from a newer skyway."""
+    """Yield the versions that a ledger lacks with their SQL; an `InputError` refuses a ledger from a newer skyway."""
     if version > len(known):
         problem = f"the ledger has version {version}, this skyway knows {len(known)}"
         raise InputError(problem, name, remedy="update skyway, or name another ledger")

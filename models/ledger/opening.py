@@ -14,9 +14,9 @@ SCHEMES = ("postgresql://", "postgres://")
 
 
 def open_ledger(name: str) -> Ledger:
-    """Open a ledger, made where there is none; an older one is migrated.
+    """Open a ledger, created if there is none; an older one is migrated.
 
-    An `InputError` refuses a file that is not a ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` says that
+    An `InputError` refuses a file that is not a ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` means that
     the database cannot be reached.
     """
     if name.startswith(SCHEMES):

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 LEAST_VERSION = 150_000
 MAX_CLOCK_OFFSET_S = 30.0
-"""Of the database's clock from this computer's: drones fly by the latter, pads are booked by the former."""
+"""Difference of the database's clock from this computer's: drones fly by the latter, pads are booked by the former."""
 CONNECT_S = 10
 ANSWER_S = 15.0
-"""A server that has not answered for so long has gone away: on a network that carries nothing any more one would wait for minutes."""
+"""A server that has not answered for this long is considered lost: on a broken network the wait would take minutes."""
 LOOK_S = 1.0
 MIGRATING = 0x5C79_1ED6
-"""Advisory lock of those who migrate."""
+"""Advisory lock of migrations."""
 
 
 class PostgresqlLedger(Ledger):
@@ -61,7 +61,7 @@ class PostgresqlLedger(Ledger):
             raise
 
     def _check_server(self) -> None:
-        """Refuse a server that is too old, and one whose clock is off."""
+        """Refuse a server that is too old, or whose clock is off."""
         if self._connection.info.server_version < LEAST_VERSION:
             found = self._connection.info.server_version // 10_000
             raise InputError(f"is PostgreSQL {found}", self._name, remedy="PostgreSQL 15 or newer")
@@ -84,7 +84,7 @@ class PostgresqlLedger(Ledger):
 
     @property
     def version(self) -> int:
-        """Version of its tables; 0 where there are none."""
+        """Version of its tables; 0 if there are none."""
         run = self._connection.execute
         if run("SELECT to_regclass('ledger_version')").fetchone() == (None,):
             return 0
@@ -98,7 +98,7 @@ class PostgresqlLedger(Ledger):
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Do all of a block, or nothing."""
+        """Run a block as one transaction."""
         errors = self._psycopg.errors
         pads = dict(self._pads)
         self._asked_s = time.monotonic()
@@ -121,7 +121,7 @@ class PostgresqlLedger(Ledger):
             self._asked_s = None
 
     def _watch(self) -> None:
-        """End the connection when no answer comes: the waiting caller learns that the server went away."""
+        """Close the connection if no answer comes: the waiting caller then gets an error."""
         while not self._connection.closed:
             asked_s = self._asked_s
             if asked_s is not None and time.monotonic() > asked_s + ANSWER_S:

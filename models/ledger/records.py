@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class LedgerError(SkywayError):
-    """The ledger's database refuses, or is gone; nothing is half booked."""
+    """The ledger's database refuses, or is unreachable; no booking is incomplete."""
 
     exit_code = 3
 
@@ -27,7 +27,7 @@ class LedgerError(SkywayError):
 class TakenError(SkywayError):
     """A pad is taken; nothing was booked.
 
-    `holds` has the bookings in the way, as far as they are known: of a race that the database decided it is empty.
+    `holds` has the conflicting bookings, as far as they are known: after a race that the database decided it is empty.
     """
 
     exit_code = 1
@@ -43,7 +43,7 @@ class TakenError(SkywayError):
 
 
 class FencedError(SkywayError):
-    """The lease is no longer the holder's: it ran out, or another process has taken over."""
+    """The lease is no longer the holder's: it expired, or another process has taken over."""
 
     exit_code = 1
 
@@ -56,21 +56,21 @@ class VersionError(SkywayError):
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """The right to book and change in the name of a holder, until it runs out."""
+    """The right to book and change in the name of a holder, until it expires."""
 
     holder: str
     """Name under which bookings are made: a dispatcher or one of its workers."""
     owner: str
     """The process that has it now."""
     token: int
-    """Fencing token: each taking of a lease gets a higher one, and only the highest counts."""
+    """Fencing token: each lease taken gets a higher one, and only the highest is valid."""
     expires: datetime
     """By the clock of the database."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """A window as it is booked."""
+    """A booked window."""
 
     itinerary: str
     version: int
@@ -88,7 +88,7 @@ class Hold:
 
 
 def itinerary_of(holder: str, name: str) -> str:
-    """Return the id of what a holder calls so, such as an order: another one may have an order of the same id."""
+    """Return the id of a holder's name, such as an order: two holders may have an order of the same name."""
     return f"{holder}: {name}"
 
 

@@ -22,21 +22,21 @@ APPLICATION = 0x5C79_1ED6
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 LOG_BYTES = 40_000_000
-"""Size of the log at which it is put into the file, for which the disk is waited for."""
+"""Size of the log at which it is copied into the file, which waits for the disk."""
 LOG_WAIT_MS = 1000
-"""How long that waits for the others to be between two transactions."""
+"""How long the copy waits for a time without transactions."""
 BUSY_S = 60.0
 """How long a transaction waits for those of others."""
 RETRY_S, RETRY_GROWTH, MAX_RETRY_S = 0.004, 1.2, 0.016
-"""Longest time between the first two attempts to begin one, by how much it grows with each, and its limit: who tries often takes the processor from whom it
-waits for, where there are few of them."""
+"""Longest time between the first two attempts to begin one, its growth factor, and its limit: frequent attempts take processor time from the
+process that is waited for, if processors are few."""
 
 
 class SqliteLedger(Ledger):
     """A ledger in a file; a missing file is created."""
 
     NOW = "CAST((julianday('now') - 2440587.5) * 86400000.0 AS INTEGER) * 1000"
-    LOCK = SHARE = ""  # whoever writes is alone
+    LOCK = SHARE = ""  # a writer has exclusive access
 
     def __init__(self, path: Path, *, migrations: Path = FOLDER) -> None:
         super().__init__()
@@ -63,9 +63,7 @@ class SqliteLedger(Ledger):
         ):
             raise InputError("is a database, but no ledger", self._name, remedy="name another file")
         run("PRAGMA journal_mode = WAL")
-        run(
-            "PRAGMA synchronous = NORMAL"
-        )  # no killed process loses anything; a power failure may lose the last moments
+        run("PRAGMA synchronous = NORMAL")  # a killed process loses nothing; a power failure may lose the latest data
         run("PRAGMA wal_autocheckpoint = 0")  # `_put_log_away` does it
         run("PRAGMA foreign_keys = ON")
         run("PRAGMA busy_timeout = 0")  # `_begin` waits
@@ -89,7 +87,7 @@ class SqliteLedger(Ledger):
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Do all of a block, or nothing."""
+        """Run a block as one transaction."""
         pads = dict(self._pads)
         try:
             self._begin()
@@ -108,9 +106,9 @@ class SqliteLedger(Ledger):
             raise
 
     def _begin(self) -> None:
-        """Begin a transaction as soon as nobody else writes.
+        """Begin a transaction as soon as no other process writes.
 
-        SQLite's own waiting sleeps up to 0.1 s at a time, in which hundreds of others could have booked.
+        SQLite's own waiting sleeps up to 0.1 s at a time, enough for hundreds of other bookings.
         """
         end, longest_s = time.monotonic() + BUSY_S, RETRY_S
         while True:
@@ -125,9 +123,9 @@ class SqliteLedger(Ledger):
                 return
 
     def _put_log_away(self) -> None:
-        """Put a log that has grown into the file, and begin it anew.
+        """Copy a log that has grown into the file, and truncate it.
 
-        SQLite's own checkpoints do not wait for others. Where somebody always writes, none of them reaches the end of the log: it grows without bound, each
+        SQLite's own checkpoints do not wait for other processes. Under constant writes none of them reaches the end of the log: it grows without bound, each
         commit beyond the limit tries again and waits for the disk, and each read searches the whole of it.
         """
         try:

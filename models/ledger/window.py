@@ -1,7 +1,7 @@
-"""Windows of pads: from when to when a drone holds one, with their uncertainty, and when two of them are compatible.
+"""Windows of pads: the time in which a drone holds one, with its uncertainty, and when two of them are compatible.
 
-A hard window (epsilon 0) is held from start to end, and no other one may touch it. A chance window says when the drone comes
-and goes as two normal distributions. Two chance windows may overlap where the probability that both drones want the pad at
+A hard window (epsilon 0) is held from start to end, and no other one may touch it. A chance window gives the times at which the drone arrives
+and leaves as two normal distributions. Two chance windows may overlap if the probability that both drones need the pad at
 once is small enough: with starts A1, A2 and ends E1, E2, all independent, that is 1 - P(E1 <= A2) - P(E2 <= A1), since the two
 ways of missing each other exclude each other.
 """
@@ -28,12 +28,12 @@ FOLLOWING: dict[State, tuple[State, ...]] = {
     "late": ("in use", "released"),
     "released": (),
 }
-"""What each state may become."""
+"""Allowed next states of each state."""
 REACH_SD = 4.0
 """A chance window extends this many standard deviations beyond its expected times: 3 in 100,000 arrive earlier, or stay longer."""
 CORE_SD = 1.0
 """In its core, whose ends are this many standard deviations inside its start and end, a drone needs its pad with a probability of 0.68 or more:
-two that overlap there both want it with 0.47 or more, which no epsilon allows. Databases refuse that by themselves."""
+two that overlap there both need it with 0.47 or more, which no epsilon allows. Databases refuse that by themselves."""
 MAX_EPSILON = 0.4
 MAX_SD_S = 6 * 3600.0
 LONGEST_S = 7 * 86_400.0
@@ -43,7 +43,7 @@ MAX_TEXT = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """One pad, from when to when.
+    """One pad, and the time in which it is held.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Window:
     pad : int
         Number of the pad at the station, from 1.
     start, end : datetime
-        When the drone comes onto it and leaves it; of a chance window, on average.
+        When the drone arrives on it and leaves it; of a chance window, on average.
     start_sd_s, end_sd_s : float
         Standard deviations of both; 0 for a hard window.
     epsilon : float
@@ -69,28 +69,28 @@ class Window:
 
     @property
     def opens(self) -> datetime:
-        """Beginning of the time in which it counts."""
+        """Beginning of the time in which it is active."""
         return self.start - timedelta(seconds=REACH_SD * self.start_sd_s)
 
     @property
     def closes(self) -> datetime:
-        """End of the time in which it counts."""
+        """End of the time in which it is active."""
         return self.end + timedelta(seconds=REACH_SD * self.end_sd_s)
 
     @property
     def core(self) -> tuple[datetime, datetime]:
-        """The part that can overlap no other core; empty where its end is its beginning."""
+        """The part that can overlap no other core; empty if its end is its beginning."""
         begin = self.start + timedelta(seconds=CORE_SD * self.start_sd_s)
         return begin, max(begin, self.end - timedelta(seconds=CORE_SD * self.end_sd_s))
 
     def touches(self, other: Window) -> bool:
-        """Whether the two count at one pad at one time."""
+        """Whether the two are active at one pad at one time."""
         same = (self.station, self.pad) == (other.station, other.pad)
         return same and self.opens < other.closes and other.opens < self.closes
 
 
 def p_both(one: Window, other: Window) -> float:
-    """Probability that both drones want the pad at once."""
+    """Probability that both drones need the pad at once."""
     if not one.touches(other):
         return 0.0
     return max(0.0, 1.0 - _p_before(one, other) - _p_before(other, one))
@@ -106,9 +106,9 @@ def _p_before(first: Window, second: Window) -> float:
 
 
 def in_the_way(wanted: Window, others: Sequence[Window], met: Sequence[float]) -> list[int]:
-    """Return which other windows keep one from being booked; `met` has what is spent of the epsilon of each already.
+    """Return the windows that prevent a booking; `met` has the part of each window's epsilon that is already spent.
 
-    Hard windows keep off all that touches them. The probabilities of finding the pad taken add up (the sum is a bound of the
+    A hard window excludes every window that touches it. The probabilities of finding the pad taken add up (the sum is a bound of the
     probability that any of the others has it); each drone's sum stays within its own epsilon.
     """
     touching = [number for number, other in enumerate(others) if wanted.touches(other)]
@@ -123,7 +123,7 @@ def in_the_way(wanted: Window, others: Sequence[Window], met: Sequence[float]) -
 
 
 def check_windows(windows: Sequence[Window]) -> None:
-    """Refuse windows that make no sense, alone or together, with an `InputError`."""
+    """Refuse windows that are invalid, alone or together, with an `InputError`."""
     faults = [] if windows else [Fault("an itinerary without windows", field="windows")]
     for number, one in enumerate(windows):
         faults += [

@@ -1,7 +1,7 @@
 """Ways around zones: the shortest ones that keep the margin, with bends at the corners of the zones' outlines.
 
 Shortest ways among polygons bend at their corners only (Lozano-Perez and Wesley 1979), so that they are shortest paths in the graph of
-corners that see each other. Obstacles are looked at lazily: a way that is shortest among some of them and touches no other is
+corners that see each other. Obstacles are considered lazily: a way that is shortest among some of them and touches no other is
 shortest among all.
 """
 
@@ -32,7 +32,7 @@ Corner = tuple[int, int]
 Bend = tuple[Corner, float, float]
 """A corner, its latitude and longitude."""
 MAX_CORNERS = 400
-"""Ways among more corners than this are not looked for."""
+"""Ways among more corners than this are not searched."""
 MAX_ROUNDS = 30
 MAX_PAIRS = 300
 FEW_CORNERS = 24
@@ -45,8 +45,8 @@ def with_bends(
 ) -> tuple[tuple[Station, ...], NDArray[np.int64]]:
     """Add the shortest ways around zones where these close segments; returns nodes and pairs, the new ones behind.
 
-    Where a zone is not always closed the straight segment stays, too, and there are ways around all zones and around those that
-    always are. A bend that is a node already is taken again. Of more than `MAX_PAIRS` closed segments the longer ones get none.
+    If a zone is not always closed the straight segment stays, too, and there are ways around all zones and around those that
+    always are. A bend that is already a node is reused. Of more than `MAX_PAIRS` closed segments the longer ones get none.
     """
     airspace = bends.airspace
     ends = np.unique(np.sort(pairs, axis=1), axis=0)
@@ -107,7 +107,7 @@ class Bends:
     def around(self, way: Ways, counted: NDArray[np.bool_]) -> list[Bend] | None:
         """Return the bends of the shortest way between the ends of one way, flown at its heights, around the volumes that count.
 
-        None where there is none of at most `max_detour` times its length; empty where the way itself is free.
+        None if there is none of at most `max_detour` times its length; empty if the way itself is free.
         """
         ends = [(float(way.lat1[0]), float(way.lon1[0])), (float(way.lat2[0]), float(way.lon2[0]))]
         straight_m = geodesy.distance_m(*ends[0], *ends[1])
@@ -134,7 +134,7 @@ class Bends:
     ) -> list[tuple[tuple[float, float], ...] | None]:
         """Return the bends of the shortest ways from many places (latitude, longitude) to one, around all volumes at any height.
 
-        None where there is none of at most `max_detour` times the length, or there are too many corners to look at.
+        None if there is none of at most `max_detour` times the length, or there are too many corners to look at.
         """
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
@@ -221,7 +221,7 @@ class Bends:
     def _shortest(
         self, ends: Sequence[tuple[float, float]], corners: Sequence[Corner], obstacles: frozenset[int], limit_m: float
     ) -> list[Corner] | None:
-        """Return the corners of the shortest way that touches none of some obstacles; None where it is too long."""
+        """Return the corners of the shortest way that touches none of some obstacles; None if it is too long."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
 FEW = 150
-"""Largest number of places for which all pairs are compared; above it, a tree is worth its import time."""
+"""Largest number of places for which all pairs are compared; above it, a tree is faster despite its import time."""
 DECIMALS = 9
 """Decimals of a degree by which places are distinguished, 0.1 mm."""
 
@@ -54,7 +54,7 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: A
 
 
 def with_zones(network: Network, zones: Airspace) -> Network:
-    """Return a network with other zones: its segments made again by its rule, or those that it was given, as far as they are left."""
+    """Return a network with other zones: its segments made again by its rule, or the given ones, as far as the zones allow."""
     stations = tuple(station for station in network.stations if not station.flyover)  # they come first
     if network.rule is not None:
         found = build_network(stations, network.rule, zones=zones)

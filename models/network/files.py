@@ -43,9 +43,9 @@ STATION_FIELDS = (
     "pad_fee",
     "open_hours",
 )
-"""Columns of a station file; all but id, lat and lon may be absent."""
+"""Columns of a station file; only id, lat and lon are required."""
 RARE_FIELDS = ("energy_price_per_kwh", "pad_fee", "open_hours")
-"""Of these, columns that are written only where they say anything."""
+"""Of these, columns that are written only if they have a value."""
 MAX_PRICE = 1e6
 """Greatest price and fee, in the region's currency."""
 
@@ -55,8 +55,8 @@ def read_stations(
 ) -> tuple[Station, ...]:
     """Read stations from CSV or, by the ending ``.geojson`` or ``.json``, from GeoJSON points.
 
-    `columns` says what those of `STATION_FIELDS` are called in the file that have another name there; `pads` and
-    `holding_spots` count where the file says nothing. An `InputError` has every fault in the file.
+    `columns` gives the names in the file of those of `STATION_FIELDS` that have another name there; `pads` and
+    `holding_spots` apply if the file has no value. An `InputError` has every fault in the file.
     """
     given = columns or {}
     names = {field: given.get(field, field) for field in STATION_FIELDS}
@@ -113,7 +113,7 @@ class _Row:
     def number(
         self, field: str, low: float = -math.inf, high: float = math.inf, remedy: str | None = None
     ) -> float | None:
-        """Read a number in [low, high]; None, without a fault, where the cell is empty."""
+        """Read a number in [low, high]; None, without a fault, if the cell is empty."""
         text = self.text(field)
         if not text:
             return None
@@ -135,7 +135,7 @@ class _Row:
         return int(number)
 
     def position(self) -> tuple[float, float]:
-        """Read (lat, lon); 0, 0 where they are wrong."""
+        """Read (lat, lon); 0, 0 if they are wrong."""
         values = [self.number(field) for field in ("lat", "lon")]
         for field, value in zip(("lat", "lon"), values, strict=True):
             if value is None and not self.text(field):
@@ -303,7 +303,7 @@ def write_geojson(network: Network, path: Path, *, force: bool = False) -> None:
 
 
 def write_graphml(network: Network, path: Path, *, force: bool = False) -> None:
-    """Write the graph as GraphML, without what is unknown of a station; needs networkx (extra ``graph``)."""
+    """Write the graph as GraphML, without unknown values of a station; needs networkx (extra ``graph``)."""
     import networkx as nx  # imported late: 90 ms
 
     graph = network.graph.copy()

@@ -46,7 +46,7 @@ class Station:
     Attributes
     ----------
     id, name : str
-        Unique id, what people call it.
+        Unique id, name for people.
     lat, lon : float
         Degrees, WGS-84.
     elevation_m : float or None
@@ -58,11 +58,11 @@ class Station:
     recharge_power_w : float or None
         Most that one pad delivers; None limits nothing.
     energy_price_per_kwh, pad_fee : float or None
-        What a kWh costs there at all hours, and what each charge costs besides, in the scenario's currency; None: as the scenario says.
+        Price of a kWh there at all hours, and the fee of each charge besides, in the scenario's currency; None: as in the scenario.
     open_hours : str
         When pads can be used, see `models.queues.opening_hours`; empty: always.
     flyover : bool
-        No station but a bend of the way around a zone, or where a way over one begins or ends: nobody lands there.
+        Not a station but a bend of the way around a zone, or a begin or end of a way over one: landing is not possible.
     least_m, least_agl_m : float
         Between two such places the way is at least so high, the lower of the two, above mean sea level and above the ground.
     """
@@ -117,11 +117,11 @@ class Network:
     distance_m, bearing_deg : ndarray, shape (segments,)
         Geodesic length (at least `SHORTEST_M`) and initial bearing from tail to head.
     rule : ConnectionRule or None
-        The rule the segments were made by; None where they were given.
+        The rule the segments were made by; None if they were given.
     zones : Airspace or None
         Zones; no segment crosses one that is closed at all times.
     over : Over or None
-        Terrain model that segments are flown over; None where the ground is known at stations alone.
+        Terrain model that segments are flown over; None if the ground is known at stations alone.
     restricted : ndarray of int, shape (pairs, 2)
         Segments that come into a zone which is closed at some times, or until it is authorized, each with the number of the
         volume in ``zones.volumes``; in order of segments.
@@ -155,8 +155,8 @@ class Network:
         Ways around zones, of at most ``zones.max_detour`` times the straight length, lead over nodes behind the stations that are
         only flown over.
 
-        An `InputError` refuses unknown ends, segments from a station to itself, stations with the same id or with less
-        than no pads.
+        An `InputError` refuses unknown ends, segments from a station to itself, stations with the same id or with a negative
+        number of pads.
         """
         stations = tuple(stations)
         if zones is None or zones.max_detour <= 1.0:
@@ -227,13 +227,13 @@ class Network:
 
     @cached_property
     def ground_m(self) -> NDArray[np.float64]:
-        """Ground above mean sea level at each node, metres, shape (nodes,); NaN where it is not known."""
+        """Ground above mean sea level at each node, metres, shape (nodes,); NaN if it is not known."""
         return ground_of(self.stations)
 
     def ground_at_m(self, lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
-        """Ground at places, metres above mean sea level, shape (places,): of the terrain model, else between the stations whose ground is known, as wind is.
+        """Ground at places, metres above mean sea level, shape (places,): from the terrain model, otherwise interpolated between the stations whose ground is known, as wind is.
 
-        NaN where none is known.
+        NaN if none is known.
         """
         if self.over is not None:
             here, there = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in (lat, lon))
@@ -263,7 +263,7 @@ class Network:
         return segment_heights(self.lat, self.lon, self.ground_m, pairs, self.over, least_of(self.stations))
 
     def least_at(self, places: Sequence[tuple[float, float]]) -> list[Least] | None:
-        """Least heights of places of a way, those of the nodes that stand there; None where there are none."""
+        """Least heights of places of a way, those of the nodes that stand there; None if there are none."""
         if not self._leasts:
             return None
         found = [self._leasts.get((float(lat), float(lon)), NO_LEAST) for lat, lon in places]
@@ -279,7 +279,7 @@ class Network:
         return {(lat, lon): (least, agl) for lat, lon, (least, agl) in places if max(least, agl) > -math.inf}
 
     def raised(self, cruise_height_m: float) -> Raised | None:
-        """Return what segments over zones are flown higher than at the cruise height; None where there are none, and over a terrain model."""
+        """Return the extra height of segments over zones above the cruise height; None if there are none, and over a terrain model."""
         if self.over is not None or least_of(self.stations) is None:
             return None
         return raised(self.stations, np.column_stack((self.tail, self.head)), cruise_height_m)
@@ -336,7 +336,7 @@ class Network:
         site_lon: NDArray[np.float64],
         lattice: tuple[int, int] | None = None,
     ) -> NDArray[np.float64]:
-        """Weights of wind sites half-way along each segment, shape (segments, sites), kept for the sites asked for last.
+        """Weights of wind sites half-way along each segment, shape (segments, sites), kept for the most recently used sites.
 
         See `models.wind.interpolation.site_weights`.
         """
@@ -374,7 +374,7 @@ class Network:
         return graph
 
     def articulation_stations(self) -> list[str]:
-        """Stations, by id, without any one of which the network would be in more parts (its articulation points).
+        """Stations, by id, whose removal would split the network (its articulation points).
 
         Raises a `ModuleNotFoundError` if package `networkx` is not installed (extra ``graph``).
         """
@@ -384,7 +384,7 @@ class Network:
 
     def parts(self) -> list[tuple[str, ...]]:
         """Weakly connected parts, largest first, as station ids."""
-        part = np.arange(len(self.stations))  # least node that each is known to be joined to
+        part = np.arange(len(self.stations))  # least node that each is known to be connected to
         before = part - 1
         while not np.array_equal(part, before):
             before = part.copy()
@@ -468,9 +468,7 @@ class Network:
             longest_m=self.longest_m,
             restricted=renumbered(self.restricted, star.restricted, len(self.tail), order),
         )
-        if (
-            self.flown is not None and star.flown is not None
-        ):  # what is known of the old segments need not be found again
+        if self.flown is not None and star.flown is not None:  # properties of the old segments need not be found again
             both = (np.concatenate(parts)[order] for parts in zip(self.flown, star.flown, strict=True))
             joined.__dict__["flown"] = type(self.flown)(*both)
         joined.__dict__["wind_weights"] = self.wind_weights.joined(star.wind_weights, order, joined.midpoints)

@@ -1,7 +1,7 @@
-"""Ways over zones: a segment that a zone closes is flown above its ceiling there, if the maximum height allows.
+"""Ways over zones: a segment that a zone closes is flown above the zone's ceiling, if the maximum height allows.
 
-The vehicle climbs straight up before the widened outline begins, flies level over it, and comes down behind it. Places where it does are nodes
-that nobody lands at, so that planners choose between such a way, one around, and waiting.
+The vehicle climbs vertically before the widened outline begins, flies level over it, and descends behind it. The places where it does are nodes
+without landings, so that planners choose between such a way, one around, and waiting.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Station
 
 BESIDE_M = 10.0
-"""So far before and behind the widened outline the vehicle climbs and descends: straight lines on the map and geodesics differ by less."""
+"""The vehicle climbs and descends this far before and behind the widened outline: straight lines on the map and geodesics differ by less."""
 USUAL_MOST_M = 120.0
-"""Above the ground: ways over zones are no higher where the region states no greatest height."""
+"""Above the ground: ways over zones are no higher if the region states no greatest height."""
 ABOVE_M = 1.0
 """More than the margin: heights of missions are rounded."""
 Joined = tuple[tuple["Station", ...], "NDArray[np.int64]"]
@@ -86,7 +86,7 @@ def joined_pairs(first: Joined, second: Joined, known: int) -> Joined:
 
 
 def _spans(airspace: Airspace, way: Ways, volumes: Sequence[int]) -> list[_Span] | None:
-    """Return the parts of a way over some volumes, those that touch together; None where it cannot be flown over all."""
+    """Return the parts of a way over some volumes, those that touch together; None if it cannot be flown over all."""
     import shapely
 
     line = lines(way)[0]

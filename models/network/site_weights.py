@@ -64,7 +64,7 @@ class SiteWeights:
 
 
 def _keep(kept: dict[Any, NDArray[np.float64]], key: object, value: NDArray[np.float64], most: int) -> None:
-    """Add to what is kept; what was kept first is let go of where it is too much."""
+    """Add to the stored items; the oldest are removed if there are too many."""
     while len(kept) >= most:
         del kept[next(iter(kept))]
     kept[key] = value

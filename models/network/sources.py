@@ -97,7 +97,7 @@ def _stations(rows: Iterable[Any]) -> list[Station]:
 
 
 def _station(row: Any, faults: list[Fault]) -> Station:
-    """Read one station; what is wrong joins the faults."""
+    """Read one station; faults are collected."""
     if not isinstance(row, Mapping):
         faults.append(
             Fault("is not a station", field="stations", value=row, remedy="a Station, or a mapping with id, lat, lon")

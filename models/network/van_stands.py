@@ -1,7 +1,7 @@
 """Pads that move: a van that stands at given places, or along a road, at given times.
 
 CSV has a row for each stand; GeoJSON a point for each stand, or a line for the road with the time at which the van comes to each of its
-places, from where it drives on as late as it may. Times are instants with a UTC offset, or hours and minutes after the first take-off.
+places; it leaves for the next place as late as possible. Times are instants with a UTC offset, or hours and minutes after the first take-off.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 REQUIRED = ("van", "lat", "lon", "from", "until")
 OPTIONAL = ("name", "elevation_m", "pads", "recharge_power_w")
 SPEED_MPS = 10.0
-"""Of a van on a road, where the file says nothing."""
+"""Of a van on a road, if the file has no value."""
 FASTEST_MPS = 40.0
 MAX_PADS = 100
 LONGEST_S = 7 * 86_400.0
@@ -52,8 +52,8 @@ class _Read:
 def read_van_stands(path: Path, depart_s: float | None = None) -> tuple[VanStand, ...]:
     """Read the stands of vans, in order of van and time; `depart_s` is the first take-off, POSIX, where known.
 
-    An `InputError` has every fault: times that are reversed or overlap, a van that could not drive so fast, instants where nobody
-    said when the first take-off is.
+    An `InputError` has every fault: times that are reversed or overlap, a van that could not drive that fast, instants without a
+    known time of the first take-off.
     """
     faults: list[Fault] = []
     geojson = path.suffix.lower() in GEOJSON_ENDINGS
@@ -92,7 +92,7 @@ def _numbered(stand: VanStand, number: int) -> VanStand:
 
 
 def _stand(row: Row, depart_s: float | None, drive_s: float) -> VanStand:
-    """Read a stand; the van leaves so long before `until`, to be elsewhere then."""
+    """Read a stand; the van leaves `drive_s` before `until`, to reach another place by then."""
     lat, lon = row.number("lat", -90.0, 90.0), row.number("lon", -180.0, 180.0)
     van = row.text("van")
     height = row.number("elevation_m", -450.0, 9000.0, -math.inf)
@@ -109,7 +109,7 @@ def _stand(row: Row, depart_s: float | None, drive_s: float) -> VanStand:
 
 
 def _seconds(row: Row, field: str, depart_s: float | None) -> float:
-    """Read a time as seconds after the first take-off; NaN, with a fault, where it is none."""
+    """Read a time as seconds after the first take-off; NaN, with a fault, if it is invalid."""
     text = row.text(field)
     after = re.fullmatch(r"(\d{1,3}):([0-5]\d)(?::([0-5]\d))?", text)
     if after is not None:
@@ -140,7 +140,7 @@ def _seconds(row: Row, field: str, depart_s: float | None) -> float:
 
 
 def _drive(before: VanStand, after: _Read) -> Iterator[Fault]:
-    """Yield what hinders a van from coming from one stand to the next."""
+    """Yield the obstacles to a van's drive from one stand to the next."""
     stand = after.stand
     if before.van != stand.van:
         return
@@ -158,7 +158,7 @@ def _drive(before: VanStand, after: _Read) -> Iterator[Fault]:
 
 
 def _features(path: Path, faults: list[Fault]) -> Iterator[tuple[Row, float]]:
-    """Yield a row for each point, and for each place of a line, with the time for the drive on."""
+    """Yield a row for each point, and for each place of a line, with the time for the drive to the next."""
     for number, feature in enumerate(features(read_geojson(path), str(path))):
         place = Fault("", str(path), None, f"features[{number}]")
         geometry, given = feature.get("geometry"), feature.get("properties")
@@ -189,7 +189,7 @@ def _at(coordinates: list[float], properties: dict[str, Any]) -> dict[str, Any]:
 def _on_road(
     places: list[list[float]], properties: dict[str, Any], place: Fault, faults: list[Fault]
 ) -> Iterator[tuple[Row, float]]:
-    """Yield the stands on a road: each from when the van comes until it must drive on, the last until `until`."""
+    """Yield the stands on a road: each from the arrival of the van until it must leave, the last until `until`."""
     times = properties.get("times")
     if not isinstance(times, list) or len(times) != len(places):
         remedy = f"a time for each of the {len(places)} places: when the van comes there"

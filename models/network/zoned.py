@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:
-    """Ground above mean sea level at each station, metres; NaN where it is unknown."""
+    """Ground above mean sea level at each station, metres; NaN if it is unknown."""
     heights = [station.elevation_m for station in stations]
     return np.array([math.nan if one is None else one for one in heights], dtype=np.float64)
 
 
 def least_of(stations: Sequence[Station]) -> NDArray[np.float64] | None:
-    """Least heights of places that are flown over, above mean sea level and above the ground, shape (nodes, 2); None where no place has any."""
+    """Least heights of places that are flown over, above mean sea level and above the ground, shape (nodes, 2); None if no place has any."""
     found = np.array([(one.least_m, one.least_agl_m) for one in stations], dtype=np.float64).reshape(-1, 2)
     return found if np.isfinite(found).any() else None
 
@@ -74,7 +74,7 @@ def flown_ways(
 ) -> tuple[Ways, Ways]:
     """Return segments, as high as they are flown, and the climbs and descents at all stations.
 
-    Over a terrain model `flown` tells the heights of the segments.
+    Over a terrain model `flown` gives the heights of the segments.
     """
     lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
     ground_m = ground_of(stations)
@@ -96,8 +96,8 @@ def flyable(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Numbers of the pairs that are neither closed at all times nor too high, and their `Network.restricted`.
 
-    A climb or descent that a zone forbids forbids the segments of its station. Without a terrain model a segment is flown both ways
-    alike, and looked at once.
+    If a zone forbids the climb or descent at a station, it forbids the segments of the station. Without a terrain model a segment has the same
+    heights in both directions, and is checked once.
     """
     ends, way_of = pairs, np.arange(len(pairs))
     if flown is None:

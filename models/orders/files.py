@@ -18,7 +18,7 @@ VEHICLE_FIELDS = ("id", "type", "home")
 VEHICLE_OPTIONAL = ("at", "charge_percent", "available_from", "available_to", "battery_health_percent")
 """Columns of the two files, required and optional."""
 LONGEST_S = 48 * 3600.0
-"""From ready to due: as far as forecasts are looked at."""
+"""From ready to due: as far ahead as forecasts are used."""
 
 
 def read_orders(path: Path) -> tuple[Order, ...]:

@@ -1,4 +1,4 @@
-"""Orders and drones found in a scenario: their places as nodes of its network, their types as its drones."""
+"""Orders and drones matched to a scenario: their places to nodes of its network, their types to its drones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 MAX_TARGETS = 5000
-"""Places that are no stations: each becomes a node of the network."""
+"""Places that are not stations: each becomes a node of the network."""
 _POSITION = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*,\s*([+-]?\d+(?:\.\d+)?)\s*")
 
 
@@ -48,7 +48,7 @@ def fit(scenario: Scenario, orders: Sequence[Order], vehicles: Sequence[Vehicle]
 
 
 class _Places:
-    """Finds places, each once; faults are collected."""
+    """Finds each place once; faults are collected."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
@@ -57,7 +57,7 @@ class _Places:
         self._targets = 0
 
     def find(self, text: str, source: Fault, field: str, *, targets: bool = True) -> str:
-        """Return the id of the node that a text names; the text itself, with a fault, where there is none."""
+        """Return the id of the node that a text names; the text itself, with a fault, if there is none."""
         if text not in self._found:
             try:
                 self._found[text] = self._look_up(text, targets=targets)

@@ -9,7 +9,7 @@ from skyway.models.base.errors import Fault
 
 MAX_PRIORITY = 9
 NOWHERE = Fault("")
-"""Source of what was not read from a file."""
+"""Source of values that were not read from a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +25,9 @@ class Order:
     mass_kg : float
         Of the package.
     kind : str
-        What it is, for people.
+        Its contents, for people.
     ready, due : datetime
-        It can be fetched from `ready` on, and should be there by `due`.
+        It can be collected from `ready` on, and should be delivered by `due`.
     priority : int
         0 to `MAX_PRIORITY`; a higher one is served first.
     value : float or None
@@ -59,13 +59,13 @@ class Vehicle:
     type : str
         Id of its model among the drones of the scenario.
     home, place : str
-        Where it belongs, and where it is: station id or part of its name; ids of nodes once found in a scenario.
+        Its base, and its present position: station id or part of its name; ids of nodes once found in a scenario.
     soc : float
-        Charge, 0 to 1 of what the battery holds today.
+        Charge, 0 to 1 of the battery's present capacity.
     available_from, available_to : datetime or None
-        It flies between these times; None does not limit.
+        It flies between these times; None: no limit.
     battery_health : float
-        What the battery holds today, as a share of its nameplate energy.
+        The battery's present capacity, as a share of its nameplate energy.
     source : Fault
         File and line that it was read from, for messages.
     """

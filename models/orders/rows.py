@@ -26,12 +26,12 @@ MAX_FAULTS = 100
 MAX_TEXT = 200
 """Characters of an id, a place or a kind."""
 YEARS = (1900, 2200)
-"""Times beyond these years are slips of the pen."""
+"""Times beyond these years are typing errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row; `place` is a fault without text at the position of the row, `faults` collects its faults."""
+    """One row; `place` is an empty fault at the position of the row, `faults` collects its faults."""
 
     values: Mapping[str, Any]
     place: Fault
@@ -86,7 +86,7 @@ class Row:
         return int(number)
 
     def instant(self, field: str, *, required: bool = True) -> datetime | None:
-        """Read an instant with its UTC offset; None where it is missing or wrong."""
+        """Read an instant with its UTC offset; None if it is missing or wrong."""
         value = self._given(field)
         if value is None or value == "":
             if required:
@@ -114,8 +114,8 @@ def read_rows(
 ) -> Iterator[Row]:
     """Yield the rows of a table: CSV, or by the ending ``.json`` a list of objects, alone or under `key` beside a schema.
 
-    An `InputError` refuses what is not such a file; an unknown column or field is a fault, since a misspelt name must not pass
-    for a default. Ends early where there are more faults than anybody reads.
+    An `InputError` refuses any other file; an unknown column or field is a fault, since a misspelt name must not silently
+    mean a default. Stops early after too many faults.
     """
     rows = _json_rows(path, key, faults) if path.suffix.lower() == ".json" else _csv_rows(path, required, faults)
     for count, row in enumerate(checked_rows(rows, required, optional, faults)):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 WEEK_H = 168
 IDLE_CHARGING_S = 3600.0
-"""Mean charging time where nobody ever charges: it matters only to drones seen on the pads at the start."""
+"""Mean charging time if no drone ever charges: it matters only to drones seen on the pads at the start."""
 MAX_ARRIVALS_PER_S = 1.0
 MIN_CHARGING_S = 1.0
 MAX_CHARGING_S = WEEK_H * S_PER_H
@@ -38,7 +38,7 @@ class PadLoad:
     arrivals_per_s : ndarray, shape (stations, 168)
         Arrivals per second, 0 to `MAX_ARRIVALS_PER_S`.
     mean_charging_s : ndarray, shape (stations, 168)
-        Mean time on a pad, seconds; a second to a week, also where nobody arrives.
+        Mean time on a pad, seconds; a second to a week, also if nobody arrives.
     timezone : str
         IANA name; hour of week 0 begins on Monday 00:00 there.
 
@@ -71,7 +71,7 @@ class PadLoad:
 
     @classmethod
     def none(cls, stations: int, timezone: str) -> PadLoad:
-        """No other drone, ever, at that many stations."""
+        """No other drones, at that many stations."""
         shape = (stations, WEEK_H)
         return cls(np.zeros(shape), np.full(shape, IDLE_CHARGING_S), timezone)
 
@@ -97,7 +97,7 @@ class PadLoad:
         return self.arrivals_per_s[station, hour], self.mean_charging_s[station, hour]
 
     def first(self, stations: int) -> PadLoad:
-        """Return the load of the first stations alone."""
+        """Return the load of the first stations only."""
         return PadLoad(self.arrivals_per_s[:stations], self.mean_charging_s[:stations], self.timezone)
 
     def extended(self, count: int) -> PadLoad:

@@ -1,6 +1,6 @@
 """Files with the load of the pads by other drones.
 
-They say it directly, as rates by hour of the week (`read_load`), or as a record of busy pads (`read_occupancy`).
+They give it directly, as rates by hour of the week (`read_load`), or as a record of busy pads (`read_occupancy`).
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 
 EVERY_STATION = "*"
-"""Station id that stands for every station without a row of its own."""
+"""Station id for all stations without a row of their own."""
 CLAMPED_UTILISATION = 0.95
-"""Utilisation assumed where a record shows every pad busy, which does not tell how many were turned away."""
+"""Utilisation assumed if a record shows every pad busy, since the number of drones turned away is unknown."""
 _NOT_A_CHARGING_TIME = Problem("not a charging time", "minutes, from a second to a week")
 _COLUMNS = ("station", "hour_of_week", "arrivals_per_h", "mean_charging_min")
 
@@ -83,7 +83,7 @@ def read_occupancy(
     the week (a local hour that comes twice or not at all when the clock changes is averaged over the rows there are),
     and arrivals = busy pads / mean charging time (Little). Empty cells and ``nan`` are gaps.
 
-    Warnings tell stations without a column (they get no load), columns that are not stations, gaps, and hours of the week
+    Warnings name stations without a column (they get no load), columns that are not stations, gaps, and hours of the week
     in which on average every one of the `pads`, shape (stations,), is busy (counted as `CLAMPED_UTILISATION` of them).
     An `InputError` carries every fault found (twenty are listed, the others counted): times and values that cannot be
     read, negative values, hours of the week without any value, two columns of one name, an empty file, an unknown time
@@ -114,7 +114,7 @@ def read_occupancy(
 
 
 def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector) -> NDArray[np.float64]:
-    """Arrivals per s and mean charging s, shape (2, stations, 168), NaN where there is no row."""
+    """Arrivals per s and mean charging s, shape (2, stations, 168), NaN if there is no row."""
     parse_known = partial(parse_station, stations=stations)
     parts = []
     for chunk in read_table(path, _COLUMNS, faults):
@@ -142,7 +142,7 @@ def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector)
 
 
 def _number(text: str) -> float:
-    """Return a float, NaN where the text is not a plain number."""
+    """Return a float, NaN if the text is not a plain number."""
     try:
         return math.nan if "_" in text else float(text)
     except ValueError:
@@ -176,7 +176,7 @@ def _parse_arrivals(text: str) -> float | Problem:
 
 
 def _parse_charging(text: str) -> float | Problem:
-    """Read a charging time, s; 0 is checked later: it is valid where nobody arrives."""
+    """Read a charging time, s; 0 is checked later: it is valid if nobody arrives."""
     charging_s = _number(text) * S_PER_MIN
     return charging_s if charging_s == 0.0 or MIN_CHARGING_S <= charging_s <= MAX_CHARGING_S else _NOT_A_CHARGING_TIME
 
@@ -213,7 +213,7 @@ def sum_by_hour(
 ) -> tuple[list[str], NDArray[np.float64], NDArray[np.int64], int]:
     """Ids in the header, sum and number of values of the stations among them, shape (168, columns), and gaps.
 
-    `parse` reads a value, NaN where it is a gap.
+    `parse` reads a value, NaN if it is a gap.
     """
     parse_time = partial(_parse_local_hour, place=place)
     total, count, gaps = np.zeros((WEEK_H, 0)), np.zeros((WEEK_H, 0), dtype=np.int64), 0

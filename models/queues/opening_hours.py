@@ -1,7 +1,7 @@
 """Opening hours of pads: their notation, and the times at which a station is closed.
 
-Written as OpenStreetMap does, a small part of it: ``Mo-Fr 07:00-19:00; Sa 08:00-12:00,13:00-17:00; Su off``. Days without
-a rule are closed; a later rule for a day goes before an earlier one; a rule without days holds for every day. Times are local;
+A small part of OpenStreetMap's notation: ``Mo-Fr 07:00-19:00; Sa 08:00-12:00,13:00-17:00; Su off``. Days without
+a rule are closed; a later rule for a day overrides an earlier one; a rule without days holds for every day. Times are local;
 a span whose end is not after its beginning ends on the next day (``22:00-06:00``).
 """
 
@@ -27,7 +27,7 @@ ALWAYS = "24/7"
 DAYS = ("Mo", "Tu", "We", "Th", "Fr", "Sa", "Su")
 DAY_MIN = 24 * 60
 EDGE_S = 1e-6
-"""So long after the edge of a closure it is on the other side of it."""
+"""A time this long after the edge of a closure is on its other side."""
 EXAMPLE = "such as 'Mo-Fr 07:00-19:00; Sa 08:00-12:00', '22:00-06:00' or 24/7"
 _RULE = re.compile(r"(?:(?P<days>[A-Z][a-z](?:[-,][A-Z][a-z])*)\s*)?(?P<spans>off|closed|[\d:,\- ]+)?")
 _SPAN = re.compile(r"(\d\d?):(\d\d)\s*-\s*(\d\d?):(\d\d)")
@@ -35,7 +35,7 @@ _SPAN = re.compile(r"(\d\d?):(\d\d)\s*-\s*(\d\d?):(\d\d)")
 
 @dataclass(frozen=True, slots=True)
 class OpeningHours:
-    """When a station is open, week after week.
+    """Weekly opening times of a station.
 
     Attributes
     ----------
@@ -103,20 +103,20 @@ class OpeningHours:
 
 @lru_cache(maxsize=1024)
 def opening_hours(text: str) -> OpeningHours:
-    """Return opening hours as they are written, each read once; an empty text is always open."""
+    """Return opening hours as written, each text parsed once; an empty text means always open."""
     return OpeningHours.parse(text or ALWAYS)
 
 
 def closed_path(path: QueuePath, closed_s: NDArray[np.float64], *, spots: int) -> QueuePath:
     """Return the queue of a station that closes at times, shape (closures, 2).
 
-    A drone due for a pad while it is closed gets it when it opens; without holding spots, the same holds for landing.
+    A drone that would get a pad while the station is closed gets it when the station opens; without holding spots, the same holds for landing.
     """
     if not len(closed_s):
         return path
     begin, end = closed_s.T
     closures = Closures(closed_s)
-    # Within an interval a pad is had at max(arrival + delay, pad): it changes its course where arrival + delay begins or ends a closure.
+    # Within an interval a pad is available at max(arrival + delay, pad): the rule changes where arrival + delay begins or ends a closure.
     low = np.concatenate(([-np.inf], path.arrival_s))
     high = np.concatenate((path.arrival_s, [np.inf]))
     delays = (path.delay_s, np.zeros(1)) if spots == 0 else (path.delay_s,)
@@ -134,7 +134,7 @@ def closed_path(path: QueuePath, closed_s: NDArray[np.float64], *, spots: int) -
     pad_s = closures.put_off(pad_s, begins + delay)
     if spots == 0:
         land_s = closures.put_off(land_s, begins)
-    left = np.sort(np.concatenate((path.left_s, added)))  # nobody came there
+    left = np.sort(np.concatenate((path.left_s, added)))  # no arrival there
     return QueuePath(arrival, pad_s, land_s, delay, path.present, left)
 
 
@@ -151,7 +151,7 @@ class Closures:
     closed_s: NDArray[np.float64]
 
     def put_off(self, time_s: NDArray[np.float64], least_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Put times off to the opening where they, or where these are later other times, fall into a closure."""
+        """Move times that fall into a closure, or whose other times given do, to the opening."""
         begin, end = self.closed_s.T
         reached = np.maximum(time_s, least_s + EDGE_S)
         number = np.searchsorted(begin, reached, side="right") - 1
@@ -159,7 +159,7 @@ class Closures:
         return np.where(shut, end[np.maximum(number, 0)], time_s)
 
     def within(self, begin_s: NDArray[np.float64], end_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """For how long it is closed between times, s."""
+        """Closed time between two times, s."""
         total = np.zeros(np.broadcast(begin_s, end_s).shape)
         for begin, end in self.closed_s.tolist():
             total += np.maximum(np.minimum(end_s, end) - np.maximum(begin_s, begin), 0.0)

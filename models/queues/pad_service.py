@@ -21,14 +21,14 @@ import msgspec
 from skyway.models.base.errors import LinkError
 
 MAX_LINE_BYTES = 4096
-"""A longer line is no request."""
+"""A longer line is not a request."""
 
 T = TypeVar("T")
 DroneState = Literal["absent", "waiting", "charging", "done"]
 
 
 class PadServiceError(LinkError):
-    """The pad service refused a request or failed; the message says what to do."""
+    """The pad service refused a request or failed; the message gives the remedy."""
 
 
 class DroneOnPad(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,15 +38,15 @@ class DroneOnPad(msgspec.Struct, frozen=True, kw_only=True):
     state: DroneState
     """``absent``; ``waiting`` for a pad on a holding spot; ``charging``; ``done``: charged, still on the pad."""
     soc: float | None = None
-    """State of charge as the pad measures it; None where it is not on a pad."""
+    """State of charge as the pad measures it; None if it is not on a pad."""
     to_soc: float | None = None
     """Where charging ends."""
     place_in_line: int = 0
-    """Drones that get a pad before this one."""
+    """Drones ahead of this one in the line."""
     pad_free_s: float | None = None
-    """When it will get a pad, as far as that is known: POSIX seconds."""
+    """Expected time at which it gets a pad: POSIX seconds."""
     done_s: float | None = None
-    """When it will be charged: POSIX seconds."""
+    """Expected end of charging: POSIX seconds."""
 
 
 class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,7 +56,7 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
     posix_s: float
     pads: int
     busy: int
-    """How many there are, and on how many a drone stands."""
+    """Number of pads, and of those that are occupied."""
     remaining_s: tuple[float, ...]
     """Seconds until busy pads become free, ascending, where that is known."""
     waiting: int
@@ -64,7 +64,7 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
     holding_free: int
     """Spots beside the pads, and how many of them are free."""
     drones: tuple[DroneOnPad, ...] = ()
-    """Drones that asked to be charged here."""
+    """Drones that requested charging here."""
 
     @property
     def present(self) -> int:
@@ -72,9 +72,9 @@ class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
         return self.busy + self.waiting
 
     def others(self, drone: str) -> tuple[int, int]:
-        """Others on the pads and in line: those that a drone finds before it, and those that came after it.
+        """Others on the pads and in line: those that are ahead of a drone, and those that came after it.
 
-        Of a drone that did not ask to be charged here all are before it.
+        For a drone that did not request charging here, all are ahead of it.
         """
         ours = next((one for one in self.drones if one.drone == drone and one.state != "absent"), None)
         if ours is None:
@@ -95,7 +95,7 @@ class PadService(Protocol):
         ...
 
     def release(self, station: str, drone: str) -> DroneOnPad:
-        """Give the pad, or the place in the line, back."""
+        """Release the pad, or the place in the line."""
         ...
 
 
@@ -122,7 +122,7 @@ class PadAnswer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AskedPads(ABC):
-    """A `PadService` that is asked by requests and answers, however these travel."""
+    """A `PadService` over requests and answers, on any transport."""
 
     def status(self, station: str) -> StationStatus:
         """Return the pads of a station now."""
@@ -132,11 +132,11 @@ class AskedPads(ABC):
         return found
 
     def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
-        """Ask for a pad and charging to a state of charge."""
+        """Request a pad and charging to a state of charge."""
         return self._drone(PadRequest(op="charge", station=station, drone=drone, to_soc=to_soc))
 
     def release(self, station: str, drone: str) -> DroneOnPad:
-        """Give the pad, or the place in the line, back."""
+        """Release the pad, or the place in the line."""
         return self._drone(PadRequest(op="release", station=station, drone=drone))
 
     def _drone(self, request: PadRequest) -> DroneOnPad:
@@ -166,12 +166,12 @@ def encode(message: PadRequest | PadAnswer) -> bytes:
 
 
 def decode_request(line: bytes) -> PadRequest:
-    """Read a request; a `PadServiceError` for a line that is none."""
+    """Read a request; a `PadServiceError` for any other line."""
     return _decoded(_REQUEST, line, "a request")
 
 
 def decode_answer(line: bytes) -> PadAnswer:
-    """Read an answer; a `PadServiceError` for a line that is none."""
+    """Read an answer; a `PadServiceError` for any other line."""
     return _decoded(_ANSWER, line, "an answer")
 
 

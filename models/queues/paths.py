@@ -1,8 +1,8 @@
-"""Queue paths: what a drone meets at a station in one realization of the other drones, one by one or many packed.
+"""Queue paths: the queue that a drone meets at a station in one realization of the other drones, one by one or many packed.
 
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
-that any time of arrival finds its answer and nobody overtakes. (Independent draws per arrival would let a
+that any time of arrival has its answer and no drone overtakes. (Independent draws per arrival would let a
 later arrival start earlier.) Paths are sampled by `models.queues.sampling`.
 """
 
@@ -35,7 +35,7 @@ class QueuePath:
         Earliest time it can touch down, on a pad or a holding spot; nondecreasing and never after `pad_s`.
     delay_s : ndarray, shape (k + 1,)
         It gets no pad sooner than this long after its own arrival, in the interval before the first, between the
-        first and the second of them, …; 0 by default. With it a path tells of waits that are expected, not sampled.
+        first and the second of them, …; 0 by default. With it a path gives waits that are expected, not sampled.
         The pad's time must still be nondecreasing in the arrival.
     present : int
         Others on the pads and in line when the path begins.
@@ -57,8 +57,8 @@ class QueuePath:
     def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
         """Time at which our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
 
-        An arrival at the very time of another drone's stands behind it. Before the start of the path the
-        answer is that of a drone behind all who are there at the start.
+        An arrival at the same time as another drone's is placed behind it. Before the start of the path the
+        answer is that of a drone behind all drones present at the start.
         """
         arrival, interval = self._at(arrival_s)
         return np.maximum(arrival + self.delay_s[interval], self.pad_s[interval])
@@ -76,7 +76,7 @@ class QueuePath:
         return min(land_by_s, float(self.arrival_s[served - 1])) if served <= len(self.arrival_s) else land_by_s
 
     def present_at(self, time_s: float) -> int:
-        """Others on the pads and in line at a time, as one sees who looks."""
+        """Others on the pads and in line at a time, as seen from outside."""
         came = int(np.searchsorted(self.arrival_s, time_s, side="right"))
         return self.present + came - int(np.searchsorted(self.left_s, time_s, side="right"))
 
@@ -91,7 +91,7 @@ def no_queue() -> QueuePath:
 
 
 def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -> list[QueuePath]:
-    """Make the paths of drones that wait as long as is expected at their arrival, at several stations.
+    """Make the paths of drones that wait as long as expected at their arrival, at several stations.
 
     Parameters
     ----------

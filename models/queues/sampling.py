@@ -1,7 +1,7 @@
 """Sampled queues: realizations of the other drones at a station over a horizon.
 
-The others are what `models.queues.waiting_times` computes with: Poisson arrivals, a charging drone leaves at a rate
-1 / mean charging time, both by the hour. They do not notice our drone.
+The other drones follow the model of `models.queues.waiting_times`: Poisson arrivals, a charging drone leaves at a rate
+1 / mean charging time, both by the hour. Our drone does not affect them.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def sample_sets(
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
-    path whichever other stations are requested. Where the pads were not seen, the path begins with a number of drones
-    drawn as `models.queues.waiting_times.settled` says.
+    path whichever other stations are requested. If the pads were not seen, the path begins with a number of drones
+    drawn from the distribution of `models.queues.waiting_times.settled`.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def sample_sets(
     busy : mapping of int to int
         Drones present at `start_s`, by node, those beyond the pads in the line.
     free_s : mapping of int to sequence of float, optional
-        When busy pads of a node become free, POSIX seconds, as far as that is known; the others by the rates.
+        When busy pads of a node become free, POSIX seconds, as far as known; the others by the rates.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def sampled_waits(
 ) -> dict[int, WaitForecast]:
     """Forecast the waits at stations where the end of some stays is known, as means over sampled paths.
 
-    The exact forecast (`models.queues.waiting_times.forecast_waits`) knows of stays without memory only. Arguments as of `sample_sets`.
+    The exact forecast (`models.queues.waiting_times.forecast_waits`) covers only memoryless stays. Arguments as of `sample_sets`.
     """
     grid = start_s + STEP_S * np.arange(math.ceil(hours * S_PER_H / STEP_S) + 1)
     seeds = [(WAIT_SEED, number) for number in range(WAIT_PATHS)]
@@ -127,11 +127,11 @@ def sample_many(
 ) -> PackedPaths:
     """Sample many paths of one station at once, from a separate stream seeded by the seed and its index.
 
-    Arguments as of `sample_sets`, which samples paths that are named one by one; `count` of them here hang together: where
-    nobody has seen the pads (`busy` is None), the numbers of drones that they begin with are drawn evenly from the
-    probabilities. So this is not to be asked for a part of what another has.
+    Arguments as of `sample_sets`, which samples paths that are named one by one; here the `count` paths depend on each other: if
+    the pads were not seen (`busy` is None), the numbers of drones that they begin with are stratified over the
+    probabilities. So a part of a set cannot be sampled separately.
 
-    Paths that are lived until `until_s` only, POSIX seconds, are as long ones are up to then.
+    Paths simulated only until `until_s`, POSIX seconds, agree with longer ones up to then.
     """
     if not pads:
         return pack([no_queue()] * count)

@@ -1,4 +1,4 @@
-"""Pads seen at an instant: lines of JSON, each as the pad service answers for a station."""
+"""Observed pads at an instant: JSON lines, each in the form of the pad service's answer for a station."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
 
     station: str
     busy: _Count
-    """Pads on which a drone stands."""
+    """Occupied pads."""
     pads: _Count | None = None
-    """How many there are; None: as the scenario says."""
+    """Number of pads; None: as in the scenario."""
     waiting: _Count = 0
     """Drones in line."""
     remaining_s: tuple[Annotated[float, msgspec.Meta(ge=0.0, le=7 * 86_400.0)], ...] = ()
     """Seconds until busy pads become free, where that is known."""
     posix_s: float | None = None
-    """When it was seen; None: at the departure."""
+    """Time of the observation; None: the departure."""
 
     @property
     def present(self) -> int:
@@ -42,7 +42,7 @@ class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PadsSeen(NamedTuple):
-    """The pads of a network at an instant, as planners count with them."""
+    """The pads of a network at an instant, in the form that planners use."""
 
     busy: Mapping[str, int]
     """Others on the pads and in line, by station; a station that is not there was not seen."""
@@ -64,7 +64,7 @@ _WHOLE = msgspec.json.Decoder(_Answer)
 
 
 def read_seen_pads(path: Path, stations: Collection[str]) -> tuple[SeenPads, ...]:
-    """Read a file of pads seen, one station a line; the last line of a station counts.
+    """Read a file of observed pads, one station a line; the last line of a station counts.
 
     An `InputError` has all its faults: lines that are not JSON, counts out of range, stations that are not in the network.
     """
@@ -100,7 +100,7 @@ def _decoded(line: str) -> SeenPads:
 
 
 def _problem(seen: SeenPads, stations: Collection[str]) -> tuple[str, str] | None:
-    """What is wrong with it, and what would be right."""
+    """The problem, and the correct form."""
     if seen.station not in stations:
         return "no such station", "name stations by their id"
     if seen.pads is not None and seen.busy > seen.pads:

@@ -36,18 +36,18 @@ if TYPE_CHECKING:
     Floats: TypeAlias = NDArray[np.float64]
 
 WARM_UP_H = 168
-"""Hours lived through from an empty station where nobody has seen the pads and the load of the week is too high for a
+"""Hours simulated from an empty station if the pads were not observed and the load of the week is too high for a
 long run."""
 SETTLED = 0.98
-"""Mean utilisation of the week from which on there is no long run to begin with, or it is too far away."""
+"""Mean utilisation of the week from which on there is no long run to begin with, or convergence to it is too slow."""
 FORGOTTEN = 7.0
-"""Else a station that nobody has seen begins with the long run of the week's mean load and lives through so many of its
+"""Otherwise a station that was not observed begins with the long run of the week's mean load, followed by this many of its
 relaxation times under the load of the hours: exp(-7) of the difference is left. A relaxation time is
 1 / (sqrt(pads) - sqrt(offered load))^2 charging times, but no less than one."""
 MIN_SETTLING_H, MAX_SETTLING_H = 12, 672
-_NOBODY = 1e-12  # probability of still more drones, where the long run is cut off
+_NOBODY = 1e-12  # probability of still more drones, at which the long run is truncated
 TAIL_H = 24
-"""Hours after a horizon whose charging times still matter to those who wait at its end."""
+"""Hours after a horizon whose charging times still matter to drones that wait at its end."""
 STEP_S = 600.0
 """Distance of the points at which waits are forecast."""
 
@@ -66,10 +66,10 @@ class PadQueue:
     mean_charging_s: NDArray[np.float64]
     """Shape (hours,) each. Rates of other drones, hour after hour; the rates of the last hour hold afterwards."""
     busy: int | None = None
-    """Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads. None: nobody
-    looked, so the station begins as `unseen` at `first_s` and lives through the hours until `start_s`."""
+    """Drones seen at `start_s`: that many pads are busy, and the line is empty unless it exceeds the pads. None: not
+    observed, so the station begins as `unseen` at `first_s` and runs through the hours until `start_s`."""
     unseen: NDArray[np.float64] = field(default_factory=lambda: np.ones(1), repr=False)
-    """Shape (any,). Probabilities of 0, 1, 2, … drones at `first_s` where nobody looked; an empty station by
+    """Shape (any,). Probabilities of 0, 1, 2, … drones at `first_s` without an observation; an empty station by
     default."""
 
     def distribution(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -90,7 +90,7 @@ class PadQueue:
         states = self.distribution(grid)
         times = grid - self.first_s
         wait = expected_waits(states, self.pads, 1.0 / self.mean_charging_s, S_PER_H, times)
-        # Exact values never let a later arrival start earlier; this removes what rounding and cutting leave.
+        # Exact values never let a later arrival start earlier; this removes violations by rounding and truncation.
         wait = np.maximum.accumulate(times + wait) - times
         free = np.minimum(states[:, : self.pads].sum(axis=1), 1.0)
         return WaitForecast(np.maximum(wait, 0.0), free)
@@ -99,8 +99,8 @@ class PadQueue:
 class WaitForecast(NamedTuple):
     """Waiting for a pad at one station, for arrivals at points `STEP_S` apart.
 
-    Between the points everything is linear, before and after them constant, so that t + E[W](t) never decreases: who
-    arrives later is not expected to start earlier.
+    Between the points everything is linear, before and after them constant, so that t + E[W](t) never decreases: a
+    later arrival is not expected to start earlier.
     """
 
     wait_s: NDArray[np.float64]
@@ -125,8 +125,8 @@ def forecast_waits(
     """Forecast the waits at several stations, by node; those with the same load, pads and start share one forecast.
 
     The start state matters: at utilisation 0.9 for some 76 charging times. `busy` has the drones seen at `start_s`,
-    POSIX seconds (see `PadQueue`). Where the pads were not seen, the start is what a load that repeats every week leads
-    to (see `settled`). Where `pads`, shape (nodes,), are 0, as at a delivery target, nobody recharges, so nobody waits.
+    POSIX seconds (see `PadQueue`). If the pads were not seen, the start is the state to which a weekly repeating load leads
+    (see `settled`). If `pads`, shape (nodes,), are 0, as at a delivery target, nobody recharges, so nobody waits.
     An `InputError` refuses a line that grows beyond `MAX_STATES`.
     """
     shared: dict[tuple[int, int | None, bytes, bytes], WaitForecast] = {}
@@ -146,7 +146,7 @@ def forecast_waits(
 def station_queue(
     load: PadLoad, station: int, pads: int, start_s: float, hours: float, busy: int | None = None
 ) -> PadQueue:
-    """Take the queue of one station from a load.
+    """Build the queue of one station from a load.
 
     The rates are those of the horizon and `TAIL_H` hours after it; where `busy` is None, the pads were not seen.
     """
@@ -161,7 +161,7 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
     """Probabilities of 0, 1, 2, … drones at an unobserved station, at the beginning of an hour of UTC.
 
     They are computed once for each hour, load and number of pads, and are read-only. The station begins with the long
-    run of the week's mean load and lives through the load of the hours before, until it has forgotten that
+    run of the week's mean load and runs through the load of the preceding hours, until the initial state no longer matters
     (`FORGOTTEN`). With more load on average than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from
     week to week.
 

@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
 
 LOW_M = 500.0
-"""Flown lower than this, air of an unknown temperature counts as that at sea level: 2.5 % of the power at most."""
+"""Below this height, air of an unknown temperature counts as that at sea level: 2.5 % of the power at most."""
 HIGH_SHARE = 0.9
-"""Of the stations: one in ten may stand higher than the air is taken at."""
+"""Quantile of the stations' heights: one in ten may be higher than the assumed air."""
 TOLD_SHARE = 0.005
-"""A power that differs by more from that at sea level is reported."""
+"""A power that differs from that at sea level by more is reported."""
 AHEAD_S = 6 * 3600.0
-"""Temperatures count from the departure so far ahead."""
+"""Temperatures from the departure to this much later count."""
 ZERO_C_K = 273.15
 COLD_C = 5.0
-"""Below, batteries hold less than their nameplate says."""
+"""Below this temperature, batteries hold less than their nameplate energy."""
 NOT_COUNTED = "what the cold takes of the battery is not counted ([[drone.cold_battery]] in the fleet file says it)"
 
 
 def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin_s: float = 0.0) -> Scenario:
-    """Return a scenario whose drones fly in the air over its stations, at the temperatures that are forecast from an instant on.
+    """Return a scenario whose drones fly in the air over its stations, at the temperatures forecast from an instant on.
 
-    Without a temperature, the standard atmosphere applies, from `LOW_M` on; a fleet file that says another density is believed.
+    Without a temperature, the standard atmosphere applies, from `LOW_M` on; another density in a fleet file is kept.
     """
     ground_m = scenario.network.ground_m
     known = ground_m[np.isfinite(ground_m)]
@@ -58,7 +58,7 @@ def fleet_in_air(scenario: Scenario, forecast: WindEnsemble | None = None, begin
 
 
 def air_notes(drone: Drone, forecast: WindEnsemble, begin_s: float) -> list[str]:
-    """Describe the effect of the air on the flights of a drone, and which cold is not counted."""
+    """Describe the effect of the air on the flights of a drone, and cold whose effect is unknown."""
     density = drone.energy_model.air_density_kg_m3
     more = drone.energy_model.power_w(drone.mass_kg) / drone.energy_model.in_air(AIR_DENSITY_KG_M3).power_w(
         drone.mass_kg
@@ -77,7 +77,7 @@ def air_notes(drone: Drone, forecast: WindEnsemble, begin_s: float) -> list[str]
 
 
 def _temperatures(forecast: WindEnsemble | None, begin_s: float) -> tuple[float | None, float | None]:
-    """Lowest and highest that are forecast from an instant on, K."""
+    """Lowest and highest temperature forecast from an instant on, K."""
     if forecast is None or forecast.weather is None:
         return None, None
     found = []

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0
-"""A point farther than this from all others, but near them with lat and lon swapped, has them swapped."""
+"""A point farther than this from all others, but near them with lat and lon swapped, is assumed to be swapped."""
 WIND_FAR_M = 300_000.0
-"""Wind measured farther away than this says little of the wind at a station."""
+"""Wind measured farther away than this is not representative of the wind at a station."""
 FEW_ZONES = 20
 """Of more zones than this, all must look swapped."""
 _SWAPPED = "lat and lon look swapped"
@@ -53,7 +53,7 @@ def position_faults(stations: Sequence[Station], sites: Sequence[WindSite], file
 
 
 def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str, own_file: str) -> list[Fault]:
-    """Find stations inside a zone of one's own that is always closed, and zones with longitude and latitude exchanged."""
+    """Find stations inside a zone of the user's own that is always closed, and zones with longitude and latitude exchanged."""
     here = _positions(stations)
     inside = zones.holding(here[:, 0], here[:, 1], _climbs(stations, zones))
     faults = [
@@ -65,10 +65,10 @@ def zone_faults(stations: Sequence[Station], zones: Airspace, stations_file: str
 
 
 def swapped_zones(here: NDArray[np.float64], zones: Airspace, what: str) -> list[Fault]:
-    """Find zones with longitude and latitude exchanged: far from places, shape (n, 2), that are flown to, and near them the other way round."""
+    """Find zones with longitude and latitude exchanged: far from the destinations, shape (n, 2), and near them if exchanged."""
     middle = np.array([(p.centroid.y, p.centroid.x) for p in zones.polygons]).reshape(-1, 2)
     wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
-    if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may lie anywhere
+    if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may be anywhere
         return []
     remedy = f"GeoJSON has longitude first, then latitude; or lat and lon of {what} are swapped"
     sources = [zones.zones[i].source for (i, _), closed in zip(zones.volumes, zones.closed, strict=True) if closed]
@@ -76,7 +76,7 @@ def swapped_zones(here: NDArray[np.float64], zones: Airspace, what: str) -> list
 
 
 def _climbs(stations: Sequence[Station], zones: Airspace) -> Ways:
-    """Climbs over stations, to the greatest height that is flown where that is stated."""
+    """Climbs over stations, to the greatest height of flights if that is stated."""
     here = _positions(stations)
     top_m = max(zones.cruise_height_m, zones.max_height_m if math.isfinite(zones.max_height_m) else USUAL_MOST_M)
     return columns(here[:, 0], here[:, 1], ground_of(stations), top_m)
@@ -106,7 +106,7 @@ def zone_warnings(stations: Sequence[Station], zones: Airspace) -> list[str]:
 
 
 def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
-    """Return what a person should know: outlying stations, distant wind, stations at one place, separate parts."""
+    """Return warnings for a person: outlying stations, distant wind, stations at one place, separate parts."""
     stations = [station for station in network.stations if not station.flyover]
     here = _positions(stations)
     ids = [station.id for station in stations]

@@ -1,4 +1,4 @@
-"""Reader of a scenario folder: ``scenario.toml`` and the files it names.
+"""Reader of a scenario folder: ``scenario.toml`` and the files that it names.
 
 Every part is read even when another is wrong, so that all faults are reported at once.
 """
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 SCHEMA = "skyway.scenario/1"
 FILE = "scenario.toml"
 MAX_BYTES = 64 * 1024 * 1024
-"""Of any part: more is refused before it is read."""
+"""Size limit of any part, checked before it is read."""
 
 T = TypeVar("T")
 
@@ -73,7 +73,7 @@ def read_scenario(path: str | PathLike[str]) -> Scenario:
 
 
 def _clearance(table: Table, default: Clearance) -> Clearance:
-    """Read what is kept over terrain and obstacles."""
+    """Read the required clearance over terrain and obstacles."""
     read = Clearance(
         least_m=table.number("least_m", default.least_m, low=1, high=500),
         corridor_width_m=table.number("corridor_width_m", default.corridor_width_m, low=20, high=10_000),
@@ -163,7 +163,7 @@ class _Reader:
         return name
 
     def _airspace(self, own: Path | None, table: Table, rules: FlightRules) -> Airspace | None:
-        """Read the zones: of one file that is named under [network], and any number under [airspace]."""
+        """Read the zones: of one file under [network], and any number under [airspace]."""
         names = enumerate(table.texts("files", ()))
         paths = [path for number, name in names if (path := self._zones(table, f"files[{number}]", name)) is not None]
         usual = (USUAL_MARGIN_M, USUAL_HEIGHT_MARGIN_M, USUAL_DETOUR) if "airspace" in self.top else (0.0, 0.0, 1.0)
@@ -280,7 +280,7 @@ class _Reader:
         }
         if sound and not sites and (file is not None or forecast_file is not None):
             table.fault("sites", "is missing", remedy="give the places of measurement: [[wind.sites]] id, lat, lon")
-        if sound and sites:  # the forecast is read when it is used, but a wrong one is said now
+        if sound and sites:  # the forecast is read on use, but errors in it are reported now
             self._try(lambda f: read_forecast_table(f, [site.id for site in sites]), forecast_file)
         if sound and sites and file is not None and columns is not None:
             history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
@@ -350,7 +350,7 @@ class _Reader:
         return load.extended(len(network) - len(real)) if len(network) > len(real) else load
 
     def _tariff(self, table: Table, timezone: str) -> Tariff | None:
-        """Read what energy and pads cost; `_network` has read the stations."""
+        """Read prices of energy and pads; `_network` has read the stations."""
         if "costs" not in self.top:
             return None
         currency = table.text("currency")
@@ -365,7 +365,7 @@ class _Reader:
         if record is not None:
             by_hour, warnings = self._try(lambda f: read_price_record(f, ids, timezone), record) or (None, [])
             self.warnings += warnings
-        if math.isnan(usual):  # said already
+        if math.isnan(usual):  # reported already
             return None
         of_station = np.array([[usual if (one := s.energy_price_per_kwh) is None else one] for s in self.stations])
         energy = np.broadcast_to(of_station.reshape(-1, 1), (len(ids), WEEK_H))
@@ -381,7 +381,7 @@ class _Reader:
         return self._named(table, key, text) if text else None
 
     def _zones(self, table: Table, key: str, text: str) -> Path | None:
-        """Path of an airspace file, with the pressure that is said behind its name."""
+        """Path of an airspace file, with the pressure that follows its name."""
         told = Path(named_in(text, self.folder))
         try:
             path, _ = split_pressure(told)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 DIFFER_M = 15.0
 """A larger difference between the ground of a station and that of the terrain model is reported: a roof, or another datum or unit."""
 FEW = 4
-"""So many stations at least must differ alike before their unit is doubted."""
+"""At least this many stations must differ by the same factor before their unit is questioned."""
 
 
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
@@ -58,7 +58,7 @@ def grounded(stations: Sequence[Station], terrain: Terrain) -> tuple[Station, ..
 
 
 def _zoned_again(scenario: Scenario, terrain: Terrain) -> Scenario:
-    """Return a scenario whose zones are compared with the ground that is known now: where it was not, heights above the sea closed all."""
+    """Return a scenario whose zones are compared with the ground that is now known: over unknown ground, zones with heights above the sea close every height."""
     network = scenario.network
     real = [one for one in network.stations if not one.flyover]
     stations = grounded(real, terrain)
@@ -69,7 +69,7 @@ def _zoned_again(scenario: Scenario, terrain: Terrain) -> Scenario:
 
 
 def _elsewhere(network: Network, terrain: Terrain) -> Fault:
-    """What is wrong where a terrain model has no height at any station."""
+    """The problem if a terrain model has no height at any station."""
     south, west, north, east = terrain.raster_box()
     here = place_text(float(np.median(network.lat)), float(np.median(network.lon)))
     box = f"{south:g} to {north:g} N, {west:g} to {east:g} E"
@@ -92,7 +92,7 @@ def _elsewhere(network: Network, terrain: Terrain) -> Fault:
 
 
 def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
-    """Tell of stations whose ground is not that of the terrain model."""
+    """Warn of stations whose ground differs from that of the terrain model."""
     off = network.ground_m - ground_m
     known = np.isfinite(off) & np.array([not one.flyover for one in network.stations])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -113,7 +113,7 @@ def _differences(network: Network, ground_m: NDArray[np.float64]) -> Iterator[st
 
 
 def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) -> Iterator[str]:
-    """Tell of stations and segments over ground that is unknown."""
+    """Warn of stations and segments over unknown ground."""
     missing = [network.stations[node].id for node in np.flatnonzero(np.isnan(ground_m))]
     if missing:
         some = ", ".join(missing[:4]) + (", …" if len(missing) > 4 else "")
@@ -122,7 +122,7 @@ def _unknown(network: Network, flown: Network, ground_m: NDArray[np.float64]) ->
     pairs = [pair for pair in zip(network.tail.tolist(), network.head.tolist(), strict=True) if pair not in kept]
     if not pairs or flown.over is None:
         return
-    left_out = np.array(pairs, dtype=np.int64)  # some for zones that their heights come into
+    left_out = np.array(pairs, dtype=np.int64)  # some for zones that they enter at these heights
     heights = segment_heights(flown.lat, flown.lon, flown.ground_m, left_out, flown.over)
     lost = int(np.isnan(heights.up_m).sum())
     if lost:

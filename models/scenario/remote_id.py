@@ -25,18 +25,18 @@ class RemoteId:
     operator_id: str = ""
     """Registration of the operator, as it is broadcast: without the secret digits."""
     self_id: str = ""
-    """What the flight is for, in words."""
+    """Purpose of the flight, in words."""
     lat_deg: float = math.nan
     lon_deg: float = math.nan
-    """`lat_deg`, `lon_deg`: where the operator is; NaN is the place of take-off."""
+    """`lat_deg`, `lon_deg`: position of the operator; NaN is the place of take-off."""
 
     @property
     def given(self) -> bool:
-        """Whether anything was given."""
+        """Whether any value was given."""
         return bool(self.operator_id or self.self_id or math.isfinite(self.lat_deg))
 
     def changed(self, operator_id: str | None, self_id: str | None, place: tuple[float, float] | None) -> RemoteId:
-        """Return it with the typed values in place. Raises an `InputError` if they cannot be broadcast."""
+        """Return it with the typed values applied. Raises an `InputError` if they cannot be broadcast."""
         found = self
         if operator_id is not None:
             found = replace(found, operator_id=broadcast_id(operator_id, "--operator-id"))

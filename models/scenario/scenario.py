@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.history import WindHistory, WindSite
 
 MAX_NOTES = 20
-"""So many notes on airspace files are warnings of the scenario."""
+"""At most this many notes on airspace files are warnings of the scenario."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Scenario:
     Attributes
     ----------
     name : str
-        What people call it.
+        Name for people.
     network : Network
         Stations and segments.
     drones : tuple of Drone
@@ -55,7 +55,7 @@ class Scenario:
     history : WindHistory or None
         Wind record that ensembles are drawn from.
     wind_sites : tuple of WindSite
-        Where the wind is measured or forecast.
+        Sites at which the wind is measured or forecast.
     measured_at_m : float
         Height of those winds above ground.
     forecast_file : Path or None
@@ -65,7 +65,7 @@ class Scenario:
     forecast_error : str or None
         File with the error of these forecasts by lead time (``skyway weather verify``).
     tariff : Tariff or None
-        Prices of energy and pads, for the stations as the network begins with them; None without costs.
+        Prices of energy and pads, for the stations that the network begins with; None without costs.
     timezone : str
         IANA name of local time.
     season_days : int
@@ -73,13 +73,13 @@ class Scenario:
     observed_wind : tuple of str
         Files with current winds, used by default for plans for now.
     observed_pads : str or None
-        Pad service ``tcp:HOST:PORT``, or a file, that tells which pads are busy now; likewise.
+        Pad service ``tcp:HOST:PORT``, or a file, with the pads that are busy now; likewise.
     remote_id : RemoteId
-        The operator, as drones broadcast it.
+        Operator data for Remote ID.
     path, sha256 : str or None
-        Where it was read from, and the digest of all its files.
+        Its path, and the digest of all its files.
     warnings : tuple of str
-        What a person should know of the input.
+        Warnings on the input, for a person.
     """
 
     name: str
@@ -171,14 +171,14 @@ class Scenario:
         return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)
 
     def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
-        """Lay what the record measured from that local date on onto the departure, as an ensemble of one."""
+        """Move the measured winds of the record from that local date on to the departure, as an ensemble of one."""
         return truth_series(self._record(), day, utc(depart).astimezone(ZoneInfo(self.timezone)), hours)
 
     def with_airspace(self, files: Sequence[Path] = (), authorized: Sequence[str] = ()) -> Scenario:
         """Return the same with the zones of more files, and with authorizations for some zones.
 
-        What of the files was not understood joins the warnings. An `InputError` says what is wrong with a file, or that there
-        is no such zone.
+        Parts of the files that were not understood are added to the warnings. An `InputError` describes the problem of a file, or an
+        unknown zone.
         """
         if not files and not authorized:
             return self

@@ -20,13 +20,13 @@ class Tariff:
     Attributes
     ----------
     currency : str
-        What prices are in, such as ``EUR``.
+        Currency of the prices, such as ``EUR``.
     energy_per_kwh : ndarray, shape (stations, 168)
         Price of energy at each station in each hour of the week, hour 0 from Monday 00:00 local time on.
     pad_fee : ndarray, shape (stations,)
-        For each charge at the station, however long.
+        For each charge at the station, regardless of its duration.
     refill_per_kwh : float
-        Price at which the charge is bought afterwards that a drone has less at the end of a delivery than at its beginning.
+        Price of replacing, after a delivery, the charge that the drone has less than at its beginning.
     timezone : str
         IANA name.
 
@@ -70,7 +70,7 @@ class Tariff:
 
     @property
     def least_per_kwh(self) -> float:
-        """No energy is cheaper, bought on the way or afterwards."""
+        """Lowest price of energy, bought on the way or afterwards."""
         return min(float(self.energy_per_kwh.min(initial=math.inf)), self.refill_per_kwh)
 
     def of_length(self, stations: int) -> Tariff:

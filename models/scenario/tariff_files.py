@@ -23,7 +23,7 @@ _COLUMNS = ("station", "hour_of_week", "price_per_kwh")
 
 
 def read_prices(path: Path, station_ids: Sequence[str]) -> NDArray[np.float64]:
-    """Read a CSV table ``station,hour_of_week,price_per_kwh``, shape (stations, 168); NaN where no row has a price.
+    """Read a CSV table ``station,hour_of_week,price_per_kwh``, shape (stations, 168); NaN if no row has a price.
 
     Rows of station ``*`` hold for every station and hour without a row of its own. An `InputError` carries every fault:
     unknown station, hour outside 0-167, two rows for one hour, an invalid price, a missing column.
@@ -51,7 +51,7 @@ def read_prices(path: Path, station_ids: Sequence[str]) -> NDArray[np.float64]:
 
 
 def read_price_record(path: Path, station_ids: Sequence[str], timezone: str) -> tuple[NDArray[np.float64], list[str]]:
-    """Read a record of prices, averaged by hour of the local week, shape (stations, 168); NaN where it has none.
+    """Read a record of prices, averaged by hour of the local week, shape (stations, 168); NaN if it has none.
 
     One row per hour, one column per station, as in a record of busy pads (`models.queues.load_files.read_occupancy`). A
     station's hours of the week without a value get the mean of its others. Warnings name columns that are not stations. An

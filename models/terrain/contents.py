@@ -25,7 +25,7 @@ class TerrainContents:
     Attributes
     ----------
     file, format, packed : str
-        Name, what it is, and how its heights are stored.
+        Name, description, and storage of the heights.
     rows, columns : int
         Of heights.
     south, west, north, east : float
@@ -41,9 +41,9 @@ class TerrainContents:
     voids : int
         Points without a height.
     least_m, greatest_m : float or None
-        Of the heights that are known, metres above the datum; None where none is.
+        Of the heights that are known, metres above the datum; None if none is.
     note : str or None
-        What a person should know.
+        Note for a person.
     """
 
     file: str
@@ -105,7 +105,7 @@ def terrain_contents(text: str) -> TerrainContents:
 
 
 def obstacle_contents(text: str) -> ObstacleContents:
-    """Read an obstacle file; an `InputError` lists what is wrong with it."""
+    """Read an obstacle file; an `InputError` lists its faults."""
     found = read_obstacles(Path(text))
 
     def most(values: NDArray[np.float64]) -> float | None:

@@ -43,7 +43,7 @@ def with_folder(said: Sequence[str], folder: Path) -> list[str]:
 
 
 def read_raster(text: str) -> Raster:
-    """Read one terrain file, with the settings in its name. Raises an `InputError` with its problem."""
+    """Read one terrain file, with the settings in its name. Raises an `InputError` with the problem."""
     path, said = split_name(text)
     if not path.exists():
         raise InputError("no such file", str(path), remedy=_meant(path))
@@ -74,7 +74,7 @@ def _meant(path: Path) -> str | None:
 
 
 def _over_geoid(raster: Raster, path: Path) -> Raster:
-    """Return a raster above the ellipsoid, with the grid that leads from there to mean sea level."""
+    """Return a raster above the ellipsoid, with the grid for the conversion to mean sea level."""
     if raster.datum not in ("unknown", "ellipsoid"):
         problem = f"counts from {raster.datum} according to the file"
         raise InputError(problem, raster.file, value=f"@{GEOID}{path}", remedy="remove the geoid: it is not needed")
@@ -86,7 +86,7 @@ def _over_geoid(raster: Raster, path: Path) -> Raster:
 def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terrain:
     """Read the headers of terrain and obstacle files; heights are read on demand.
 
-    An `InputError` lists every file that cannot be read, or of which a height says nothing about the ground below a leg.
+    An `InputError` lists every file that cannot be read, or whose heights are too coarse for the ground below a leg.
     """
     faults: list[Fault] = []
     rasters: list[Raster] = []
@@ -106,7 +106,7 @@ def read_terrain(terrain: Sequence[str], obstacles: Sequence[str] = ()) -> Terra
 
 
 def _obstacles(files: Sequence[str], faults: list[Fault]) -> list[Obstacles]:
-    """Read obstacle files; what is wrong with them joins the faults."""
+    """Read obstacle files; faults are collected."""
     parts: list[Obstacles] = []
     for text in files:
         try:
@@ -123,7 +123,7 @@ def read_named(files: Sequence[str]) -> Terrain:
 
 
 def with_obstacles(terrain: Terrain, files: Sequence[str]) -> Terrain:
-    """Return a terrain model with more obstacles; an `InputError` lists what is wrong with their files."""
+    """Return a terrain model with more obstacles; an `InputError` lists the faults of their files."""
     faults: list[Fault] = []
     parts = _obstacles(files, faults)
     refuse(faults)
@@ -131,7 +131,7 @@ def with_obstacles(terrain: Terrain, files: Sequence[str]) -> Terrain:
 
 
 def _fine_enough(raster: Raster) -> Raster:
-    """Refuse a model whose cells are wider than what a leg flies over."""
+    """Refuse a model whose cells are too wide for the ground below a leg."""
     widest_m = max(raster.spacing_m())
     if widest_m > COARSEST_M:
         problem = f"has cells of {distance_text(widest_m)}: they say nothing about the ground below a leg"
@@ -140,7 +140,7 @@ def _fine_enough(raster: Raster) -> Raster:
 
 
 def datum_note(raster: Raster) -> str | None:
-    """Note on the vertical datum of a file; None where it is mean sea level, or is converted to it."""
+    """Note on the vertical datum of a file; None if it is mean sea level, or is converted to it."""
     name = Path(raster.file).name
     if raster.datum == "unknown":
         return (

@@ -32,7 +32,7 @@ _VERTICAL_METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 _UNITS_M = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200.0 / 3937.0, "us survey foot": 1200.0 / 3937.0}  # fmt: skip
 _LIKE_WGS84 = frozenset({4326, 4979})
 COPERNICUS = re.compile(r"^Copernicus_DSM_", re.IGNORECASE)
-"""Tiles of the Copernicus model are named so; its handbook says that they count from EGM2008."""
+"""Names of tiles of the Copernicus model; according to its handbook they count from EGM2008."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class _Pixels:
 
 
 def read_geotiff(path: Path) -> Raster:
-    """Read the header of a GeoTIFF. Raises an `InputError` with what is missing or unsupported, and the remedy."""
+    """Read the header of a GeoTIFF. Raises an `InputError` with the missing or unsupported feature, and the remedy."""
     file = str(path)
     try:
         with path.open("rb") as stream:
@@ -126,7 +126,7 @@ def _crs_of(keys: dict[int, int], file: str) -> str:
 
 
 def _datum(keys: dict[int, int], path: Path) -> str:
-    """What the heights count from, as the file or its publisher says."""
+    """Datum of the heights, from the file or its publisher."""
     code = keys.get(_VERTICAL)
     if code is not None and code not in (0, _USER):
         return _DATUMS.get(code, f"EPSG:{code}")
@@ -166,12 +166,12 @@ def _scaled(image: TiffImage) -> tuple[float, float]:
 
 
 def _check_place(raster: Raster) -> None:
-    """Refuse a geographic grid beyond the Earth: mostly latitude and longitude are exchanged."""
+    """Refuse a geographic grid beyond the Earth: usually latitude and longitude are exchanged."""
     if not raster.is_geographic:
         return
     x0, y0 = raster.origin
     x1, y1 = x0 + raster.step[0] * (raster.columns - 1), y0 + raster.step[1] * (raster.rows - 1)
-    edge = 1.0  # a cell may hang over a pole
+    edge = 1.0  # a cell may extend beyond a pole
     if min(y0, y1) < -90.0 - edge or max(y0, y1) > 90.0 + edge or x0 < -360.0 or x1 > 360.0 + edge:
         box = f"x {x0:g} to {x1:g}, y {min(y0, y1):g} to {max(y0, y1):g}"
         remedy = "x is the longitude: latitude and longitude look swapped"

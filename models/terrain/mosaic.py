@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]
 """South, west, north, east, degrees; east may be beyond 180."""
 _ALIGNED = 1e-3
-"""Grids whose heights lie within this of each other's, in steps, are one grid."""
+"""Grids whose heights coincide within this, in steps, are one grid."""
 _GEOID_EVERY = 32
 """The geoid is computed at nodes this many apart, and is linear between them."""
 
@@ -31,11 +31,11 @@ class Patch:
     Attributes
     ----------
     raster : Raster
-        Whose grid it is.
+        The raster whose grid it has.
     row, column : int
         Of its first height, counted from the raster's first; either may be below 0 where another tile lies there.
     height_m : ndarray of float32, shape (rows, columns)
-        Above mean sea level; NaN where no file has a height.
+        Above mean sea level; NaN if no file has a height.
     """
 
     raster: Raster
@@ -49,7 +49,7 @@ class Patch:
         return row - self.row, column - self.column
 
     def interpolated_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height at places: bilinear between the four about it; NaN where one of them that counts is unknown."""
+        """Height at places: bilinear between the four about it; NaN if one of them that counts is unknown."""
         row, column = self.at(lat, lon)
         rows, columns = self.height_m.shape
         row, column = _on_node(row), _on_node(column)
@@ -67,13 +67,13 @@ class Patch:
 
 
 def _on_node(place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A place in a grid; one that is on a node but for rounding, on the node itself."""
+    """A place in a grid; one that is on a node except for rounding is moved to the node."""
     node = np.round(place)
     return np.where(np.abs(place - node) < 1e-6, node, place)
 
 
 def patch_of(rasters: Sequence[Raster], box: Box) -> Patch | None:
-    """Heights of a region, on the finest grid that reaches into it; None where no file does."""
+    """Heights of a region, on the finest grid that covers a part of it; None if no file does."""
     reaching = sorted((one for one in rasters if _window(one, box, own=True) is not None), key=_fineness)
     groups: list[list[Raster]] = []
     for raster in reaching:
@@ -111,7 +111,7 @@ def _offset(one: Raster, other: Raster) -> tuple[float, float]:
 
 
 def _window(raster: Raster, box: Box, *, own: bool) -> tuple[int, int, int, int] | None:
-    """Rows and columns [r0, r1) x [c0, c1) of a raster's grid that hold a region; of its own heights alone, or beyond them."""
+    """Rows and columns [r0, r1) x [c0, c1) of a raster's grid that contain a region; of its own heights only, or beyond them."""
     south, west, north, east = box
     edge = np.linspace(0.0, 1.0, 9)
     lat = np.concatenate((south + (north - south) * edge,) * 2 + (np.full(9, south), np.full(9, north)))

@@ -1,6 +1,6 @@
 """Obstacles: towers, cranes, lines and buildings, as points with a height, from CSV or GeoJSON.
 
-A height is above the ground or above mean sea level, in metres or feet: the name of its column or property says so.
+A height is above the ground or above mean sea level, in metres or feet, according to the name of its column or property.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ UNITLESS = ("height", "agl", "amsl", "top", "elevation", "hgt", "height_agl", "h
 _LATITUDE, _LONGITUDE = ("lat", "latitude", "latdec"), ("lon", "lng", "longitude", "londec")
 _NAMES = ("name", "id", "oas")
 TALLEST_M = 900.0
-"""No structure is taller: such a height is in feet, or above the sea."""
+"""No structure is taller: a greater height is in feet, or above the sea."""
 HIGHEST_M = 10_000.0
 MOST_RADIUS_M = 5_000.0
 _MEASURE = re.compile(r"\s*([0-9.]+)\s*(m|ft|')\s*")
 MAX_BYTES = 256 * 1024 * 1024
 MAX_POINTS = 2_000_000
 EVERY_M = 20.0
-"""Lines and outlines are points so far apart."""
+"""Spacing of points on lines and outlines."""
 _FIX = "name the column or property height_m, height_ft (above ground), top_m or top_ft (above sea level)"
 
 
@@ -56,9 +56,9 @@ class Obstacles:
     lat, lon : ndarray
         Degrees.
     agl_m, amsl_m : ndarray
-        Height above ground and of the top above mean sea level; NaN where it is not told.
+        Height above ground and of the top above mean sea level; NaN if not given.
     radius_m : ndarray
-        How far it reaches about the point, such as the jib of a crane.
+        Its extent about the point, such as the jib of a crane.
     """
 
     names: tuple[str, ...] = ()
@@ -124,7 +124,7 @@ def read_obstacles(path: Path) -> Obstacles:
 
 @dataclass(frozen=True, slots=True)
 class _Where:
-    """Where an obstacle stands in its file: a line, or a feature."""
+    """Location of an obstacle in its file: a line, or a feature."""
 
     line: int | None = None
     feature: str | None = None
@@ -135,7 +135,7 @@ class _Where:
 
 
 class _Points:
-    """Points found so far, and what is wrong with others."""
+    """Points found so far, and the faults of others."""
 
     def __init__(self, file: str) -> None:
         self.faults = FaultCollector(file)
@@ -143,11 +143,11 @@ class _Points:
         self.rows: list[tuple[float, float, float, float, float]] = []
 
     def fault(self, where: _Where, problem: str, remedy: str, key: str | None = None, value: object = None) -> None:
-        """Note what is wrong."""
+        """Note a fault."""
         self.faults.add(problem, remedy, line=where.line, field=where.field(key), value=value)
 
     def height(self, given: Mapping[str, Any], where: _Where) -> tuple[float, float, float] | None:
-        """Height above ground, above the sea, and the radius, metres; a fault and None where there is none."""
+        """Height above ground, above the sea, and the radius, metres; a fault and None if there is none."""
         given = _with_units(given)
         found = [math.nan, math.nan]
         for place, table in enumerate((ABOVE_GROUND, ABOVE_SEA)):
@@ -176,7 +176,7 @@ class _Points:
         return found[0], found[1], radius
 
     def place(self, lat: Any, lon: Any, where: _Where) -> tuple[float, float] | None:
-        """Latitude and longitude; a fault and None where they are none."""
+        """Latitude and longitude; a fault and None if they are invalid."""
         found = finite(lat), finite(lon)
         if found[0] is None or found[1] is None:
             self.fault(where, "has no place", "degrees: lat and lon", value=f"{lat},{lon}")
@@ -205,7 +205,7 @@ def _empty(value: object) -> bool:
 
 
 def _with_units(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Heights that name their unit beside the number, ``400 ft``, under the name of a column that does."""
+    """Heights with their unit beside the number, ``400 ft``, under the name of a column that contains it."""
     read = dict(given)
     for key in UNITLESS:
         found = _MEASURE.fullmatch(str(given.get(key, "")))
@@ -265,7 +265,7 @@ def _of_geojson(path: Path) -> Obstacles:
 
 
 def _outline(geometry: Any) -> Iterator[tuple[Any, Any]]:
-    """Points (lon, lat) of a geometry: a line every so many metres, an area all over."""
+    """Points (lon, lat) of a geometry: along a line at a spacing, over an area on a grid."""
     kind, coordinates = geometry["type"], geometry.get("coordinates")
     if kind == "Point":
         yield coordinates[0], coordinates[1]

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 WGS84 = "EPSG:4326"
 LOWEST_M, HIGHEST_M = -500.0, 9_500.0
-"""No ground is lower (the shore of the Dead Sea: -430 m) or higher: such values are voids that nobody declared, -9999 above all, or the floor of the sea, which is flown over at no clearance."""
+"""No ground is lower (the shore of the Dead Sea: -430 m) or higher: such values are undeclared voids, mostly -9999, or the sea floor."""
 
 
 class Pixels(Protocol):
     """Source of the pixels of a raster."""
 
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
-        """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN where there is none."""
+        """Values of rows and columns [from, to), shape (rows, columns), as they are stored; NaN if there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,7 @@ class Raster:
     Attributes
     ----------
     file, format : str
-        Name of the file and what it is: ``SRTM .hgt``, ``GeoTIFF``, ``BigTIFF``, …
+        Name of the file and its kind: ``SRTM .hgt``, ``GeoTIFF``, ``BigTIFF``, …
     rows, columns : int
         Of heights.
     origin : tuple of float
@@ -45,15 +45,15 @@ class Raster:
     registration : str
         ``node``: a height is that of a point; ``cell``: that of a cell about it.
     datum : str
-        What the heights count from: ``EGM96``, ``EGM2008``, ``ellipsoid``, another name, or ``unknown``.
+        Datum of the heights: ``EGM96``, ``EGM2008``, ``ellipsoid``, another name, or ``unknown``.
     unit_m : float
         Length of the unit of the heights.
     pixels : Pixels
-        Where the heights are.
+        Source of the heights.
     packed : str
-        How they are stored, in words.
+        Their storage, in words.
     geoid : Raster, optional
-        Heights of the geoid above the ellipsoid, where the heights count from that; without it EGM96 counts.
+        Heights of the geoid above the ellipsoid, if the heights are above the ellipsoid; without it EGM96 counts.
     """
 
     file: str
@@ -76,7 +76,7 @@ class Raster:
         return bool(_crs(self.crs).is_geographic)
 
     def at(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where places lie in the grid: (row, column); a whole number is a node or the centre of a cell."""
+        """Return the positions of places in the grid: (row, column); a whole number is a node or the centre of a cell."""
         lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
         if self.crs == WGS84:
             x, y = lon, lat
@@ -111,7 +111,7 @@ class Raster:
         return geodesy.distance_m(*here, *below), geodesy.distance_m(*here, *beside)
 
     def heights_m(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
-        """Heights of rows and columns [from, to) in metres above the raster's datum; NaN where there is none."""
+        """Heights of rows and columns [from, to) in metres above the raster's datum; NaN if there is none."""
         values = self.pixels.read(rows, columns)
         if self.unit_m != 1.0:
             values = values * np.float32(self.unit_m)
@@ -154,7 +154,7 @@ def _transformer(code: str) -> Any:
 
 
 def checked_crs(code: str, file: str) -> str:
-    """Return a code that pyproj knows; an `InputError` refuses another."""
+    """Return a code that pyproj accepts; an `InputError` refuses others."""
     import pyproj
 
     try:
@@ -181,7 +181,7 @@ def crs_name(code: str) -> str:
 
 @cache
 def vertical_unit_m(code: int) -> float | None:
-    """Length of the unit of a vertical coordinate reference system by its EPSG code; None where it is unknown."""
+    """Length of the unit of a vertical coordinate reference system by its EPSG code; None if it is unknown."""
     import pyproj
 
     try:

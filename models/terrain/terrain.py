@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 _AHEAD_M = 3_000.0
-"""So much more than what is requested is read, so that what lies beside it need not be read again."""
+"""Additional extent that is read, so that neighbouring requests need no further reading."""
 _ABOUT_M = 1_000.0
-"""So much about the radius is read, for the cells that a radius is rounded up to."""
+"""Additional extent around the radius that is read, for the cells that a radius is rounded up to."""
 COARSEST_M = 1_000.0
-"""Cells wider than this tell nothing about the ground below a leg."""
+"""Cells wider than this do not represent the ground below a leg."""
 
 
 class Terrain:
@@ -40,11 +40,11 @@ class Terrain:
     rasters : tuple of Raster
         Terrain models, the order of files; of those that overlap the finest counts.
     obstacles : Obstacles
-        What stands on the ground.
+        Obstacles on the ground.
     files : tuple of str
-        All files, as they were named: with datum and unit where these were given.
+        All files, as named: with datum and unit if these were given.
     notes : tuple of str
-        What a person should know of them.
+        Notes on them for a person.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class Terrain:
         return float(boxes[:, 0].min()), float(boxes[:, 1].min()), float(boxes[:, 2].max()), float(boxes[:, 3].max())
 
     def ground_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of the ground at places, shape (places,): bilinear between those of the model; NaN where it has none."""
+        """Height of the ground at places, shape (places,): bilinear between those of the model; NaN if it has none."""
         patch = self._over(lat, lon, 0.0)
         return np.full(len(lat), np.nan) if patch is None else patch.interpolated_m(lat, lon)
 
     def top_m(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-        """Highest ground or obstacle within a radius of places, shape (places,); NaN where the ground there is unknown throughout.
+        """Highest ground or obstacle within a radius of places, shape (places,); NaN if the ground there is unknown throughout.
 
         Never lower than any ground within the radius; the ground of up to two cells more counts, and that of the corners of a
         square about the place.
@@ -101,27 +101,25 @@ class Terrain:
         return self.obstacles.highest(near, lat, lon, radius_m, self._standing_m)
 
     def standing_m(self, obstacle: int) -> float:
-        """Top above mean sea level of an obstacle that `obstacles_near` named."""
+        """Top above mean sea level of an obstacle returned by `obstacles_near`."""
         return float(self._standing_m[obstacle])
 
     def _highest(self, patch: Patch, radius_m: float) -> NDArray[np.float32]:
-        """Highest ground within a radius of each height of a patch; NaN where one of them is unknown."""
+        """Highest ground within a radius of each height of a patch; NaN if one of them is unknown."""
         from scipy.ndimage import maximum_filter1d
 
         south_m, east_m = patch.raster.spacing_m()
         reach = math.ceil(radius_m / south_m) + 1, math.ceil(radius_m / (0.98 * east_m)) + 1
         found = self._tops.get(reach)
         if found is None:
-            known = np.where(
-                np.isnan(patch.height_m), np.float32(np.inf), patch.height_m
-            )  # what is unknown is the highest
+            known = np.where(np.isnan(patch.height_m), np.float32(np.inf), patch.height_m)  # unknown is the highest
             for axis in (0, 1):
                 known = maximum_filter1d(known, 2 * reach[axis] + 1, axis, mode="constant", cval=np.inf)
             found = self._tops[reach] = np.where(np.isinf(known), np.float32(np.nan), known)
         return found
 
     def _over(self, lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: float) -> Patch | None:
-        """The patch that holds places and what lies within a radius; it grows with what is requested."""
+        """The patch that contains places and their surroundings; it grows with requests."""
         if not len(lat) or not self.rasters:
             return None
         middle = float(lon[0]) if self._box is None else 0.5 * (self._box[1] + self._box[3])
@@ -136,7 +134,7 @@ class Terrain:
                     max(box[2], self._box[2]),
                     max(box[3], self._box[3]),
                 )
-                if _area(both) <= 2.0 * (_area(box) + _area(self._box)):  # else they lie far apart
+                if _area(both) <= 2.0 * (_area(box) + _area(self._box)):  # otherwise they are far apart
                     box = both
             self._box, self._patch, self._tops = box, patch_of(self.rasters, box), {}
         return self._patch

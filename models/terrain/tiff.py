@@ -114,7 +114,7 @@ class TiffImage:
         return self._predicted(np.frombuffer(data, np.uint8, size).reshape(rows, -1))
 
     def empty_value(self) -> float:
-        """Content of omitted tiles: the value of no data, else NaN; for integers without one their minimum."""
+        """Content of omitted tiles: the no-data value, otherwise NaN; for integers without one their minimum."""
         nodata = nodata_of(self.tags)
         if nodata is not None:
             return nodata
@@ -178,10 +178,10 @@ def nodata_of(tags: dict[int, tuple[float, ...] | str]) -> float | None:
 
 
 def read_tiff(stream: BinaryIO, file: str) -> TiffImage:
-    """Read how the first image of a TIFF file is stored. Raises an `InputError` with what is unsupported, and the remedy."""
+    """Read how the first image of a TIFF file is stored. Raises an `InputError` with the unsupported feature, and the remedy."""
     reader = _Reader(stream, file)
     tags, following = reader.directory(reader.begin())
-    for _ in range(64):  # overviews, which are not wanted, and masks, which would be missed
+    for _ in range(64):  # overviews are not wanted, and masks must not be ignored
         if not following:
             break
         other, following = reader.directory(following)
@@ -228,7 +228,7 @@ class _Reader:
         return self._unpack("I", 4)[0]
 
     def directory(self, at: int) -> tuple[dict[int, tuple[float, ...] | str], int]:
-        """All tags of a directory, and where the next one is; 0 where there is none."""
+        """All tags of a directory, and where the next one is; 0 if there is none."""
         if not at:
             raise InputError("has no image", self.file)
         (count,) = self._unpack("Q" if self.big else "H", at)

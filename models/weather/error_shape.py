@@ -1,11 +1,11 @@
 """Structure of forecast errors, learnt from forecasts and observations: dependence on wind, and correlation in time, over distance, and within an issue.
 
-Errors are larger in strong wind: a wind that is a tenth too strong, turned by ten degrees or early by half an hour is further off the more it blows. Their variance is
-a + b s^2 of the speed s that was forecast. What is left, at the size that it has there, correlates by
+Errors are larger in strong wind: the effect of a wind that is a tenth too strong, turned by ten degrees or early by half an hour grows with the wind. Their variance is
+a + b s^2 of the forecast speed s. The error relative to that size correlates by
 
     (1 - brief) exp(-d / length) exp(-t / tau)
 
-between places a distance d and times t apart; `brief` is the share of one hour and place alone, the report's own error in it. The spread of the size between issues follows from the
+between places a distance d and times t apart; `brief` is the share that is independent at each hour and place, including the report's own error. The spread of the size between issues follows from the
 fourth moment: a Gaussian error whose size is log-normal with the standard deviation w of its logarithm has the kurtosis 3 exp(4 w^2).
 
 Sources: S. Lerch and T. L. Thorarinsdottir, "Comparison of non-homogeneous regression models for probabilistic wind speed forecasting", Tellus A 65 (2013), 21206 (variance
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LEAST_PAIRS, LEAST_ISSUES = 200, 8
-"""With fewer nothing is learnt of how errors hang together."""
+"""With fewer, the structure of errors is not learnt."""
 LONGEST_H = 12
-"""Errors so long apart in one issue are compared."""
+"""Errors up to this time apart in one issue are compared."""
 TAU_H = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 12.0, 18.0, 24.0, 36.0)
 LENGTH_KM = (10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0, 140.0, 200.0, 300.0, 500.0)
 MOST_BRIEF, MOST_SEVERITY = 0.6, 0.6
@@ -41,7 +41,7 @@ _USUAL = ResidualModel()
 
 @dataclass(frozen=True, slots=True)
 class ErrorShape:
-    """How errors hang together; the defaults are those of all forecasts where nothing was learnt."""
+    """Structure of errors; the defaults are those of all forecasts if nothing was learnt."""
 
     doubling_mps: float = 0.0
     """Speed at which the variance is twice that in calm air; 0: it does not depend on the wind."""
@@ -61,7 +61,7 @@ def in_wind(doubling_mps: float, speed_mps: NDArray[np.float64]) -> NDArray[np.f
 def between_nodes(distance_m: NDArray[np.float64], lattice: tuple[int, int], length_m: float) -> float:
     """Mean variance of errors between the nodes of a lattice, where they are interpolated bilinearly, over that at the nodes.
 
-    Of errors at the corners of a cell, which are not alike, the mean is smaller. `distance_m` is of the nodes, row by row.
+    The mean of errors at the corners of a cell, which differ, is smaller. `distance_m` is of the nodes, row by row.
     """
     alike = np.exp(-distance_m / length_m)
     node = np.arange(len(distance_m)).reshape(lattice)
@@ -87,14 +87,14 @@ def learn_shape(
     lead_s: NDArray[np.float64],
     where: NDArray[np.float64],
 ) -> ErrorShape:
-    """Learn how errors hang together.
+    """Learn the structure of errors.
 
     Parameters
     ----------
     error : ndarray, shape (pairs, 2)
         Forecast less observed, without bias, over the standard deviation of its lead.
     speed_mps, issue, place, lead_s : ndarray, shape (pairs,)
-        Wind that was forecast, which issue, which place, and the time from the issue on.
+        Forecast wind, number of the issue, number of the place, and the time since the issue.
     where : ndarray, shape (places, 2)
         Latitude and longitude, degrees.
     """
@@ -110,7 +110,7 @@ def learn_shape(
 
 
 def _doubling(error: NDArray[np.float64], speed_mps: NDArray[np.float64]) -> float:
-    """Speed at which the variance a + b s^2 is twice a, by least squares weighted by what the fit itself expects."""
+    """Speed at which the variance a + b s^2 is twice a, by least squares weighted by the variance that the fit itself expects."""
     square = (error**2).mean(axis=1)
     design = np.stack((np.ones_like(speed_mps), speed_mps**2), axis=1)
     weight = np.ones_like(square)

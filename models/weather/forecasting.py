@@ -1,8 +1,8 @@
-"""A wind ensemble over a region, made from weather files, for the planners.
+"""A wind ensemble over a region, made from weather files, for planners.
 
 Members keep their courses over time and place. Between the points of a grid, and from one time to the next, components are interpolated; the wind is
-carried to the height of flight by the heights that the forecast has (`profile`). Of one model the newest issue counts. Models
-beside each other share the probability equally.
+converted to the height of flight by the heights in the forecast (`profile`). Of one model only the newest issue counts. Different models
+share the probability equally.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ MOST_NODES = 4
 """Nodes of the lattice over the region, along each side."""
 SHORTEST_SLOT_S, LONGEST_SLOT_S = 900.0, 3600.0
 MAX_GAP_S = 6.5 * 3600.0
-"""Between two times of a forecast: more is a gap that interpolation would invent the wind of."""
+"""Between two times of a forecast: interpolation over a longer gap would invent the wind."""
 MOST_MPS = 150.0
 """Stronger than any wind near the ground: 113 m/s is the strongest gust ever measured outside of a tornado."""
 OLD_S = 24 * 3600.0
-"""A forecast that was issued longer before the departure is old."""
+"""A forecast issued longer before the departure is old."""
 MEMBERS = 60
-"""Courses that are made of a forecast with one."""
+"""Number of courses made of a forecast with one."""
 FADE_S = 6 * 3600.0
-"""In which the forecast's last departure from the record fades, once it has ended."""
+"""Time in which the forecast's last deviation from the record fades, after its end."""
 
 
 def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadError = PUBLISHED) -> WindEnsemble:
@@ -119,7 +119,7 @@ def forecast_ensemble(weathers: Sequence[Weather], region: Region, error: LeadEr
 
 
 def _newest(weathers: Sequence[Weather], region: Region) -> tuple[list[Weather], list[str]]:
-    """What counts: of each model the newest issue that is out and covers the departure; and notes on the rest."""
+    """The series that count: of each model the newest issue that is out and covers the departure; and notes on the rest."""
     notes: list[str] = []
     usable: list[Weather] = []
     faults: list[InputError] = []
@@ -283,7 +283,7 @@ def _in_time(
 
 
 def _continued(found: WindEnsemble, region: Region) -> WindEnsemble:
-    """Let the record go on where the forecast ends: each member by a day of it, from the member's last wind over to the day's."""
+    """Continue the wind with the record after the end of the forecast: each member by a day of it, from the member's last wind to the day's."""
     from dataclasses import replace
 
     end_s = found.start_s + found.slots * found.slot_s

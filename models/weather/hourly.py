@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from skyway.models.weather.weather import Weather
 
 WORST = 0.9
-"""Of the members: one in ten may be worse."""
+"""Quantile of the members: one in ten may be worse."""
 KINDS = {
     "gust": (GUST, True), "rain": ("rain", True), "visibility": ("visibility", False), "warmest": ("temperature", True),
     "coldest": ("temperature", False),
 }  # fmt: skip
-"""What is reported, of which quantity, and whether more is worse."""
+"""Report name, quantity, and whether more is worse."""
 ICING_K = 273.15 - 15.0, 273.15 + 2.0
 ICING_RAIN_MM_H, ICING_HUMIDITY = 0.1, 95.0
 GUST_M = 10.0
-"""Height of gusts where a forecast names none."""
+"""Height of gusts if a forecast states none."""
 GAP_S = 6.5 * 3600.0
 
 
@@ -44,7 +44,7 @@ def hourly_weather(
     slot_s: float,
     slots: int,
 ) -> HourlyWeather | None:
-    """Return what some forecasts tell of the weather at places, the worst of them; None where they tell nothing."""
+    """Return the forecast weather at places, the worst of them; None if the forecasts contain none."""
     edges = start_s + slot_s * np.arange(slots + 1, dtype=np.float64)
     found: dict[str, NDArray[np.float64]] = {}
     for one in used:
@@ -95,7 +95,7 @@ def _worse(found: dict[str, NDArray[np.float64]], name: str, values: NDArray[np.
 
 
 def _at_edges(one: Weather, values: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values at the edges of slots, shape (members, edges, places); NaN where the forecast does not tell them."""
+    """Values at the edges of slots, shape (members, edges, places); NaN if the forecast lacks them."""
     times = one.times_s
     if len(times) == 1:
         near = np.abs(edges - times[0]) <= 3600.0
@@ -146,7 +146,7 @@ def _gust_sd(
 
 
 def _icing(at: dict[str, NDArray[np.float64]]) -> NDArray[np.float64] | None:
-    """Whether ice may form, by member and time, 0 or 1; None where that is not told."""
+    """Whether ice may form, by member and time, 0 or 1; None if unknown."""
     if "temperature" not in at or not ("rain" in at or "humidity" in at):
         return None
     cold = (at["temperature"] >= ICING_K[0]) & (at["temperature"] <= ICING_K[1])

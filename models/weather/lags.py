@@ -1,4 +1,4 @@
-"""How forecasts of one model changed from one issue to the next."""
+"""Changes of a model's forecasts from one issue to the next."""
 
 from __future__ import annotations
 

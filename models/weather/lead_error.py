@@ -1,12 +1,12 @@
 """Errors of wind forecasts by lead time, and members with such errors.
 
-A forecast without members, or with members that lie too close together, gets courses about it: an error that keeps its
-sign for hours and over tens of kilometres, as errors of forecasts do, with the size that they have at each lead. A part of it is of
-one hour and place alone; and some issues are worse than others: the size of each course is log-normal, its mean square that of the lead.
+A forecast without members, or with members that are too close together, gets courses about it with an error that keeps its
+sign for hours and over tens of kilometres, as forecast errors do, with the size that they have at each lead. A part of it is independent
+at each hour and place; and some issues are worse than others: the size of each course is log-normal, its mean square that of the lead.
 
 Sources of `PUBLISHED`: PredictWind, "Model Validation Technical Report" (82,000 comparisons on land: the mean absolute error of ECMWF's wind speed is 2.6 kn
 on day 1, which is 1.7 m/s root mean square for a Gaussian error); meteo.matrunich.com/benchmark (2026, 30 days: root mean square errors of the
-speed at 10 m of twelve models of 1.5 to 2.6 m/s). They say nothing of each hour: that the error grows by `GROWTH_MPS_DAY` a day is assumed.
+speed at 10 m of twelve models of 1.5 to 2.6 m/s). They give no hourly values: a growth of the error by `GROWTH_MPS_DAY` a day is assumed.
 Members: T. Gneiting and others, "Calibrated Probabilistic Forecasting Using Ensemble Model Output Statistics and Minimum CRPS Estimation",
 Mon. Wea. Rev. 133 (2005), 1098-1118; B. Van Schaeybroeck and S. Vannitsem, "Ensemble post-processing using member-by-member approaches",
 Q. J. R. Meteorol. Soc. 141 (2015), 807-818: each member keeps its course, its distance from the mean is stretched.
@@ -37,37 +37,37 @@ SCHEMA = "skyway.forecast-error/1"
 PUBLISHED_MPS = 1.6
 GROWTH_MPS_DAY = 0.3
 MOST_MPS = 3.5
-"""No forecast is worse than none: the standard deviation of a component of the wind itself."""
+"""Upper bound of the error: the standard deviation of a component of the wind itself."""
 AT_M = 10.0
 MAX_BYTES = 1_000_000
 _RESIDUAL = ResidualModel()
 
 
 class LeadError(msgspec.Struct, frozen=True, kw_only=True):
-    """The error of forecasts by lead time, for the height of the observations that it was learnt from."""
+    """The error of forecasts by lead time, for the height of the observations from which it was learnt."""
 
     schema: str = SCHEMA
     source: str
-    """Where the figures are from, for people."""
+    """Source of the figures, for people."""
     height_m: float
     lead_h: tuple[float, ...]
-    """Ascending; before the first and after the last the value next to it holds."""
+    """Ascending; before the first and after the last, the nearest value holds."""
     sigma_mps: tuple[float, ...]
-    """Standard deviation of a component that the wind has about the forecast's mean, without bias, in usual wind."""
+    """Standard deviation of a component of the wind about the forecast's mean, without bias, in usual wind."""
     bias_mps: tuple[tuple[float, float], ...] = ()
-    """(north, east) of the forecast, to be taken off; empty: none."""
+    """(north, east) of the forecast, to be subtracted; empty: none."""
     spread_factor: tuple[float, ...] = ()
-    """What the members' distance from their mean is to be multiplied by; empty: 1."""
+    """Factor of the members' distance from their mean; empty: 1."""
     added_mps: tuple[float, ...] = ()
-    """Standard deviation of a component that each member is given besides; empty: what is missing to `sigma_mps`."""
+    """Standard deviation of a component that is added to each member; empty: the difference to `sigma_mps`."""
     tau_s: float = _RESIDUAL.tau_s
-    """In which errors fade."""
+    """Time in which errors fade."""
     length_m: float = _RESIDUAL.length_m
-    """Over which they do."""
+    """Distance over which they fade."""
     brief: float = 0.0
-    """Share of the variance that is of one hour and one place alone."""
+    """Share of the variance that is independent at each hour and place."""
     severity: float = 0.0
-    """Standard deviation of the logarithm of how large the errors of an issue are."""
+    """Standard deviation of the logarithm of the size of an issue's errors."""
     doubling_mps: float = 0.0
     """Wind in which the variance is twice that in calm air (`error_shape`); 0: it does not depend on the wind."""
     usual_mps: float = 0.0
@@ -145,7 +145,7 @@ class Courses:
     north: NDArray[np.float64]
     east: NDArray[np.float64]
     each: int
-    """So many in a row are of one member."""
+    """This many in a row are of one member."""
     note: str
 
 
@@ -162,18 +162,18 @@ def with_errors(
     seed: int,
     lattice: tuple[int, int] | None = None,
 ) -> Courses:
-    """Give courses the error that such forecasts have.
+    """Add the typical error of such forecasts to courses.
 
     Parameters
     ----------
     north, east : ndarray, shape (members, slots, places)
         As forecast.
-    lead_s : ndarray, shape (slots,)
+    Since the issue.
         From the issue on.
     distance_m : ndarray, shape (places, places)
         Between the places.
     error : LeadError
-        How large.
+        Size of the error.
     factor : float
         Of the wind at the height of the courses over that at the height of the errors.
     slot_s : float
@@ -184,7 +184,7 @@ def with_errors(
         Of the random numbers.
     lattice : tuple of int, optional
         Rows and columns of the places, between which the wind is interpolated: errors that reach far are larger at the nodes by as much as interpolation takes off, so that
-        they are right on average over the region. What is of one hour and place alone is left to it: over a leg that averages out, too.
+        they are right on average over the region. The independent part at each hour and place is not enlarged: over a leg it averages out, too.
     """
     given = len(north)
     sigma = factor * error.at(error.sigma_mps, lead_s, 0.0)
@@ -225,10 +225,10 @@ def _noise(
     seed: int,
     kept: float,
 ) -> NDArray[np.float64]:
-    """Errors of mean square 1, alike nearby and for a while, shape (2, members, slots, places); those that reach far larger by the variance that interpolation keeps.
+    """Errors of mean square 1, correlated in space and time, shape (2, members, slots, places); the far-reaching part is larger by the variance lost in interpolation.
 
-    They come in pairs of opposite sign: what is made of one member has its course on average. Of one course alone the pairs lie half the members apart, so that
-    of every second member, which plans take of many, there are pairs, too.
+    They come in pairs of opposite sign: the mean of the courses made of one member is the member's course. Of a single course the pairs are half the members apart, so that
+    every second member, which plans select from many, also forms pairs.
     """
     slots, places = shape
     rng = np.random.default_rng(seed)

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from skyway.models.weather.weather import Weather
 
 STATION_FAR_M = 80_000.0
-"""A station, or a single point of a model, says little of the wind farther away."""
+"""Beyond this distance, a station, or a single point of a model, is not representative."""
 M_PER_DEG = 111_195.0
 
 
 class Placing:
     """Weights of a series' points at places, degrees, shape (places, points); linear on triangles between the points of a grid.
 
-    Triangles serve any grid, however it is turned or thinned. Between stations the inverse square of the distance counts. An `InputError`
-    says that the places lie outside.
+    Triangles work for any grid, however it is turned or thinned. Between stations the inverse square of the distance counts. An `InputError`
+    means that the places are outside.
     """
 
     def __init__(self, weather: Weather, lat: NDArray[np.float64], lon: NDArray[np.float64], region: Box) -> None:
@@ -54,7 +54,7 @@ class Placing:
     def _on_grid(
         points: NDArray[np.float64], wanted: NDArray[np.float64], spacing_m: float
     ) -> NDArray[np.float64] | None:
-        """Weights by triangles; None where there are none, or a place lies farther outside than the points are apart."""
+        """Weights by triangles; None if there are none, or if a place is farther outside than the points are apart."""
         from scipy.spatial import Delaunay, QhullError
 
         if not np.isfinite(spacing_m) or len(points) < 3:
@@ -82,7 +82,7 @@ class Placing:
         return found
 
     def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Carry values, shape (…, points), to the places, shape (…, places); a gap counts as long as half of the weight is known."""
+        """Interpolate values, shape (…, points), to the places, shape (…, places); a gap is tolerated if half of the weight is known."""
         part = values[..., self.used]
         if not np.isnan(part).any():
             return np.asarray(part @ self.weights.T)
@@ -97,7 +97,7 @@ def _cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[n
 
 
 def _measured(weather: Weather) -> NDArray[np.bool_]:
-    """Points that have a value at all: grids of the sea have none on land."""
+    """Points that have any value: grids of the sea have none on land."""
     found = np.zeros(len(weather.places), dtype=bool)
     for values in weather.fields.values():
         found |= np.isfinite(values).any(axis=(0, 1))

@@ -1,7 +1,7 @@
-"""Wind at a height from the winds at the heights that a forecast has.
+"""Wind at a height from the winds at the heights of a forecast.
 
 Between two heights the speed follows the power law through both, and the direction turns with the logarithm of the height, as components
-do in the logarithmic law; above and below all of them the nearest two are carried on. With one height the profile's exponent is used.
+do in the logarithmic law; above and below all of them the nearest two are extrapolated. With one height the profile's exponent is used.
 
 Source: IEC 61400-1:2019, section 6.3.2.2 (power law); R. B. Stull, "An Introduction to Boundary Layer Meteorology" (1988), section 9.7.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_EXPONENT = 0.6
-"""Beyond the heights given: steeper profiles (a nocturnal jet) do not continue."""
+"""Limit of the exponent beyond the given heights: steeper profiles (a nocturnal jet) do not continue."""
 LIGHT_MPS = 0.5
 """A weaker wind has no profile."""
 

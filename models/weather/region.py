@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """Where, when and how high a wind is wanted."""
+    """Places, times and height of a requested wind."""
 
     lat: NDArray[np.float64]
     lon: NDArray[np.float64]
@@ -28,4 +28,4 @@ class Region:
     """Of the profile, where a forecast has one height."""
     seed: int = 0
     later: Callable[[float, int], WindEnsemble] | None = field(default=None, compare=False)
-    """Winds of the record from an instant for a number of hours, for the time after the forecast."""
+    """Winds of the record from an instant for a number of hours, used after the end of the forecast."""

@@ -39,7 +39,7 @@ def read_region(
     error: str | Path | None = None,
     truth: date | None = None,
 ) -> WindEnsemble:
-    """Make the wind over a scenario's region of weather files, see `models.scenario.scenario.Scenario.forecast_from`."""
+    """Make the wind over a scenario's region from weather files, see `models.scenario.scenario.Scenario.forecast_from`."""
     paths = listed(files)
     lat, lon = scenario.network.lat, scenario.network.lon
     sites, height_m = scenario.wind_sites, scenario.measured_at_m
@@ -82,7 +82,7 @@ def check_files(scenario: Scenario, files: Sequence[Path], near: datetime) -> No
 
 
 def listed(files: Sequence[Path]) -> list[Path]:
-    """Return files, those of a folder in its place, sorted by name; index and cache files are not weather files."""
+    """Return files, with a folder replaced by its files, sorted by name; index and cache files are not weather files."""
     found: list[Path] = []
     for one in files:
         try:
@@ -100,7 +100,7 @@ def listed(files: Sequence[Path]) -> list[Path]:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a forecast of our own form, by its head."""
+    """Whether a file is a forecast of our own form, by its header."""
     if path.suffix == ".gz":
         return path.name.endswith(".csv.gz")
     try:
@@ -125,7 +125,7 @@ def _stamped(paths: Sequence[Path]) -> tuple[tuple[str, int, int], ...]:
 
 
 def forget() -> None:
-    """Forget files that were read."""
+    """Forget the files read so far."""
     _read.cache_clear()
 
 

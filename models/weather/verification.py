@@ -3,7 +3,7 @@
 Bias and root mean square error (RMSE) are of the ensemble mean; the CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
 
-What is learnt is EMOS for each component: the observation is Gaussian about the mean without its bias, with the variance c + d S^2 of the ensemble's
+The learnt model is EMOS for each component: the observation is Gaussian about the mean without its bias, with the variance c + d S^2 of the ensemble's
 variance S^2, where c and d minimise the CRPS.
 
 Sources: T. Gneiting, A. E. Raftery, A. H. Westveld, T. Goldman, "Calibrated Probabilistic Forecasting Using Ensemble Model Output Statistics and Minimum
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from skyway.models.wind.estimation.field import WindObservation
 
 LEAST_PAIRS = 20
-"""Of a lead: fewer are put together with the next one."""
+"""Per lead: leads with fewer pairs are combined with the next one."""
 PRIOR_PAIRS = 10.0
-"""The published figures count as this many pairs in the average with what is learnt."""
+"""The published figures count as this many pairs in the average with the learnt ones."""
 STRETCH_COST = 0.01
-"""Where c and d do as well as each other, as they do where the spread hardly varies, members are stretched less and given more."""
+"""If c and d are interchangeable, as they are if the spread hardly varies, members are stretched less and c is larger."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +50,9 @@ class Pairs:
     lead_s: NDArray[np.float64]
     """Shape (pairs,). From the issue to the observation."""
     issue: NDArray[np.int64]
-    """Shape (pairs,). Which issue of which model."""
+    """Shape (pairs,). Number of the issue of a model."""
     place: NDArray[np.int64]
-    """Shape (pairs,). Which place."""
+    """Shape (pairs,). Number of the place."""
     forecast: tuple[NDArray[np.float64], ...]
     """Of each pair (2, members): north and east, at the height of the observation."""
     observed: NDArray[np.float64]
@@ -80,7 +80,7 @@ class LeadScore:
     crps_mps: float
     """Of the speed."""
     calibrated_crps_mps: float
-    """The same with the members calibrated by what was learnt from the other half of the issues; NaN with fewer than two."""
+    """The same with the members calibrated by the error learnt from the other half of the issues; NaN with fewer than two."""
 
 
 def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], exponent: float) -> Pairs:
@@ -123,7 +123,7 @@ def pairs_of(weathers: Sequence[Weather], observed: Iterable[WindObservation], e
 
 
 def _members(one: Weather, placing: Placing, seen: WindObservation, exponent: float) -> NDArray[np.float64] | None:
-    """(2, members) at an observation; None where the forecast has a gap."""
+    """(2, members) at an observation; None if the forecast has a gap."""
     after = int(np.clip(np.searchsorted(one.times_s, seen.time_s), 1, max(len(one.times_s) - 1, 1)))
     rows = [0] if len(one.times_s) == 1 else [after - 1, after]
     levels, heights = [], []
@@ -154,7 +154,7 @@ def crps(members: NDArray[np.float64], observed: float) -> float:
 
 
 def gaussian_crps(error: NDArray[np.float64], sigma: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same of Gaussian distributions, of the distances of the observations from their means (Gneiting and others, equation 5)."""
+    """The same for Gaussian distributions, from the distances of the observations from their means (Gneiting and others, equation 5)."""
     from scipy.special import ndtr
 
     z = error / sigma
@@ -163,7 +163,7 @@ def gaussian_crps(error: NDArray[np.float64], sigma: NDArray[np.float64]) -> NDA
 
 
 def _bins(pairs: Pairs) -> list[NDArray[np.int64]]:
-    """Pairs by lead: by the hour, hours with few of them put together."""
+    """Pairs by lead: by the hour; hours with few of them are combined."""
     hour = np.floor(pairs.lead_s / 3600.0).astype(np.int64)
     found: list[NDArray[np.int64]] = []
     waiting: list[NDArray[np.int64]] = []
@@ -214,7 +214,7 @@ def scores(pairs: Pairs) -> list[LeadScore]:
 
 
 def learn(pairs: Pairs, source: str, height_m: float = 10.0) -> LeadError:
-    """Learn the error of forecasts by lead from pairs, by EMOS in each range of leads; few pairs leave it near the published one."""
+    """Learn the error of forecasts by lead from pairs, by EMOS in each range of leads; with few pairs it stays near the published one."""
     lead_h, sigma, bias, factor, added = [], [], [], [], []
     z, speed = np.empty((len(pairs), 2)), np.empty(len(pairs))
     always = _bias(_moments(pairs, np.arange(len(pairs)))[0] - pairs.observed, pairs.issue)
@@ -273,7 +273,7 @@ def _moments(pairs: Pairs, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64]
 
 
 def _calibrated(pairs: Pairs, row: int, error: LeadError | None) -> NDArray[np.float64]:
-    """Members of a pair, calibrated, (2, members): stretched about their mean without its bias, and spread by quantiles of what is added."""
+    """Members of a pair, calibrated, (2, members): stretched about their mean without its bias, and spread by quantiles of the added error."""
     from scipy.special import ndtri
 
     values = pairs.forecast[row]
@@ -292,7 +292,7 @@ def _calibrated(pairs: Pairs, row: int, error: LeadError | None) -> NDArray[np.f
 
 
 def _issue_halves(pairs: Pairs) -> NDArray[np.int64]:
-    """Every other issue, or, of one issue, every other place: what is learnt in one half is tried in the other."""
+    """Every other issue, or, of one issue, every other place: the error learnt in one half is tested in the other."""
     which = pairs.issue if len(np.unique(pairs.issue)) > 1 else pairs.place
     order = np.unique(which, return_inverse=True)[1].ravel()
     return np.asarray(order % 2)
@@ -311,7 +311,7 @@ def _subset(pairs: Pairs, chosen: NDArray[np.bool_]) -> Pairs:
 
 
 def _bias(error: NDArray[np.float64], issue: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Bias, shape (2,): the mean, as far as it is more than the errors of so many issues would leave (W. James and C. Stein, 1961)."""
+    """Bias, shape (2,): the mean, shrunk by the sampling error of the number of issues (W. James and C. Stein, 1961)."""
     mean = error.mean(axis=0)
     _, number, count = np.unique(issue, return_inverse=True, return_counts=True)
     if len(count) < 2:

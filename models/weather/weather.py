@@ -40,17 +40,17 @@ RANGES = {
     "humidity": (-5.0, 200.0), "rain": (-1.0, 1000.0), "visibility": (-1.0, 1e7), "pressure": (25_000.0, 110_000.0),
     SEA_PRESSURE: (85_000.0, 110_000.0),
 }  # fmt: skip
-"""What each can be, with room for rounding; beyond it a unit is wrong, or a number stands for a gap. Strong winds are looked at where they are planned with."""
+"""Possible range of each, with room for rounding; beyond it a unit is wrong, or a number stands for a gap. Strong winds are checked when a plan uses them."""
 SURFACE_M = 0.0
-"""Height of what has none, such as rain."""
+"""Height of quantities without one, such as rain."""
 USUAL_HEIGHT_M = 10.0
-"""Of a wind or a gust whose level is the surface: WMO-No. 8, part I, chapter 5."""
+"""Height of a wind or a gust at level "surface": WMO-No. 8, part I, chapter 5."""
 WORLD_DEG = 300.0
-"""A region wider than this is the world."""
+"""A region wider than this counts as the whole world."""
 MAX_CELLS = 120_000_000
 """Most values of one series."""
 SAME = 1e-3
-"""Values no farther apart are the same, in whatever unit."""
+"""Values this close are the same, in whatever unit."""
 
 
 class FieldKey(NamedTuple):
@@ -63,7 +63,7 @@ class FieldKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A region: least and greatest latitude and longitude, degrees; it may span the antimeridian (east above 180)."""
+    """A region: least and greatest latitude and longitude, degrees; it may cross the antimeridian (east above 180)."""
 
     south: float
     west: float
@@ -72,7 +72,7 @@ class Box:
 
     @classmethod
     def around(cls, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> Box:
-        """Return the smallest box that holds some places."""
+        """Return the smallest box that contains some places."""
         lons = np.unique(np.mod(lon, 360.0))
         gaps = np.diff(lons, append=lons[0] + 360.0)
         widest = int(np.argmax(gaps))
@@ -119,7 +119,7 @@ class Places:
 
     lat: NDArray[np.float64]
     lon: NDArray[np.float64]
-    """Shape (points,). Degrees, WGS-84; NaN where a station's place is unknown."""
+    """Shape (points,). Degrees, WGS-84; NaN if a station's place is unknown."""
     kind: str
     """For people, such as ``lambert 93 x 65``, ``3 points``."""
     spacing_m: float = math.nan
@@ -129,7 +129,7 @@ class Places:
 
     @cached_property
     def box(self) -> Box | None:
-        """Bounds of the places; None where they are unknown."""
+        """Bounds of the places; None if they are unknown."""
         known = np.isfinite(self.lat) & np.isfinite(self.lon)
         return Box.around(self.lat[known], self.lon[known]) if known.any() else None
 
@@ -162,15 +162,15 @@ class Weather:
     Attributes
     ----------
     files : tuple of str
-        Where it was read from.
+        The files that it was read from.
     form : str
         Of the file: ``GRIB``, ``NetCDF``, ``Open-Meteo``, ``TAF``, ``METAR``, ``NBM``, ``CSV``.
     model : str
-        Who made it.
+        Source of the forecast.
     issued_s : float
-        POSIX seconds of the analysis that it starts from; NaN where the file does not say.
+        POSIX seconds of the analysis that it starts from; NaN if the file does not state it.
     places : Places
-        Where.
+        Its points.
     members : tuple of str
         Courses that are equally probable; one for a deterministic forecast. No member is a mean.
     times_s : ndarray, shape (times,)
@@ -178,13 +178,13 @@ class Weather:
     fields : dict
         By `FieldKey`, arrays (members, times, points); NaN is a gap.
     holds : bool
-        A value holds until the next one; else it is interpolated.
+        A value holds until the next one; otherwise it is interpolated.
     observed : bool
         Observations, or analyses, not a forecast.
     others : tuple of str
-        Fields that the file holds and nobody here uses.
+        Fields of the file that are not used.
     notes : tuple of str
-        What a person should know.
+        Notes for a person.
     probability : ndarray or None, shape (members,)
         Of the members where they are not equally probable; sums to 1.
     """
@@ -222,7 +222,7 @@ class Weather:
 
     @property
     def step_s(self) -> float:
-        """The usual distance of its times; NaN where there is one time."""
+        """The usual spacing of its times; NaN if there is one time."""
         return float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else math.nan
 
     def needs_wind(self) -> None:
@@ -245,7 +245,7 @@ SPOKEN = {SPEED: "wind speed", FROM: "wind direction", SEA_PRESSURE: "pressure a
 
 
 def _check_ranges(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> None:
-    """Raise an `InputError` where a value cannot be."""
+    """Raise an `InputError` for an impossible value."""
     for key, values in fields.items():
         low, high = RANGES.get(key.quantity, (-math.inf, math.inf))
         known = values[np.isfinite(values)]
@@ -257,9 +257,9 @@ def _check_ranges(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> Non
 
 
 def with_components(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> dict[FieldKey, NDArray[np.float64]]:
-    """Add north and east, TOWARDS, where there are speed and FROM direction only; these then go.
+    """Add north and east, TOWARDS, where there are only speed and FROM direction, which are then removed.
 
-    An `InputError` names a value that cannot be.
+    An `InputError` names an impossible value.
     """
     _check_ranges(fields, file)
     found = dict(fields)
@@ -282,7 +282,7 @@ def with_components(fields: dict[FieldKey, NDArray[np.float64]], file: str) -> d
 
 
 def joined(parts: Sequence[Weather]) -> list[Weather]:
-    """Join what belongs to one issue of one model at the same places, such as fields and steps in files of their own."""
+    """Join parts of one issue of one model at the same places, such as fields and steps in separate files."""
     found: list[Weather] = []
     for one in parts:
         for number, other in enumerate(found):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from skyway.models.base.table import Chunk
 
 MAX_SPEED_MPS = 75.0
-"""Sustained wind above this is a slip: the strongest hurricanes measured had about 85 m/s over one minute."""
+"""Sustained wind above this is an error: the strongest hurricanes measured had about 85 m/s over one minute."""
 CALM_CONVENTIONS = ("direction-0", "speed-0")
 _ZERO = timedelta(0)
 FIRST_YEAR, LAST_YEAR = 1800, 2200
@@ -36,12 +36,12 @@ FIRST_YEAR, LAST_YEAR = 1800, 2200
 class WindColumns:
     """Format of a wind record: the ``[wind]`` table of a scenario.
 
-    An `InputError` lists all at once: a unit, zone, convention, format or limit that does not exist.
+    An `InputError` lists every unit, zone, convention, format or limit that does not exist.
     """
 
     time: str = "time"
     site: str | None = "site"
-    """Column with the site's id; None where the file has one site."""
+    """Column with the site's id; None if the file has one site."""
     speed: str = "speed_mps"
     from_: str = "from_deg"
     """Where the wind blows FROM, degrees; the name of a column, as `time` and `speed` are."""
@@ -52,14 +52,14 @@ class WindColumns:
     missing: tuple[str, ...] = ("", "NA")
     """Texts that stand for no value, capitals ignored."""
     calm: str = "speed-0"
-    """``direction-0``: direction 0 says calm and north is 360 (NOAA). ``speed-0``: calm is speed 0 alone and direction 0
+    """``direction-0``: direction 0 means calm and north is 360 (NOAA). ``speed-0``: calm is speed 0 only and direction 0
     is north."""
     variable: tuple[str, ...] = ("VRB",)
-    """Directions that say there is a speed but no direction, such as ``VRB`` or ``990``."""
+    """Directions of a wind with a speed but no direction, such as ``VRB`` or ``990``."""
     time_format: str | None = None
     """`datetime.strptime` format of the times; None is ISO 8601."""
     default_site: str | None = None
-    """Site of a file without a site column; None is the only site there is."""
+    """Site of a file without a site column; None: the only site."""
     max_speed_mps: float = MAX_SPEED_MPS
     """Rows with more wind are dropped, with a warning."""
 
@@ -108,7 +108,7 @@ class WindRows:
     time_s: NDArray[np.float64]
     """Shape (rows,). POSIX seconds."""
     site: NDArray[np.int64]
-    """Shape (rows,). Index among the sites asked for."""
+    """Shape (rows,). Index among the requested sites."""
     speed_mps: NDArray[np.float64]
     """Shape (rows,). NaN is missing, or absurd and dropped."""
     from_deg: NDArray[np.float64]
@@ -131,7 +131,7 @@ def read_rows(path: Path, columns: WindColumns, site_ids: Sequence[str]) -> Wind
 
 
 class _RowReader:
-    """Reads one record; remembers from chunk to chunk what the warnings will say."""
+    """Reads one record; collects the data for warnings from chunk to chunk."""
 
     def __init__(self, file: str, columns: WindColumns, site_ids: Sequence[str]) -> None:
         self.faults = FaultCollector(file)
@@ -168,7 +168,7 @@ class _RowReader:
         return time_s, site, speed, direction
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what the operator should know of the rows."""
+        """Return warnings on the rows for the operator."""
         zone, file = self._columns.time_zone, self.faults.file
         said = []
         if self.absurd:
@@ -255,7 +255,7 @@ class _RowReader:
 
 
 def check_year(stamp: datetime) -> Problem | None:
-    """Return what is wrong with a time that no record of wind can have."""
+    """Return the problem with a time that cannot be in a wind record."""
     if FIRST_YEAR <= stamp.year <= LAST_YEAR:
         return None
     return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")

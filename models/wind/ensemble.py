@@ -1,6 +1,6 @@
 """An ensemble of wind series (members), each for all sites and times together.
 
-A member is a whole course, so that wind that is strong now stays strong for as long as it does in nature, and
+A member is a complete course, so that strong wind persists for a realistic time,
 at all sites at once. See `models.wind.marginal` for one slot and place.
 """
 
@@ -36,7 +36,7 @@ class HourlyWeather:
     slot_s: float
     """POSIX seconds at which the first slot begins, and the length of a slot."""
     values: dict[str, NDArray[np.float64]]
-    """Shape (slots,) each, NaN where it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
+    """Shape (slots,) each, NaN if it is unknown: ``gust`` (m/s), ``rain`` (mm/h), ``visibility`` (m), ``coldest`` and ``warmest`` (K), ``icing`` (share of
     the members); ``gust_sd``: standard deviation of gusts as a share of the wind at the height of flight, the mean of places and members."""
 
     def between(self, name: str, begin_s: float, end_s: float) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ class HourlyWeather:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindEnsemble:
-    """Possible courses of the wind and how probable each is.
+    """Possible courses of the wind with their probabilities.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class WindEnsemble:
         Degrees, WGS-84.
     start_s, slot_s : float
         POSIX seconds at which slot 0 begins, and the length of a slot. The wind is constant within a slot;
-        the last one holds on.
+        the last one continues.
     north, east : ndarray, shape (members, slots, sites)
         m/s TOWARDS, never NaN.
     probability : ndarray, shape (members,)
@@ -65,18 +65,18 @@ class WindEnsemble:
     labels : tuple of str
         Name of each member, such as ``2013-07-04``.
     height_m : float
-        Height above ground that the wind is for.
+        Height of the wind above ground.
     lattice : tuple of int, optional
         (rows, columns) where the sites are the nodes of a lattice: then the wind between them is bilinear, else by the inverse square of the
         distance (`models.wind.interpolation.site_weights`).
     known_until_s : float
-        POSIX seconds at which what was forecast ends; infinite where nothing says so.
+        POSIX seconds at which the forecast ends; infinite if unknown.
     then : str
-        What the wind is from then on, for people.
+        Source of the wind from then on, for people.
     weather : HourlyWeather, optional
-        What else was forecast.
+        Other forecast quantities.
     notes : tuple of str
-        What a person should know of it.
+        Notes for a person.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class WindEnsemble:
         return int(self.north.shape[1])
 
     def slot_at(self, posix_s: float) -> int:
-        """Slot that holds an instant; the first and the last hold on."""
+        """Slot that contains an instant; the first and the last extend without end."""
         return min(max(math.floor((posix_s - self.start_s) / self.slot_s), 0), self.slots - 1)
 
     def at_height(self, height_m: float, exponent: float) -> WindEnsemble:
@@ -150,7 +150,7 @@ class WindEnsemble:
         return replace(self, site_lat=lat, site_lon=lon, north=north, east=east, lattice=None)
 
     def in_shorter_slots(self, parts: int) -> WindEnsemble:
-        """Return the same wind with each slot divided into some of one length."""
+        """Return the same wind with each slot divided into slots of one length."""
         if parts == 1:
             return self
         north, east = (np.repeat(values, parts, axis=1) for values in (self.north, self.east))

@@ -1,12 +1,12 @@
-"""How far the wind between the sites may be from what is interpolated between them.
+"""Error of the wind interpolated between the sites.
 
-The wind differs from place to place, the more so the farther they are apart and the stronger it blows. Half the mean square of the
+The wind differs from place to place, increasingly with their distance and with the wind speed. Half the mean square of the
 difference of one component between places a distance d apart (the semivariogram) is, at a wind speed s,
 
     gamma(d, s) = c (1 + s / S) (d / D)^(2/3),     D = `REFERENCE_M`, S = `GUSTY_MPS`
 
-with the exponent of the structure function of winds from kilometres to some hundred kilometres. What is interpolated with weights a_i
-from sites x_i, whose sum is 1, is off at places x and y by errors with the covariance
+with the exponent of the structure function of winds from kilometres to some hundred kilometres. The interpolation with weights a_i
+from sites x_i, whose sum is 1, has at places x and y errors with the covariance
 
     sum a_i(x) gamma(x_i - y) + sum a_j(y) gamma(x - x_j) - sum sum a_i(x) a_j(y) gamma(x_i - x_j) - gamma(x - y)
 
@@ -38,9 +38,9 @@ GUSTY_MPS = 2.0
 TWO_MINUTES_SD = 0.123
 """Of gusts (15 % of the wind along it, 12 % across, correlated for 3 minutes) in a mean of two minutes, as airports report: no error between sites."""
 SHORTEST_M = 1.0
-"""No stretch is shorter."""
+"""Shorter stretches count as this long."""
 MIN_HOURS = 240
-"""A record with fewer hours in which two sites measured tells nothing of its own."""
+"""A record with fewer hours in which two sites measured determines no values of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class FieldError:
         return cls(found / weight) if weight and found > 0.0 else cls()
 
     def at_height(self, factor: float) -> FieldError:
-        """Return the same where winds are so much stronger than at the height of the measurement."""
+        """Return the same for winds stronger by a factor than at the height of the measurement."""
         return replace(self, variance=self.variance * factor**2, gusty_mps=self.gusty_mps * factor)
 
     def in_wind(self, speed_mps: ArrayLike) -> NDArray[np.float64]:
@@ -105,7 +105,7 @@ class FieldError:
         return np.asarray(self.variance * (to - within) / REFERENCE_M**EXPONENT)
 
     def gamma_of_neighbours(self, apart_m: ArrayLike) -> NDArray[np.float64]:
-        """Semivariogram between the means over two adjoining straight stretches whose middles are so far apart, in calm air, m2/s2.
+        """Semivariogram between the means over two adjoining straight stretches whose middles are this far apart, in calm air, m2/s2.
 
         With gamma(d) = g d^p that is g d^p (2^(p+2) - 4) / ((p + 1) (p + 2)).
         """
@@ -135,7 +135,7 @@ class FieldError:
 
 
 EXACT_FIELD = FieldError(0.0)
-"""The wind between the sites is what is interpolated."""
+"""No error between the sites."""
 
 
 def _distances(

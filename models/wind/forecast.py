@@ -38,11 +38,11 @@ def analogue_ensemble(
     season_days: int = 30,
     exclude: Collection[date] = (),
 ) -> WindEnsemble:
-    """Make an ensemble of the days of a record that lie in the same season.
+    """Make an ensemble of the days of a record in the same season.
 
     Each member is the measured series beginning at the same UTC hour as the departure, on a day whose date is at most
     `season_days` from the departure's in the circle of the year (29 February counts as the 28th). All are equally
-    probable, none has a gap or overlaps the departure's own, or one of a day to `exclude`, such as the truth of a
+    probable, none has a gap or overlaps the departure's own, or one of a day to `exclude`, such as the true day of a
     trial. They are for the height of the measurement. Dates are those of the clock of `depart`, so give it with its
     local offset; it lies in slot 0, and may be in the future of the record.
 
@@ -71,10 +71,10 @@ def analogue_ensemble(
 
 
 def truth_series(history: WindHistory, day: date, depart: datetime, hours: int) -> WindEnsemble:
-    """Lay what was measured on a day onto a departure, as an ensemble of one.
+    """Move the measurements of a day to a departure, as an ensemble of one.
 
     The series begins at the same UTC hour as the departure; `day` is a date of the clock of `depart`. An `InputError`
-    names the nearest day with a complete series where that day has none.
+    names the nearest day with a complete series if that day has none.
     """
     days = _Days(history, depart, hours)
     wanted = np.datetime64(day, "D")
@@ -93,12 +93,12 @@ def truth_series(history: WindHistory, day: date, depart: datetime, hours: int) 
 def constant_wind(
     speed_mps: float, from_deg: float, depart: datetime, hours: int, lat: float, lon: float, height_m: float
 ) -> WindEnsemble:
-    """Return the same wind always and everywhere, as an ensemble of one.
+    """Return a constant wind at all places, as an ensemble of one.
 
     Raises
     ------
     InputError
-        A negative or infinite speed, a direction outside 0 to 360, a position or height that cannot be.
+        A negative or infinite speed, a direction outside 0 to 360, an impossible position or height.
     """
     faults = coordinate_faults(lat, lon)
     if not 0.0 <= speed_mps < math.inf:
@@ -119,12 +119,12 @@ def constant_wind(
 def read_forecast(
     path: Path, sites: Sequence[WindSite], depart: datetime, hours: int, measured_at_m: float
 ) -> WindEnsemble:
-    """Read a forecast that someone else made, for a height above ground.
+    """Read an external forecast, for a height above ground.
 
     The CSV has time (ISO 8601 with offset), site, member, speed_mps, from_deg [, probability]. The times are evenly
     spaced, at most 6 h apart; every member has every one of the sites at every time. Without the last column all
     members are equally probable. The departure lies in slot 0 of the answer; after the end of the file the last wind
-    holds on.
+    continues.
 
     An `InputError` has all faults of the file, or the range it covers where the departure is outside.
     """

@@ -30,7 +30,7 @@ _COLUMNS = ("time", "site", "member", "speed_mps", "from_deg")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForecastTable:
-    """A forecast as it was written."""
+    """A forecast as written."""
 
     times_s: NDArray[np.float64]
     """Shape (slots,). POSIX seconds at which each slot begins, evenly spaced."""
@@ -48,7 +48,7 @@ class ForecastTable:
 def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:
     """Read a forecast; the answer is complete.
 
-    An `InputError` has all faults of the file: first those of its cells, then those of what is missing or twice there.
+    An `InputError` has all faults of the file: first those of its cells, then missing and duplicate rows.
     """
     reader = _Reader(str(path), site_ids)
     chunks = read_table(path, _COLUMNS, reader.faults, optional=("probability",))
@@ -111,7 +111,7 @@ def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:
 
 
 class _Reader:
-    """Reads one forecast; remembers the members from chunk to chunk."""
+    """Reads one forecast; keeps the members from chunk to chunk."""
 
     def __init__(self, file: str, site_ids: Sequence[str]) -> None:
         self.faults = FaultCollector(file)

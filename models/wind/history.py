@@ -1,6 +1,6 @@
 """Measured wind: hourly vectors of several sites, read from a record, with gaps filled.
 
-A record is put into hourly slots as vectors (north, east) TOWARDS which the air moves: directions cannot be
+A record is converted to hourly vectors (north, east) TOWARDS which the air moves: directions cannot be
 averaged, vectors can.
 """
 
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 SLOT_S = 3600
 GAP_SLOTS = 3
-"""A gap of at most as many hours is filled from the hours around it."""
+"""A gap of at most this many hours is filled from the hours around it."""
 MAX_YEARS = 60
 MAX_CELLS = 30_000_000
 """Most hours times sites that a record may span."""
 SUSPECT_MEDIAN_MPS = 15.0
-"""Hardly a place on Earth where people live has a median wind above this: the unit is probably another."""
+"""Hardly any inhabited place on Earth has a median wind above this: the unit is probably another."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindSite:
-    """Where wind is measured or forecast."""
+    """Site at which wind is measured or forecast."""
 
     id: str
-    """As the record names it."""
+    """Its name in the record."""
     lat: float
     lon: float
     """Degrees, WGS-84."""
@@ -53,7 +53,7 @@ class WindSite:
 
 
 def station_places(sites: Sequence[WindSite]) -> dict[str, tuple[float, float]]:
-    """Places of sites by all names that bulletins have for them: the id, the identifier in METARs, or ``K`` and the id."""
+    """Places of sites by all their names in bulletins: the id, the identifier in METARs, or ``K`` and the id."""
     found = {
         name: (site.lat, site.lon) for site in sites if not site.icao and len(site.id) == 3 for name in (f"K{site.id}",)
     }
@@ -91,12 +91,12 @@ class WindHistory:
     """POSIX seconds at which slot 0 begins, a whole hour."""
     north: NDArray[np.float64]
     east: NDArray[np.float64]
-    """Shape (slots, sites) each. m/s TOWARDS, at the height of the measurement; NaN where nothing is known."""
+    """Shape (slots, sites) each. m/s TOWARDS, at the height of the measurement; NaN if nothing is known."""
     measured_at_m: float
     """Height of the instruments above ground."""
     source: str = ""
     counts: RowCounts | None = None
-    """What the record was made of."""
+    """Counts of the rows of the record."""
     warnings: tuple[str, ...] = ()
     slot_s: float = SLOT_S
 
@@ -128,9 +128,9 @@ class WindHistory:
 def read_history(path: Path, columns: WindColumns, sites: Sequence[WindSite], measured_at_m: float) -> WindHistory:
     """Read a record of wind into hourly slots and fill its gaps.
 
-    Several rows of a site within an hour are averaged as vectors. Where only the direction is missing, it is taken from
-    the hours around (gaps up to 3 h), else from the other sites, and the speed is kept; where all is missing, the wind
-    is taken so. Other sites count by the inverse square of their distance. Instruments stand `measured_at_m` above
+    Several rows of a site within an hour are averaged as vectors. If only the direction is missing, it is taken from
+    the hours around (gaps up to 3 h), otherwise from the other sites, and the speed is kept; if both are missing, the wind
+    is filled in the same way. Other sites are weighted by the inverse square of their distance. Instruments stand `measured_at_m` above
     ground, usually 10.
 
     The CSV has at most 64 MB and 5 million rows; ``.gz`` is unpacked. An `InputError` has all its faults: values,
@@ -185,7 +185,7 @@ def _check_request(sites: Sequence[WindSite], columns: WindColumns, measured_at_
 
 
 def check_sites(sites: Sequence[WindSite]) -> list[Fault]:
-    """Return what is wrong with the sites: none at all, two of one name, or a position out of range."""
+    """Return the problem with the sites: none at all, two of one name, or a position out of range."""
     if not sites:
         return [Fault("there is no wind site", field="wind.sites", remedy="give id, lat and lon of each")]
     ids = [site.id for site in sites]
@@ -248,7 +248,7 @@ def _fill(
     speed_only: NDArray[np.float64],
     closeness: NDArray[np.float64],
 ) -> tuple[int, int, int]:
-    """Fill gaps in place; return directions completed, hours interpolated and hours borrowed."""
+    """Fill gaps in place; return the numbers of directions completed, hours interpolated and hours filled from other sites."""
     completed = 0
     for around_n, around_e in (_from_time(north, east), _from_sites(north, east, closeness)):
         speed = np.hypot(around_n, around_e)
@@ -288,7 +288,7 @@ def _from_time(
 def _from_sites(
     north: NDArray[np.float64], east: NDArray[np.float64], closeness: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean of the other sites of the same hour by inverse square of distance; NaN where none is known."""
+    """Mean of the other sites of the same hour by inverse square of distance; NaN if none is known."""
     known = np.isfinite(north)
     weight = known.astype(np.float64) @ closeness
     means = []

@@ -31,7 +31,7 @@ def site_weights(
     """Weights of sites at points, degrees, shape (points, sites); rows sum to 1.
 
     Bilinear where the sites are the nodes of a `lattice` (rows, columns), row by row, latitude and longitude ascending: outside it the wind of
-    its edge goes on. Else by `idw_weights`.
+    its edge continues. Otherwise by `idw_weights`.
     """
     if lattice is None:
         return idw_weights(lat, lon, site_lat, site_lon)

@@ -50,7 +50,7 @@ def marginal(ensemble: WindEnsemble, slot: int, lat: float, lon: float) -> WindM
 
 
 class WindRose(NamedTuple):
-    """How often the wind blows from where and how strongly."""
+    """Wind rose: frequency of winds by direction and speed."""
 
     probability: NDArray[np.float64]
     """Shape (sectors, speeds). Together with `calm` it sums to 1."""

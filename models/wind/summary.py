@@ -1,8 +1,8 @@
 """Summary of a wind forecast: mean, range and prevailing direction.
 
-A forecast is an ensemble: many winds may blow on a leg, at the time and height at which it is flown. They are summarised
-by their mean speed, the speeds that 10 and 90 % of them do not exceed, and the direction that most of them come from.
-The length of the mean vector is not a speed that anybody meets: winds from all sides cancel in it.
+A forecast is an ensemble: many winds are possible on a leg, at the time and height at which it is flown. They are summarised
+by their mean speed, the 10 and 90 % quantiles of the speed, and the direction from which most of them come.
+The length of the mean vector is not a typical speed: winds from all sides cancel in it.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ LOW, HIGH = 0.1, 0.9
 SECTOR_DEG = 90.0
 """Width of the sector within which winds count as blowing from one direction."""
 PREVAILS = 0.5
-"""A direction prevails where more than this share of the winds comes from one sector; below, the direction is variable."""
+"""A direction prevails if more than this share of the winds comes from one sector; below, the direction is variable."""
 CALM_MPS = 0.05
 """Weaker winds have no direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Wind as speed and FROM direction: one wind, or the range that may blow."""
+    """Wind as speed and FROM direction: one wind, or a range of possible winds."""
 
     speed_mps: float
-    """Metres per second; the mean of those that may blow."""
+    """Metres per second; the mean of the possible winds."""
     from_deg: float | None
     """Where it blows FROM, degrees clockwise from true north; None is variable."""
     p10_mps: float | None = None
@@ -48,7 +48,7 @@ class Wind:
 
     @property
     def certain(self) -> bool:
-        """Whether it is one wind; else its figures have no more digits than a forecast is sure of."""
+        """Whether it is one wind; otherwise its figures have only the digits that a forecast supports."""
         if self.p10_mps is None or self.p90_mps is None:
             return True
         return self.p90_mps - self.p10_mps < CALM_MPS and (self.from_deg is not None or self.p90_mps < CALM_MPS)
@@ -77,7 +77,7 @@ class Wind:
 
 
 class Passage(NamedTuple):
-    """Where and when a wind is met: a segment, at its middle, or a place."""
+    """Place and time at which a wind is met: a segment, at its middle, or a place."""
 
     lat_deg: float
     lon_deg: float
@@ -86,13 +86,13 @@ class Passage(NamedTuple):
     end_s: float
     """POSIX seconds; the same twice is an instant."""
     factor: float = 1.0
-    """Of the wind as high as it is flown there, over that at the height of the summary
+    """Ratio of the wind at the flown height to that at the height of the summary
     (`models.flight.heights.wind_factors`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindSummary:
-    """The winds that may be met."""
+    """The winds that are possible there."""
 
     mean_mps: float
     p10_mps: float
@@ -108,7 +108,7 @@ class WindSummary:
     """Mean vector TOWARDS; for components along and across a course, see `components`."""
 
     def as_data(self) -> dict[str, float | None]:
-        """Data from which `summary_from` makes the same words: mean speed, p10, p90, direction."""
+        """Data from which `summary_from` makes the same text: mean speed, p10, p90, direction."""
         return {
             "mean_mps": self.mean_mps, "p10_mps": self.p10_mps, "p90_mps": self.p90_mps, "from_deg": self.from_deg,
             "sector_share": self.sector_share,
@@ -122,7 +122,7 @@ class WindSummary:
 
     @property
     def wind(self) -> Wind:
-        """The same as a plan and its file have it."""
+        """The same in the form of a plan and its file."""
         return Wind(self.mean_mps, self.from_deg, self.p10_mps, self.p90_mps)
 
     def __str__(self) -> str:
@@ -131,7 +131,7 @@ class WindSummary:
 
 
 def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
-    """Return the summary from `WindSummary.as_data`; None where its speeds are unknown. The mean vector is not kept."""
+    """Return the summary from `WindSummary.as_data`; None if its speeds are unknown. The mean vector is not kept."""
     speeds = [data.get(name) for name in ("mean_mps", "p10_mps", "p90_mps")]
     mean, low, high = (math.nan if speed is None else speed for speed in speeds)
     if not math.isfinite(mean + low + high):
@@ -142,7 +142,7 @@ def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
 def summarise_wind(
     ensemble: WindEnsemble, passages: Sequence[Passage], height_m: float, profile_exponent: float
 ) -> WindSummary:
-    """Summarise the winds of an ensemble that may be met on a way at a height above ground; of one member: that wind.
+    """Summarise the possible winds of an ensemble on a way at a height above ground; of one member: that wind.
 
     Each passage counts with its duration; instants count equally. The wind grows with height by
     `models.wind.triangle.height_factor`.

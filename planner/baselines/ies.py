@@ -1,7 +1,7 @@
 """Informed exhaustive search: every sequence of distinct stops, with the best charging on each.
 
-It has perfect information, one wind and one queue at each station, and is the referee of the other planners: a sequence is
-cut off only by a proof that no continuation of it beats the best composition found so far. On each sequence the whole
+It has perfect information, one wind and one queue at each station, and is the reference for the other planners: a sequence is
+cut off only by a proof that no continuation of it beats the best composition found so far. On each sequence the complete
 trade-off between time and charge is carried along exactly (`planner.schedule.profile_kernels`), over flights that may overfly
 stations (`planner.exact.flight_functions`). The proof is that of `planner.exact.stop_label_kernels.stop_label_bound`.
 """
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 class ExhaustiveSearch:
     """One search, in the wind of the first member of the ensemble and with the true queue at each station with pads.
 
-    After `time_limit_s` it stops, and `complete` is False. `progress` is called about every second with the sequences
-    looked at and the best delivery time so far, s.
+    After `time_limit_s` it stops, and `complete` is False. `progress` is called about every second with the number of sequences
+    evaluated and the best delivery time so far, s.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ExhaustiveSearch:
         self.time_limit_s = time_limit_s
         self.progress = progress
         self.complete = True
-        """Whether the search came to its end."""
+        """Whether the search was completed."""
         self.labels_expanded = 0
         """Sequences continued so far."""
         needed = needed_at_destination(problem, TrueSpeeds(problem.air), 0.0, math.inf)

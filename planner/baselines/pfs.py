@@ -1,10 +1,10 @@
-"""Probabilistic forward search: the paper's Algorithm 1, with its defects repaired.
+"""Probabilistic forward search: the paper's Algorithm 1, with its defects corrected.
 
-At each station the reachable ones are ranked by expected flight, wait and recharge, and by the best that lies beyond
-them; the best is flown to. Repaired: no station is visited twice, a dead end is left backwards, the charge is part of
-the state, and where no station is in reach now the drone holds for wind that brings one into reach. A dead end is
-remembered: whoever arrives there later finds it dead too, for leaving later never arrives earlier and every stop can
-charge to full; whoever arrives earlier does so too, unless wind or charge closed a way beyond it.
+At each station the reachable ones are ranked by expected flight, wait and recharge, and by the best continuation
+from them; the drone flies to the best. Corrected: no station is visited twice, the search backtracks from a dead end, the charge is part of
+the state, and if no station is in reach now the drone holds for wind that brings one into reach. A dead end is
+remembered: a later arrival there is dead too, since leaving later never arrives earlier and every stop can
+charge to full; an earlier arrival is dead too, unless wind or charge closed a way beyond it.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 
 def charging_time_per_flight_s(problem: Problem) -> float:
-    """Seconds on a pad that a second of flight costs, at the constant rate of charging."""
+    """Seconds on a pad per second of flight, at the constant rate of charging."""
     return problem.soc_per_s / problem.drone.charging_curve().rate_per_s
 
 
 class ForwardSearch:
-    """One search; `solve` returns what to fly.
+    """One search; `solve` returns the flights.
 
-    A `charge_aware` one judges the rest of the way by flight and charging time, not by flight time alone, and overflies
-    stations at which there is nothing to do.
+    A `charge_aware` search judges the remaining way by flight and charging time, not by flight time alone, and overflies
+    stations at which no action is needed.
     """
 
     def __init__(self, problem: Problem, *, charge_aware: bool = False) -> None:
@@ -48,7 +48,7 @@ class ForwardSearch:
         return self.lookahead.labels_expanded
 
     def solve(self) -> Itinerary:
-        """Search depth first, best first; a `NoRouteError` names what binds."""
+        """Search depth first, best first; a `NoRouteError` names the binding constraint."""
         p = self.problem
         start = Start(p.origin, float(p.depart_s), float(p.soc), p.in_flight)
         frames = _frames(len(p.network))
@@ -60,7 +60,7 @@ class ForwardSearch:
             elif answer == FOUND:
                 legs = _legs(frames)
                 return _overflying(legs) if self.overfly else tuple(legs)
-            elif answer != DEAD_END or not joined(p):  # where no segments lead there, do not find it out by trying
+            elif answer != DEAD_END or not joined(p):  # without segments to it, do not search in vain
                 raise no_route(p, self.lookahead)
 
 
@@ -106,7 +106,7 @@ def _legs(frames: Frames) -> list[Leg]:
 
 
 def _overflying(legs: list[Leg]) -> Itinerary:
-    """Join flights between which the drone would land only to leave: each landing saved saves time and charge."""
+    """Join flights between which the drone would land only to take off again: each landing avoided saves time and charge."""
     joined_legs: list[Leg] = []
     for leg in legs:
         if joined_legs and leg.charge_to is None and math.isinf(leg.not_before_s):
@@ -118,7 +118,7 @@ def _overflying(legs: list[Leg]) -> Itinerary:
 
 
 class ChargeAwareSearch(ForwardSearch):
-    """`ForwardSearch` that judges the rest of the way by flight and charging time, and overflies idle stops."""
+    """`ForwardSearch` that judges the remaining way by flight and charging time, and overflies idle stops."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem, charge_aware=True)

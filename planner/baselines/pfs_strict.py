@@ -1,8 +1,8 @@
 """The paper's Algorithm 1 as printed, with a limit on its steps.
 
 It judges each segment by the marginal distribution of the wind in the slot of the departure (binned by speed and
-sector), recharges to full at each station, never looks back and may visit a station again: it can cycle forever or
-strand itself beside a feasible route. Its failures are counted apart.
+sector), recharges to full at each station, never backtracks and may visit a station again: it can cycle forever or
+strand beside a feasible route. Its failures are counted separately.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class StrictForwardSearch:
         raise NoRouteError(message, constraint="step-limit")
 
     def _segment(self, segment: int, time_s: float) -> tuple[float, float]:
-        """Mean flight time over the slot's marginal, and the time not exceeded but with probability epsilon."""
+        """Mean flight time over the slot's marginal, and the time exceeded with probability epsilon."""
         air = self.problem.air
         slot = int(slot_of(air, time_s))
         key = (segment, slot)

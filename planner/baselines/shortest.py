@@ -28,9 +28,9 @@ class ShortestFlight:
         return self.lookahead.labels_expanded
 
     def solve(self) -> Itinerary:
-        """Find the route, then charge to full at each stop and hold where the wind asks for it.
+        """Find the route, then charge to full at each stop and hold if the wind requires it.
 
-        A `NoRouteError` names what binds.
+        A `NoRouteError` names the binding constraint.
         """
         path = self._route()
         if path is None:

@@ -1,1 +1,1 @@
-"""How many orders an hour a network carries: simulated days of a fleet, planned with a forecast and flown in a wind that it does not have."""
+"""Capacity of a network in orders per hour: simulated days of a fleet, planned with a forecast and flown in a wind that differs from it."""

@@ -1,4 +1,4 @@
-"""Changes of a network and its fleet that a study looks at: a pad more, a station more, a drone more."""
+"""Changes of a network and its fleet in a study: an additional pad, station or drone."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 PADS_OF_NEW = 2
-"""Pads of a station that is added."""
+"""Pads of an added station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """What is added; what is named twice is added twice."""
+    """Additions; repeated names are added repeatedly."""
 
     pads: tuple[str, ...] = ()
-    """Stations that have a pad more."""
+    """Stations with an additional pad."""
     stations: tuple[tuple[str, float, float], ...] = ()
-    """Name, latitude and longitude of stations that are new; other drones do not charge there."""
+    """Name, latitude and longitude of new stations; other drones do not charge there."""
     drones: tuple[str, ...] = ()
-    """Stations at which a drone more is at home."""
+    """Stations with an additional drone at home."""
 
     def __str__(self) -> str:
         named = [f"a pad more at {one}" for one in self.pads]
@@ -34,7 +34,7 @@ NOTHING = Change()
 
 
 def changed(scenario: Scenario, change: Change) -> Scenario:
-    """Return a scenario with what is added; an `InputError` says that a station cannot be where it was to be."""
+    """Return a scenario with the additions; an `InputError` means that a station cannot be at its place."""
     for name, lat, lon in change.stations:
         scenario = scenario.with_target(lat, lon, id=name)
     more = {one: change.pads.count(one) for one in change.pads} | {name: PADS_OF_NEW for name, _, _ in change.stations}

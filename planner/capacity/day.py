@@ -1,4 +1,4 @@
-"""One simulated day of a fleet: planned with a forecast that does not know the day, flown in its wind, beside strangers."""
+"""One simulated day of a fleet: planned with a forecast that excludes the day, flown in its wind, with other drones at the pads."""
 
 from __future__ import annotations
 
@@ -39,33 +39,33 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Route, Step
 
 SLACK_SOC = 0.005
-"""A landing so little below the reserve is none."""
+"""A landing below the reserve by less than this does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """What all days of a study have in common."""
+    """Common data of all days of a study."""
 
     scenario: Path | None
     """Folder; None is the built-in one."""
     digest: str
-    """Of its files: every worker has the same."""
+    """Digest of its files: every worker has the same."""
     begin: datetime
-    """Of the orders: the hour of the day, and the season."""
+    """Departure of the orders: the hour of the day, and the season."""
     days: tuple[date, ...]
-    """Days of the record whose wind blows, one after another."""
+    """Days of the record that provide the wind, one after another."""
     demand: Demand
     drone: str
     reserve: float = 0.2
     iterations: int = 0
-    """Changes tried to better the plan of a day; none: orders are promised one after another, in order of time."""
+    """Number of changes tried to improve the plan of a day; 0: orders are promised one after another, in order of time."""
     seed: int = 0
     parameters: PlannerParameters = USUAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is different from case to case."""
+    """Parameters that vary from case to case."""
 
     rate_per_h: float
     promise_s: float
@@ -84,7 +84,7 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayDone:
-    """What became of the orders of a day."""
+    """Results of the orders of a day."""
 
     orders: int
     promised: int
@@ -101,7 +101,7 @@ class DayDone:
     below: int
     """Landings below the reserve."""
     missed: tuple[tuple[str, str], ...] = ()
-    """Where orders that were not delivered in time were to go from and to."""
+    """Origins and destinations of orders that were not delivered in time."""
 
 
 @lru_cache(maxsize=1)
@@ -178,7 +178,7 @@ def _stated(
 
 
 def _others(scenario: Scenario, study: Study, day: int) -> dict[str, list[tuple[float, float]]]:
-    """Strangers of a day at each station, by the load of each hour."""
+    """Other drones of a day at each station, by the load of each hour."""
     stations, begin_s = scenario.network.stations, study.begin.timestamp()
     hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
     loads = [scenario.load.hourly(node, begin_s - WARM_UP_S, hours) for node in range(len(stations))]
@@ -188,7 +188,7 @@ def _others(scenario: Scenario, study: Study, day: int) -> dict[str, list[tuple[
 
 
 class DayTruth:
-    """Flights and charges as they are on a day: its wind, and aircraft that take more or less than the model says."""
+    """Actual flights and charges of a day: its wind, and aircraft whose consumption differs from the model."""
 
     def __init__(self, work: Work, laid: Laid, drone: Drone, margin: float, random: np.random.Generator) -> None:
         network = work.scenario.network
@@ -218,7 +218,7 @@ class DayTruth:
         return float(flights.time_s[at]), ratio * self._mass_share(step) * float(flights.need[at])
 
     def wanted(self, drone: str, step: Step, begin_s: float) -> float:
-        """Charge that the check before a take-off wants beyond the reserve: what all but a share epsilon of flights take in the wind of then."""
+        """Charge required by the check before a take-off beyond the reserve: for all but a share epsilon of flights in the wind of that time."""
         del drone
         return self._checked * self._mass_share(step) * float(self._flights.need[self._at(step, begin_s)])
 

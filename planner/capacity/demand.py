@@ -1,4 +1,4 @@
-"""Who orders what when, and which drones there are, on a simulated day: drawn so that more orders, or one drone more, leave the others as they are."""
+"""Orders and drones of a simulated day: drawn so that more orders, or one more drone, leave the others unchanged."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ ORDERS, DRONES, ENERGY, STRANGERS = range(4)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
-    """What is ordered.
+    """Demand of a study.
 
     Attributes
     ----------
     most_per_h : float
-        Orders an hour of the fullest day that is studied: others have a part of its orders.
+        Orders an hour of the busiest day that is studied: other days have a part of its orders.
     hours : float
-        How long orders arrive.
+        Time in which orders arrive.
     within_m : float
-        From one station with pads to another one within this distance, as the crow flies.
+        From one station with pads to another one within this distance, in a straight line.
     pattern : tuple of (str, str, float)
         Origin, destination and mass of each order of a file, in place of stations at random: each order is one of them.
     """
@@ -59,7 +59,7 @@ def draws(seed: int, day: int, stream: int) -> np.random.Generator:
 def orders_of(
     scenario: Scenario, demand: Demand, rate_per_h: float, promise_s: float, begin: datetime, seed: int, day: int, mass_kg: float
 ) -> tuple[Order, ...]:  # fmt: skip
-    """Return the orders of a day, in order of time: each due so long after it is ready; packages are no heavier than `mass_kg`."""
+    """Return the orders of a day, in order of time: each due a given time after it is ready; packages are no heavier than `mass_kg`."""
     random = draws(seed, day, ORDERS)
     count = int(random.poisson(demand.most_per_h * demand.hours))
     at_s = np.sort(random.uniform(0.0, demand.hours * S_PER_H, count))
@@ -94,7 +94,7 @@ def _ways(
 
 
 def _near(lat: float, lon: float, lats: NDArray[np.float64], lons: NDArray[np.float64], own: int, within_m: float) -> NDArray[np.int64]:  # fmt: skip
-    """Numbers of the other stations within a distance; the nearest one where none is."""
+    """Numbers of the other stations within a distance; the nearest one if there are none."""
     far_m = coarse_distance_m(lat, lon, lats, lons)
     far_m[own] = np.inf
     found = np.flatnonzero(far_m <= within_m)
@@ -104,7 +104,7 @@ def _near(lat: float, lon: float, lats: NDArray[np.float64], lons: NDArray[np.fl
 def drones_of(
     scenario: Scenario, drone: str, count: int, seed: int, day: int, more_at: Sequence[str] = ()
 ) -> tuple[Vehicle, ...]:
-    """Return so many drones at stations with pads, one after another as pads were dealt out, and more at some stations."""
+    """Return drones at stations with pads, in the order in which pads are distributed, and additional ones at some stations."""
     random = draws(seed, day, DRONES)
     stations = [one.id for one in scenario.network.stations for _ in range(one.pads) if not one.flyover]
     dealt: list[str] = []
@@ -125,7 +125,7 @@ def pattern_of(scenario: Scenario, orders: Sequence[Order], drone: Drone) -> tup
     fitted = fit(scenario, orders, fleet).orders
 
     def named(found: str, typed: str) -> str:
-        return found if found in scenario.network.index else typed  # a target joins the network of each day again
+        return found if found in scenario.network.index else typed  # a target is added to the network of each day again
 
     return tuple(
         (named(one.origin, as_typed.origin), named(one.destination, as_typed.destination), one.mass_kg)

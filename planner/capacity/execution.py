@@ -1,4 +1,4 @@
-"""Plans of a fleet carried out where pads are taken first come, first served, by our drones and by strangers."""
+"""Execution of plans of a fleet, with pads taken first come, first served, by our drones and by others."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 HORIZON_S = 12 * 3600.0
 WARM_UP_S = 48 * 3600.0
-"""Strangers come from so long before on: at 0.7 of five pads a line forgets its beginning with a time constant of five hours."""
+"""Other drones arrive from this time before on: at 0.7 of five pads a line forgets its beginning with a time constant of five hours."""
 SLACK_SOC = 1e-6
 AGAIN_S = 600.0
-"""A flight that the wind has closed, or for which no charge is enough, is looked at again so often."""
+"""Interval at which a flight that is closed by the wind, or for which no charge is sufficient, is checked again."""
 
 
 class Truth(Protocol):
-    """What flights and charges really take, where that is not what was planned."""
+    """Actual times and charges of flights and charges, if they differ from the plan."""
 
     def flight(self, drone: str, step: Step, begin_s: float) -> tuple[float, float]:
-        """Time of a flight that begins then, s, and the charge that it takes; infinite where the wind has closed it."""
+        """Time of a flight that begins then, s, and its charge; infinite if the wind has closed it."""
         ...
 
     def wanted(self, drone: str, step: Step, begin_s: float) -> float:
-        """Charge that the check before the take-off wants beyond the reserve; infinite where the wind has closed it."""
+        """Charge required by the check before the take-off beyond the reserve; infinite if the wind has closed it."""
         ...
 
     def charging_s(self, drone: str, place: str, soc: float, up_to: float) -> float:
@@ -44,12 +44,12 @@ class Truth(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a plan."""
+    """Result of a plan."""
 
     delivered_s: dict[str, float]
-    """When each order was delivered, POSIX seconds; without those that were not."""
+    """Delivery time of each order, POSIX seconds; without undelivered ones."""
     waited_s: dict[str, float]
-    """How long its drone waited for pads on the way to it and with it, beside charging."""
+    """Waits of its drone for pads on the way to it and with it, without charging."""
     lowest: list[float] = field(default_factory=list)
     """Charge at each landing, if a truth is given."""
 
@@ -65,7 +65,7 @@ class _Drone:
         return self.route.steps[self.at]
 
     def begun(self) -> bool:
-        """Whether the order of this step has been taken up before it."""
+        """Whether the order of this step has been picked up before it."""
         order = self.step.order
         return any(one.order == order and one.phase == "with the package" for one in self.route.steps[: self.at])
 
@@ -74,7 +74,7 @@ class _Drone:
 
 
 def strangers(arrivals_per_s: NDArray[np.float64], charging_s: NDArray[np.float64], begin_s: float, seed: int) -> list[list[tuple[float, float]]]:  # fmt: skip
-    """Draw strangers at each station: when they come and how long they charge; from `WARM_UP_S` before on, so that pads are as busy as usual.
+    """Draw other drones at each station: arrivals and charging times; from `WARM_UP_S` before on, so that pads are as busy as usual.
 
     The rates and mean times of the hours from then on have the shape (stations, hours); one hour stands for all.
     """
@@ -99,13 +99,13 @@ def carry_out(
     truth: Truth | None = None,
     reserve: float = 0.0,
 ) -> Outcome:
-    """Let all drones fly their routes, in order of time; each charge waits for the first pad that is free.
+    """Let all drones fly their routes, in order of time; each charge waits for the first free pad.
 
-    With a truth flights take what they take then, and a charge goes on to what the check before the next take-off wants. Who has less at a take-off charges
-    first, and waits for better wind where no charge is enough, as the supervisor of a flight does. A drone whose charge does not last is lost with what it carries.
+    With a truth flights have their actual time and charge, and charging continues to the requirement of the check before the next take-off. A drone with less at a take-off charges
+    first, and waits for better wind if no charge is sufficient, as the supervisor of a flight does. A drone whose charge does not last is lost with its packages.
     """
     drones = [_Drone(route, route.steps[0].soc_begin if route.steps else 1.0) for route in routes]
-    events: list[tuple[float, int, int, float]] = []  # time, whose (-1 is a stranger), station number, how long
+    events: list[tuple[float, int, int, float]] = []  # time, drone (-1: another one), station number, duration
     free = {station: [-np.inf] * count for station, count in pads.items()}
     names = list(pads)
     for number, station in enumerate(names):
@@ -131,7 +131,7 @@ def carry_out(
         short = truth is not None and wanted > drone.soc + SLACK_SOC and step.origin in free
         if step.kind == "charge" or (short and wanted <= 1.0 + SLACK_SOC):
             time_s = _on_a_pad(done, free[step.origin], step, time_s, _charge(drone, wanted, truth))
-            if step.kind != "charge":  # the flight is looked at again then
+            if step.kind != "charge":  # the flight is checked again then
                 heapq.heappush(events, (time_s, whose, 0, 0.0))
                 continue
         else:
@@ -157,7 +157,7 @@ def carry_out(
 
 
 def _on_a_pad(done: Outcome, free: list[float], step: Step, time_s: float, length_s: float) -> float:
-    """Take the first pad that is free for so long, and count the wait; returns when the charge is done."""
+    """Take the first pad that is free for the duration, and count the wait; returns when the charge is done."""
     if not length_s > 0.0:
         return time_s
     start_s = max(free[0], time_s)
@@ -168,13 +168,13 @@ def _on_a_pad(done: Outcome, free: list[float], step: Step, time_s: float, lengt
 
 
 def _wanted(drone: _Drone, time_s: float, truth: Truth | None, reserve: float) -> float:
-    """Charge that the check before the next take-off wants; none without a flight."""
+    """Charge required by the check before the next take-off; none without a flight."""
     flight = drone.next_flight()
     return 0.0 if truth is None or flight is None else reserve + truth.wanted(drone.route.drone, flight, time_s)
 
 
 def _charge(drone: _Drone, wanted: float, truth: Truth | None) -> float:
-    """How long a drone charges; its charge is what it leaves with."""
+    """Charging time of a drone; its charge becomes that at departure."""
     step = drone.step
     if truth is None:
         return (step.end - step.begin).total_seconds()
@@ -188,7 +188,7 @@ def _charge(drone: _Drone, wanted: float, truth: Truth | None) -> float:
 
 
 def _whole(done: Outcome, routes: Sequence[Route], drones: Sequence[_Drone]) -> Outcome:
-    """Leave out orders that came only a part of their way."""
+    """Omit orders that were carried only a part of their way."""
     for route, drone in zip(routes, drones, strict=True):
         for step in route.steps[drone.at :]:
             if step.order is not None and step.phase == "with the package":

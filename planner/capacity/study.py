@@ -1,4 +1,4 @@
-"""A study of what a network carries: by how many orders an hour, at which promise, with which fleet; and what would help most."""
+"""A study of the capacity of a network: orders an hour, promise, fleet, and the most useful addition."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "skyway.capacity/1"
 NEW_STATIONS = 8
-"""Places that are tried for a station."""
+"""Number of places tried for a station."""
 APART_M = 4000.0
 """Least distance from each other and from existing stations."""
 REPLICATES = 200
@@ -62,12 +62,12 @@ class CaseDone:
 
     @property
     def kept(self) -> float:
-        """Share of the orders that were promised that were delivered in time."""
+        """Share of the promised orders that were delivered in time."""
         return self._per("on_time", "promised")
 
     @property
     def stated(self) -> float:
-        """Mean probability with which orders were promised; NaN where none was stated."""
+        """Mean stated probability of promised orders; NaN if none was stated."""
         return self._per("stated", "promised")
 
     @property
@@ -88,22 +88,22 @@ class CaseDone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capacity:
-    """What one fleet carries at one promise."""
+    """Capacity of one fleet at one promise."""
 
     promise_s: float
     drones: int
     rate_per_h: float
-    """Orders an hour up to which the level is served; NaN where it is not even at the lowest rate."""
+    """Orders an hour up to which the level is reached; NaN if it is not reached even at the lowest rate."""
     low_per_h: float
     high_per_h: float
-    """95 % interval, by days drawn again."""
+    """95 % interval, by resampling of days."""
     beyond: bool
-    """The level is served at the highest rate of the study, too: it is that rate or more."""
+    """The level is reached at the highest rate of the study, too: the capacity is that rate or more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What a change adds, on the same days."""
+    """Gain of a change, on the same days."""
 
     change: Change
     per_h: float
@@ -112,17 +112,17 @@ class Effect:
 
     @property
     def sure(self) -> bool:
-        """Whether it differs from nothing by more than chance, looked at alone."""
+        """Whether it differs significantly from zero, considered alone."""
         return abs(self.per_h) > SURE * self.sd_per_h
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapacityFound:
-    """The answer of a study."""
+    """Result of a study."""
 
     study: Study
     level: float
-    """Share of all orders that is to be delivered as promised."""
+    """Required share of all orders delivered as promised."""
     cases: tuple[CaseDone, ...]
     capacities: tuple[Capacity, ...]
     base: CaseDone | None
@@ -136,7 +136,7 @@ def find_capacity(
     study: Study, rates: Sequence[float], promises_s: Sequence[float], fleets: Sequence[int], *, days: int, level: float, network: Network | None,
     run: Run,
 ) -> CapacityFound:  # fmt: skip
-    """Study all rates, promises and fleets; with a network also what one pad, station or drone more adds where the first fleet is full."""
+    """Study all rates, promises and fleets; with a network also the gain of one more pad, station or drone where the first fleet is full."""
     cases = [
         Case(rate_per_h=rate, promise_s=promise, drones=drones)
         for promise in promises_s
@@ -186,7 +186,7 @@ def _capacity(cases: Sequence[CaseDone], level: float, seed: int) -> Capacity:
 
 
 def _crossing(rates: Any, on_time: Any, orders: Any, level: float) -> float:
-    """Rate at which the share falls below a level for the first time, linear between rates; NaN where it is below from the beginning."""
+    """Rate at which the share falls below a level for the first time, linear between rates; NaN if it is below from the beginning."""
     share = on_time / np.maximum(orders, 1.0)
     below = np.flatnonzero(share < level)
     if not len(below):
@@ -201,7 +201,7 @@ def _crossing(rates: Any, on_time: Any, orders: Any, level: float) -> float:
 def _effects(
     study: Study, done: Sequence[CaseDone], capacity: Capacity, days: int, network: Network, run: Run
 ) -> tuple[CaseDone, tuple[Effect, ...], int]:
-    """Compare what could be added with what there is, at the lowest rate of the study that is no less than what is carried."""
+    """Compare possible additions with the present state, at the lowest rate of the study that is no less than the capacity."""
     own = [one for one in done if one.case.promise_s == capacity.promise_s and one.case.drones == capacity.drones]
     full = 0.0 if math.isnan(capacity.rate_per_h) else capacity.rate_per_h
     base = next((one for one in own if one.case.rate_per_h >= full), own[-1])
@@ -225,7 +225,7 @@ def _effect(study: Study, base: CaseDone, other: CaseDone) -> Effect:
 
 
 def candidates(network: Network, days: Sequence[DayDone]) -> list[tuple[float, float]]:
-    """Places for a station: middles of the ways on which most orders were missed, apart from each other and from what there is."""
+    """Places for a station: middles of the ways on which most orders were missed, apart from each other and from existing stations."""
     place = {one.id: (one.lat, one.lon) for one in network.stations}
     missed: dict[tuple[float, float], int] = {}
     for day in days:
@@ -259,7 +259,7 @@ def _may_stand(network: Network, lat: float, lon: float) -> bool:
 
 
 def document_of(found: CapacityFound) -> dict[str, Any]:
-    """Return the answer as JSON values (`SCHEMA`); what is not known is None."""
+    """Return the result as JSON values (`SCHEMA`); unknown values are None."""
     return {
         "schema": SCHEMA,
         "level": found.level,

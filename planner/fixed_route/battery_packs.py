@@ -1,9 +1,9 @@
 """Where to leave a fixed route to change the battery, with few packs and few chargers: exact.
 
-What comes out of the drone goes to the charger that is free first, and is charged to the full; the drone waits on the pad for the pack that is
+The pack taken from the drone goes to the first free charger, and is charged to full; the drone waits on the pad for the pack that is
 full first. A label is an arrival: a place, a pad, when the drone can continue with a full pack, when each other pack is full, and when each
-charger is free. It is dropped where another one of the same place is no later in all of these: it then allows everything possible with
-it, for on a pad one may wait. A way takes the same whenever it starts between two changes of the wind, so that only the first take-off of each
+charger is free. It is dropped if another one of the same place is no later in all of these: then everything possible with it is possible with the
+other, since a drone may wait on a pad. A way takes the same time and charge whenever it starts between two changes of the wind, so only the first take-off of each
 such piece is tried.
 """
 
@@ -32,10 +32,10 @@ class PackPool:
     """Batteries and chargers that move with the person who changes batteries."""
 
     packs: int
-    """That of the drone included; all are full at the start."""
+    """The drone's included; all are full at the start."""
     chargers: int
     swap_s: float
-    """Time that a change takes; the pack that is out is charged behind it."""
+    """Duration of a change; the removed pack is charged after it."""
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
     """Of a charger: seconds from empty and SoC."""
@@ -45,7 +45,7 @@ class PackPool:
         return float(self.curve_s[-1] - np.interp(max(soc, 0.0), self.curve_soc, self.curve_s))
 
     def changed(self, here: PoolState, arrive_s: float, soc: float) -> tuple[float, PoolState]:
-        """Exchange the battery of a drone that arrives at a time with a charge: when it can depart, and the remaining packs."""
+        """Exchange the battery of a drone that arrives at a time with a charge: departure time, and the remaining packs."""
         out_s = arrive_s + self.swap_s
         begin_s = max(out_s, here.free[0])
         full_s = begin_s + self.refill_s(soc)
@@ -64,14 +64,14 @@ class PoolState:
     """Instants in order."""
 
     full: tuple[float, ...]
-    """When each pack that is in no drone is full."""
+    """When each pack outside a drone is full."""
     free: tuple[float, ...]
-    """When each charger has nothing to do any more."""
+    """When each charger is free."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Change(Label):
-    """A label with the pool behind it, and how it was come to."""
+    """A label with its pool, and the way it was reached."""
 
     pool: PoolState
     depart_s: float
@@ -81,9 +81,9 @@ class _Change(Label):
 
 
 def swap_stops(route: FixedRoute, pool: PackPool) -> ChargingPlan | None:
-    """Return the stops of the earliest route on which every flight starts with a full pack, or None where there is none.
+    """Return the stops of the earliest route on which every flight starts with a full pack, or None if there is none.
 
-    The route's curves are those of a drone that is full at once, and the change is in its waits.
+    The route's curves are those of a drone that is full at once, and the duration of a change is in its waits.
     """
     return _PackSearch(route, pool).solve()
 
@@ -104,7 +104,7 @@ class _PackSearch(StopSearch):
         return None if self.best is None else self._told(*self.best)
 
     def landings(self, label: Label, position: int, pad: int) -> list[_Change]:
-        """Fly to a pad in each piece of time, and exchange the battery there; omit landings dominated by known ones."""
+        """Fly to a pad in each interval, and exchange the battery there; omit landings dominated by known ones."""
         if not isinstance(label, _Change):
             return []
         first, last = self.windows[pad]
@@ -146,7 +146,7 @@ class _PackSearch(StopSearch):
 
 
 def _no_later(one: _Change, leave_s: float, pool: PoolState) -> bool:
-    """Whether a label can do all that one with this pool can that leaves then."""
+    """Whether a label dominates one with this pool and departure."""
     if float(one.g[0, 0]) > leave_s + 1e-9:
         return False
     pairs = zip((*one.pool.full, *one.pool.free), (*pool.full, *pool.free), strict=True)

@@ -1,9 +1,9 @@
-"""Where to leave a fixed route for a pad, which pad, and how long to charge there, so that the route ends first: exact.
+"""The best places, pads and charging times to interrupt a fixed route so that it ends first: exact.
 
-Labels are stops with all that the drone can do there, as charge over time (`planner.schedule.profile_kernels`): waiting for a pad,
-charging along a curve that is not straight, and going on later where the wind changes are all in the one function. They are taken
-in the order of a bound (`planner.fixed_route.bound_kernels`), ways on from a label one by one, so that most are never computed; the
-first that ends the route is the best. A label is dropped where another one of the same place has at any time as much charge.
+Labels are stops with all options of the drone there, as charge over time (`planner.schedule.profile_kernels`): waiting for a pad,
+charging along a curve that is not straight, and continuing later if the wind changes are all in the one function. They are processed
+in the order of a bound (`planner.fixed_route.bound_kernels`), onward ways of a label one by one, so that most are never computed; the
+first that ends the route is the best. A label is dropped if another one of the same place has at any time as much charge.
 
 The fixed-route vehicle charging problem (Froger, Mendoza, Jabali and Laporte, "Improved formulations and algorithmic components for the
 electric vehicle routing problem with nonlinear charging functions", Computers & Operations Research 104, 2019) is this one with one slot.
@@ -42,7 +42,7 @@ class FixedRoute:
 
     hops: Hops
     slots: Slots
-    """When hops change; one slot where they do not."""
+    """Clock of the hops; one slot if they do not change."""
     can_leave: NDArray[np.bool_]
     """Shape (positions,). Where the work may be left."""
     curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
@@ -53,16 +53,16 @@ class FixedRoute:
     soc_start: float
     reserve_soc: float = 0.0
     mean_ratio: float = 1.0
-    """What hops take on average, over what `hops` say."""
+    """Mean of actual over modelled hops."""
     sure_ratio: float = 1.0
-    """What a way from pad to pad must have charge for."""
+    """Required charge of a way from pad to pad, over the model's."""
     windows: tuple[Window, ...] = ()
-    """Of each pad, when it can be used; none: all of them always."""
+    """Times at which each pad can be used; empty: always."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChargingStop:
-    """One stop of an answer; instants in seconds on the clock of the route."""
+    """One stop of a solution; instants in seconds on the clock of the route."""
 
     position: int
     """Where the work is left."""
@@ -85,12 +85,12 @@ class ChargingPlan:
     end_s: float
     soc_end: float
     labels: int
-    """Stops that were computed on the way."""
+    """Number of stops computed in the search."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Label:
-    """A stop: where the work was left, the pad, charge over time there, and the label that it was reached from."""
+    """A stop: where the work was left, the pad, charge over time there, and the label from which it was reached."""
 
     position: int
     pad: int
@@ -101,15 +101,15 @@ class Label:
 
 
 def charging_stops(route: FixedRoute, *, below_s: float = math.inf) -> ChargingPlan | None:
-    """Return the stops with which a route ends first, or None where no stops let it end, or none before `below_s`.
+    """Return the stops with which a route ends first, or None if no stops let it end, or none before `below_s`.
 
-    Times and charges are those of hops that take `mean_ratio` times what they say. Of two answers that end together, one is returned.
+    Times and charges are those of hops that take `mean_ratio` times their modelled values. Of two solutions with the same end, one is returned.
     """
     return StopSearch(route, below_s).solve()
 
 
 def least_end(route: FixedRoute) -> float:
-    """Return a bound of the end of a route, without looking for its stops; infinite where none let it end."""
+    """Return a bound of the end of a route, without searching its stops; infinite if none let it end."""
     search = StopSearch(replace(route, windows=()))
     none = np.empty((0, 3))
     rows = search.ways_on(Label(NOWHERE, NOWHERE, np.array([[route.start_s, route.soc_start]]), none, none, None))
@@ -117,7 +117,7 @@ def least_end(route: FixedRoute) -> float:
 
 
 class StopSearch:
-    """Best-first search over labels; `_land` says what comes of a landing."""
+    """Best-first search over labels; `_land` returns the result of a landing."""
 
     def __init__(self, route: FixedRoute, below_s: float = math.inf) -> None:
         self.route = route
@@ -146,7 +146,7 @@ class StopSearch:
         self.best: tuple[Label, float] | None = None
 
     def solve(self) -> ChargingPlan | None:
-        """Take the ways on in the order of their bounds until none may end before the best."""
+        """Process the onward ways in the order of their bounds until none may end before the best."""
         start = np.array([[self.route.start_s, self.route.soc_start]])
         none = np.empty((0, 3))
         begin = Label(NOWHERE, NOWHERE, start, none, none, None)
@@ -157,7 +157,7 @@ class StopSearch:
         return None if self.best is None else self._traced(*self.best)
 
     def search_from(self, begin: Label) -> None:
-        """Find the best way on from a label."""
+        """Find the best onward way of a label."""
         self._go_on_from(begin)
         while self.queue:
             bound, _, _, label, ways, position, pad = heapq.heappop(self.queue)
@@ -171,12 +171,12 @@ class StopSearch:
                 self._go_on_from(reached)
 
     def landings(self, label: Label, position: int, pad: int) -> Sequence[Label]:
-        """Fly to a pad: the labels there of which more may come than of those that are known."""
+        """Fly to a pad: the labels there that are not dominated by known ones."""
         reached = self._land(label, position, pad)
         return () if reached is None else (reached,)
 
     def _dive(self, label: Label) -> None:
-        """Take the best way on again and again: an answer that is nearly the best, so that most others are never searched."""
+        """Take the best onward way repeatedly: a nearly optimal solution, so that most others are never searched."""
         for _ in range(len(self.route.can_leave) * len(self.route.curves)):
             rows = self.ways_on(label)
             reached = None
@@ -193,22 +193,22 @@ class StopSearch:
             label = reached
 
     def ways_on(self, label: Label) -> NDArray[np.float64]:
-        """Return the ways on from a label that may end before the best, with their bounds."""
+        """Return the onward ways of a label that may end before the best, with their bounds."""
         found = onward(
             label.g, label.position, label.pad, self.least, self.left, *self.bounds, self.curves, self.best_s
         )  # fmt: skip
         return np.asarray(found)
 
     def _go_on_from(self, label: Label) -> None:
-        """Queue the best way on from a label; the others wait in its iterator."""
+        """Queue the best onward way of a label; the others wait in its iterator."""
         rows = self.ways_on(label)
         order = np.lexsort((-rows[:, 1], rows[:, 0]))
         self._queue_next(label, (rows[number].tolist() for number in order))
 
     def _queue_next(self, label: Label, ways: Iterator[list[float]]) -> None:
-        """Queue the best way on of a label that is left; of equal ones, the one that has done more work comes first.
+        """Queue the best remaining onward way of a label; of equal ones, the one with more work done comes first.
 
-        Ways to where a label is known that surely has as much charge at any time are omitted.
+        Ways to a place with a known label that certainly has as much charge at any time are omitted.
         """
         for bound, until, to_pad, first_s, potential_s in ways:
             place = int(until), int(to_pad)
@@ -234,7 +234,7 @@ class StopSearch:
             self.best = (label, float(rows[first, 2]))
 
     def _land(self, label: Label, position: int, pad: int) -> Label | None:
-        """Fly to a pad; None where nobody can, or no more can come of it than of a label that is known."""
+        """Fly to a pad; None if that is impossible, or dominated by a known label."""
         pieces = self._pieces(label, position, pad)
         z, h, g = self._on_pad(label.g, pieces, pad)
         known = self.known.setdefault((position, pad), [])
@@ -255,7 +255,7 @@ class StopSearch:
         )  # fmt: skip
 
     def _traced(self, label: Label, depart_s: float) -> ChargingPlan:
-        """Turn the best chain of labels into stops, from the end to the start."""
+        """Convert the best chain of labels to stops, from the end to the start."""
         route = self.route
         stops: list[ChargingStop] = []
         position, pad, at, leave_s = len(route.can_leave) - 1, NOWHERE, label, depart_s
@@ -277,7 +277,7 @@ class StopSearch:
         return ChargingPlan(tuple(reversed(stops)), leave_s, end_s, soc_end, self.labels)
 
     def _stay(self, label: Label, leave_s: float, charge: float) -> tuple[float, float]:
-        """Return when the pad is used from, never where it is not, and the take-off before."""
+        """Return the start of the use of the pad, always within its times, and the take-off before."""
         curve_s, curve_soc = self.route.curves[label.pad]
         potential, before_s = profile_at(label.z, leave_s)
         landed, landed_before_s = profile_at(label.h, leave_s)
@@ -287,7 +287,7 @@ class StopSearch:
         return interpolate(arrived, curve_soc, curve_s) - potential, before_s
 
     def _taken(self, label: Label, leave_s: float) -> float:
-        """Charge that the way to a label takes."""
+        """Charge used on the way to a label."""
         before = label.before
         if before is None:
             return 0.0
@@ -297,7 +297,7 @@ class StopSearch:
 
 
 def _surely_covers(z: tuple[list[float], list[float]], first_s: float, potential_s: float) -> bool:
-    """Whether a profile of charging potential is as high at a time as another one that begins then ever is."""
+    """Whether a profile of charging potential is as high at a time as the maximum of another one that begins then."""
     at = bisect_right(z[0], first_s) - 1
     return at >= 0 and z[1][at] >= potential_s - 1e-9
 
@@ -333,7 +333,7 @@ def _after(g: NDArray[np.float64], time_s: float) -> float:
 def fastest(
     curves: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the curve on which every percent comes from the fastest of some pads: SoC and seconds from empty, convex."""
+    """Return the curve that uses the fastest of some pads for each percent: SoC and seconds from empty, convex."""
     soc = np.unique(np.concatenate([points for _, points in curves]))
     slopes = [np.diff(np.interp(soc, points, seconds)) for seconds, points in curves]
     return soc, np.concatenate(([0.0], np.cumsum(np.min(slopes, axis=0))))

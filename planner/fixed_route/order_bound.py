@@ -1,8 +1,8 @@
-"""A bound over all orders: no order, stops and distribution over drones ends earlier.
+"""A bound over all orders: no order, stops and distribution over drones end earlier.
 
-A linear relaxation. Each unit is entered from one other and left to one other, on ways that cost their time and their charge,
-the lesser of both ways round; tours that never come to the start are cut off where the relaxation has them. Leaving the work for a pad, and going
-on with it where it was left, costs at least what the nearest place to a pad does.
+A linear relaxation. Each unit is entered from one other and left to one other, on ways with their time and their charge,
+the lesser of both directions; tours that do not include the start are cut off if they occur in the solution. Leaving the work for a pad, and resuming
+it there, costs at least as much as at the place nearest to a pad.
 
 Let tau(q) be the time from empty to charge q on the fastest curve, r the reserve, a way of energy E take m E on average and be started with r + s E at
 least. Charging at V stops is tau(left with) - tau(come with), stop by stop; put together by ways it is tau of what the last way starts with, less
@@ -35,13 +35,13 @@ NEAREST = 6
 """Ways to and from a unit that are considered first."""
 REDUCED_S = 1e-7
 EXTRA = 4
-"""Columns that are no ways."""
+"""Columns that are not ways."""
 TOLERANCE_S = 1e-3
-"""The bound is so much less than what the solver says, for it works in floating point."""
+"""The bound is reduced by this share, since the solver works in floating point."""
 
 
 def bound_of_orders(work: FreeOrder) -> float:
-    """Return a time before which no order of some work ends, seconds on its clock; infinite where no order does."""
+    """Return a time before which no order of some work ends, seconds on its clock; infinite if no order ends."""
     least, drones = work.least, work.drones
     route = least.pads
     tour = _Ways(least, np.array(work.groups))
@@ -80,7 +80,7 @@ def bound_of_orders(work: FreeOrder) -> float:
 
 
 def _tangents(work: FreeOrder) -> list[tuple[float, float, float, float]]:
-    """Return of each tangent of phi its slope a and level b; the slope of first ways; and what the charge at the start is worth, s."""
+    """Return of each tangent of phi its slope a and level b; the slope of first ways; and the value of the charge at the start, s."""
     route = work.pads
     tau_soc, tau_s = fastest(route.curves)
     reserve, mean, sure = route.reserve_soc, route.mean_ratio, route.sure_ratio
@@ -109,7 +109,7 @@ def _tangents(work: FreeOrder) -> list[tuple[float, float, float, float]]:
 
 
 def _least_hop(hops: NDArray[np.float64]) -> float:
-    """Least of ways from one pad to another."""
+    """Minimum over ways from one pad to another."""
     away = hops[~np.eye(len(hops), dtype=bool)]
     away = away[np.isfinite(away)]
     return float(away.min()) if len(away) else 0.0
@@ -130,9 +130,9 @@ def _priced(
     wanted: NDArray[np.float64],
     columns: NDArray[np.bool_],
 ) -> tuple[float, NDArray[np.float64]] | None:
-    """Solve a linear program over columns that are 0 or more, with those that its answer needs; None where nothing does it.
+    """Solve a linear program over columns that are 0 or more, with those that its solution needs; None if it is infeasible.
 
-    Columns are put in, and stay in `columns`, until no other one has reduced costs below 0: then the answer is that of the whole program.
+    Columns are added, and stay in `columns`, until no other one has reduced costs below 0: then the solution is that of the complete program.
     """
     while True:
         chosen = np.flatnonzero(columns)
@@ -159,7 +159,7 @@ def _solved(
     equal: Any,
     wanted: NDArray[np.float64],
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]] | None:
-    """Solve a linear program over columns that are 0 or more: its answer, the columns, and the prices of its rows; None where nothing does it."""
+    """Solve a linear program over columns that are 0 or more: its solution, the columns, and the dual values of its rows; None if it is infeasible."""
     from scipy.optimize import linprog
 
     found = linprog(objective, rows, most, equal, wanted, method="highs")
@@ -201,7 +201,7 @@ class _Ways:
             self.soc = np.where(allowed, soc, math.inf).min(axis=0)[self.heads]
 
     def _less(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ways between units: the least of both ways round at both ends."""
+        """Ways between units: the minimum over both directions at both ends."""
         units = self.units
         found = np.empty((units + 1, units + 1))
         found[:units, :units] = table[: 2 * units, : 2 * units].reshape(units, 2, units, 2).min(axis=(1, 3))
@@ -211,7 +211,7 @@ class _Ways:
         return found
 
     def _may(self, one: int, other: int, groups: NDArray[np.int64], drones: int) -> bool:
-        """Whether a way may be flown: groups stay in their order."""
+        """Whether a way is allowed: groups stay in their order."""
         if one == other:
             return one == self.units and drones > 1
         if drones > 1:
@@ -223,7 +223,7 @@ class _Ways:
         return bool(groups[one] <= groups[other] <= groups[one] + 1)
 
     def degrees(self, drones: int) -> tuple[Any, NDArray[np.float64]]:
-        """Return the equations, as a sparse table: each unit is come to once and left once, head and tail once by each drone."""
+        """Return the equations, as a sparse table: each unit is entered once and left once, head and tail once by each drone."""
         from scipy.sparse import csc_array
 
         sides = (self.heads, self.tails) if self.apart else (self.heads,)
@@ -250,7 +250,7 @@ class _Ways:
         return chosen
 
     def cuts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return rows of ways into sets of units that are entered too rarely: at least one of them is flown."""
+        """Return rows of ways into sets of units that are entered too rarely: at least one of them is required."""
         if not self.apart or self.units < 2:
             return []
         from scipy.sparse import csr_array

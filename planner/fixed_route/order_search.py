@@ -1,8 +1,8 @@
 """Search for orders of units by adaptive large neighbourhood search over the exact planner of fixed routes.
 
-Some turns are taken out and put in again elsewhere, whichever way round costs least by time and charge of the ways. What a new order ends at
-is bounded in a millisecond (`charging_stops.least_end`): orders are walked through on that bound, and an order that is bounded to end before
-the best known is computed exactly, pads shared, so that every reported end was planned. Which way of taking out is used follows from how
+Some turns are removed and inserted elsewhere, in whichever direction costs least by time and charge of the ways. The end of a new order
+is bounded in a millisecond (`charging_stops.least_end`): the search walks through orders on that bound, and an order whose bound is before
+the best known end is computed exactly, with shared pads, so that every reported end was planned. The choice of removal methods follows from how
 often it helped (Ropke and Pisinger, "An adaptive large neighborhood search heuristic for the pickup and delivery problem with time windows",
 Transportation Science 40, 2006).
 """
@@ -30,32 +30,32 @@ Tours = list[list[int]]
 """Turns of each drone."""
 ITERATIONS, FEWEST_ITERATIONS = 1500, 100
 MANY_UNITS = 30
-"""Of more units fewer orders are tried, as each takes longer: as many as the square of their number is larger. Surveys of so many lines gain little by more:
+"""With more units fewer orders are tried, as each takes longer: reduced by the square of their number. Surveys with so many lines gain little by more:
 of 125 lines the end is 2.9 % earlier with 100 iterations, and with 800 3.0 %."""
 FEW_ORDERS = 400
-"""So few orders are all looked at."""
+"""Up to this number, all orders are evaluated."""
 _FEW_OUT, _MOST_OUT = 6, 30
-"""Turns that are taken out at once: all of a short tour, or there may be no way from one order to another that can be flown."""
+"""Least and greatest number of turns removed at once: all of a short tour, since otherwise there may be no flyable way from one order to another."""
 _WARM, _COLD = 0.2, 1e-3
 """Share of the end by which a worse order is taken at first, and at last."""
 _REACTION = 0.1
 _TIE_S = 1e-6
 LOOSER = 3.0
 LEAST_GAIN = 1e-4
-"""Where not all orders are looked at, one that may be better by a smaller share is not planned."""
+"""If not all orders are evaluated, an order whose possible gain is a smaller share is not planned."""
 
 
 @dataclass(frozen=True, slots=True)
 class BestOrder:
-    """The best order that was found, and when all of it ends."""
+    """The best order found, and when all of it ends."""
 
     tours: tuple[tuple[int, ...], ...]
     end_s: float
-    """Of the plans of its fixed routes, the last one; infinite where none was found."""
+    """Last end of the plans of its fixed routes; infinite if none was found."""
     looked_at: int
-    """Orders that were bounded."""
+    """Number of bounded orders."""
     planned: int
-    """Orders that were planned exactly."""
+    """Number of exactly planned orders."""
 
 
 def best_order(
@@ -67,9 +67,9 @@ def best_order(
     few: int = FEW_ORDERS,
     seed: int = 0,
 ) -> BestOrder:
-    """Look for the order that ends first, from an order on; `keeps_order`: units are shared among drones, each in the order of `begin`.
+    """Search for the order that ends first, starting from an order; `keeps_order`: units are shared among drones, each in the order of `begin`.
 
-    With at most `few` orders, all are searched. The same seed gives the same answer.
+    With at most `few` orders, all are evaluated. The same seed gives the same answer.
     """
     if iterations is None:
         share = min(1.0, (MANY_UNITS / max(work.units, 1)) ** 2)
@@ -95,7 +95,7 @@ class _Search:
         self.least_gain_s = _TIE_S
 
     def run(self, iterations: int, few: int) -> BestOrder:
-        """Walk from order to order, ever more strictly."""
+        """Walk from order to order, with decreasing acceptance of worse ones."""
         now, now_s = self.begin, self._bounded(self.begin)
         self._plan(now, now_s)
         for start in self._starts():
@@ -170,7 +170,7 @@ class _Search:
         return any(one is not None for one in self.work.turns[1::2]) and not self.keeps_order
 
     def _bounded(self, tours: Tours) -> float:
-        """Bound of the last end, and a little of the others, so that of two orders the one with less work in all is liked."""
+        """Bound of the last end, plus a small share of the others, so that of two orders the one with less total work is preferred."""
         self.looked_at += 1
         ends = []
         for tour in tours:
@@ -182,7 +182,7 @@ class _Search:
         return max(ends) + 1e-3 * sum(ends) / len(tours)
 
     def _plan(self, tours: Tours, bound: float) -> bool:
-        """Plan an order exactly where it may be the best; return whether it is."""
+        """Plan an order exactly if it may be the best; return whether it is."""
         last = max(self.known[tuple(tour)] for tour in tours)
         if not math.isfinite(bound) or last >= self.best_s - self.least_gain_s:
             return False
@@ -200,20 +200,20 @@ class _Search:
         return True
 
     def _starts(self) -> list[Tours]:
-        """Orders to begin with: units put in one by one where they cost least, the dearest first and at random."""
+        """Initial orders: units inserted one by one if they cost least, the most expensive first and at random."""
         turns = [turn for tour in self.begin for turn in tour]
         far = sorted(turns, key=lambda turn: -float(self.way[self.edge, turn]))
         empty: Tours = [[] for _ in self.begin]
         return [self._put_in(empty, order, mixed=False) for order in (far, list(reversed(far)))]
 
-    # what is taken out
+    # removal
 
     def _any(self, tours: Tours, count: int) -> list[int]:
         turns = [turn for tour in tours for turn in tour]
         return [turns[one] for one in self.rng.permutation(len(turns))[:count].tolist()]
 
     def _near(self, tours: Tours, count: int) -> list[int]:
-        """Take out a unit and those to which the ways from it are short."""
+        """Remove a unit and those to which its ways are short."""
         turns = np.array([turn for tour in tours for turn in tour])
         here = int(self.rng.choice(turns))
         away = np.minimum(self.way[here, turns], self.way[turns, here])
@@ -221,7 +221,7 @@ class _Search:
         return [int(one) for one in turns[np.argsort(away, kind="stable")[:count]]]
 
     def _dear(self, tours: Tours, count: int) -> list[int]:
-        """Take out what costs most where it is, mostly."""
+        """Remove mostly the turns with the highest cost at their place."""
         costs: list[tuple[float, int]] = []
         for tour in tours:
             around = [self.edge, *tour, self.edge]
@@ -231,17 +231,17 @@ class _Search:
         return [turn for _, turn in sorted(costs, reverse=True)[:count]]
 
     def _run(self, tours: Tours, count: int) -> list[int]:
-        """Take out a run of one tour."""
+        """Remove a run of one tour."""
         tour = tours[int(self.rng.integers(len(tours)))]
         if not tour:
             return self._any(tours, count)
         begin = int(self.rng.integers(len(tour)))
         return tour[begin : begin + count]
 
-    # where it is put in
+    # insertion
 
     def _put_in(self, tours: Tours, out: Sequence[int], *, mixed: bool = True) -> Tours:
-        """Put turns in one after the other, each where it costs least; what they cost is blurred, and long tours are shunned."""
+        """Insert turns one after the other, each where it costs least; costs are randomised, and long tours are penalised."""
         found = [list(tour) for tour in tours]
         order = [out[one] for one in self.rng.permutation(len(out)).tolist()] if mixed else list(out)
         blur = float(self.rng.choice([0.0, 0.0, 0.1, 0.3, 1.0])) if mixed else 0.0
@@ -266,7 +266,7 @@ class _Search:
         return found
 
     def _cost(self, tours: Tours) -> float:
-        """Return what is made of ways alone, in a moment: a worse order is mostly turned down by that already (delayed acceptance)."""
+        """Return the cost of the ways alone, which is fast: a worse order is usually rejected by it already (delayed acceptance)."""
         loads = [self._load(tour) for tour in tours if tour]
         return max(loads) + 1e-3 * sum(loads)
 
@@ -282,7 +282,7 @@ class _Search:
         return [2 * unit, 2 * unit + 1]
 
     def _costs(self, tour: Sequence[int], turn: int) -> NDArray[np.float64]:
-        """Return what a turn costs at each place of a tour; infinite where it may not be."""
+        """Return the cost of a turn at each place of a tour; infinite if it is not allowed there."""
         before, after = np.array([self.edge, *tour]), np.array([*tour, self.edge])
         cost = np.asarray(self.way[before, turn] + self.way[turn, after] - self.way[before, after])
         cost = np.where(np.isnan(cost), math.inf, cost)

@@ -1,7 +1,7 @@
 """Routes with a free order: units of work, and the fixed route of each order.
 
 A *turn* is a unit flown from its beginning (2 u) or from its end (2 u + 1). Ways between turns are a table; the head of the
-mission comes before the first turn of every route, its tail behind the last one.
+mission comes before the first turn of every route, its tail after the last one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _LITTLE = 0.2
 """Share of a battery."""
 _FEW = 250
-"""So few positions are all looked at."""
+"""Up to this number, all positions are considered."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,7 +44,7 @@ class Stretch:
 
     @property
     def ends_only(self) -> Stretch:
-        """The stretch with its first and last position alone."""
+        """The stretch with only its first and last position."""
         if len(self.can_leave) <= 2:
             return self
         to_s, to_soc, from_s, from_soc = (
@@ -66,11 +66,11 @@ class FreeOrder:
     """Work whose units may be reordered, for one or more drones that share its pads."""
 
     pads: FixedRoute
-    """Pads, charge and clock; its hops between pads are used."""
+    """Pads, charge and clock; only its hops between pads are used."""
     head: Stretch
     tail: Stretch
     turns: tuple[Stretch | None, ...]
-    """Of unit u 2 u and 2 u + 1; None where it is not flown from its end."""
+    """Unit u has 2 u and 2 u + 1; None if it is not flown from its end."""
     groups: tuple[int, ...]
     """Of each unit; no unit is flown before one of a lower group."""
     way_s: NDArray[np.float64]
@@ -82,7 +82,7 @@ class FreeOrder:
     drones: int = 1
     visit_s: float = 0.0
     visit_soc: float = 0.0
-    """What leaving the work for a pad and coming back takes at least, wherever it is left."""
+    """Minimum cost of leaving the work for a pad and coming back, at any place."""
 
     @property
     def units(self) -> int:
@@ -108,9 +108,9 @@ class FreeOrder:
 
     @cached_property
     def coarse(self) -> FreeOrder:
-        """The same with the ends of turns as the only places where one is left, but of turns that take much of a battery.
+        """The same with only the ends of turns as places to leave, except for turns that take much of a battery.
 
-        Fewer positions; plans for it are plans for all of it.
+        Fewer positions; plans for it are also plans for the original.
         """
         if sum(len(one.can_leave) for one in self.turns[::2] if one is not None) <= _FEW:
             return self
@@ -128,12 +128,12 @@ class FreeOrder:
 
     @cached_property
     def way_cost_s(self) -> NDArray[np.float64]:
-        """Ways by time and charge together, shape (turns + 1, turns + 1)."""
+        """Ways by weighted time and charge, shape (turns + 1, turns + 1)."""
         return np.asarray(self.least.way_s[0] + self.price_s * self.least.way_soc[0])
 
     @cached_property
     def turn_cost_s(self) -> NDArray[np.float64]:
-        """Turns likewise; infinite where there is none."""
+        """Turns likewise; infinite if there is none."""
         costs = [
             math.inf if one is None else float(one.work_s.sum() + self.price_s * one.work_soc.sum())
             for one in self.least.turns

@@ -1,4 +1,4 @@
-"""Pads divided among drones in advance: time windows on each numbered pad, so that two drones never meet on one, however late or early."""
+"""Pads divided among drones in advance: time windows on each numbered pad, so that two drones never meet on one, regardless of delays."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 def shares_of(
     counts: Sequence[int], stays: Sequence[Sequence[Stay]], within: Sequence[Sequence[Window]] = ()
 ) -> list[list[list[tuple[Window, int]]]]:
-    """Return of each drone the windows of each pad that are its own, with the number of the pad.
+    """Return for each drone its own windows of each pad, with the number of the pad.
 
-    `stays` are those of each drone. Between the stays of two drones the time is cut in the middle, `APART_S` apart; a pad that nobody
-    uses is one drone's, in turn.
+    `stays` are those of each drone. Between the stays of two drones the time is cut in the middle, `APART_S` apart; an unused
+    pad is assigned to one drone, in turn.
     """
     found: list[list[list[tuple[Window, int]]]] = [[[] for _ in counts] for _ in stays]
     unused = 0

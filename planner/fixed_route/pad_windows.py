@@ -1,4 +1,4 @@
-"""Pads that are available only in time windows: a van that stands there for a while, or a pad between two bookings."""
+"""Pads that are available only in time windows: a van with a limited stay, or a pad between two bookings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Window = tuple[float, float]
-"""Seconds: nobody lands before the first, and nobody stays beyond the last."""
+"""Seconds: no landing before the first, and no stay beyond the last."""
 ALWAYS: Window = (-math.inf, math.inf)
 NEVER: Window = (-math.inf, -math.inf)
 _NONE: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] = (
@@ -36,7 +36,7 @@ def landed_within(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Take a departure profile over a way and onto a pad as `way_kernels.landed` does, in a window of the pad.
 
-    Who would come too early takes off later; the profile of the next departure ends with the window.
+    A drone that would arrive too early takes off later; the profile of the next departure ends with the window.
     """
     rows = _arriving(np.asarray(flown(g, pieces, *ratios, reserve_soc)), window)
     if not len(rows):
@@ -61,7 +61,7 @@ def _arriving(rows: NDArray[np.float64], window: Window) -> NDArray[np.float64]:
 
 
 def until(g: NDArray[np.float64], last_s: float) -> NDArray[np.float64]:
-    """Return a departure profile as far as a time."""
+    """Return a departure profile up to a time."""
     if not len(g) or g[-1, 0] <= last_s:
         return g
     kept = int(np.searchsorted(g[:, 0], last_s, side="right"))

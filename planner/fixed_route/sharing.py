@@ -1,4 +1,4 @@
-"""Pads shared by several drones: each drone plans in the windows that the earlier ones leave."""
+"""Pads shared by several drones: each drone plans in the windows left by the earlier ones."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.pad_windows import Window
 
 APART_S = 30.0
-"""Between two drones on one pad: it is left, and the air above it is free, before the next one comes."""
+"""Between two drones on one pad: time to leave it, and to clear the air above it, before the next one arrives."""
 SHORTEST_S = 30.0
-"""A window that is shorter is of no use."""
+"""A shorter window is not used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """One numbered pad, from when to when."""
+    """A stay on one numbered pad."""
 
     pad: int
     number: int
@@ -47,7 +47,7 @@ def free_windows(stays: Sequence[Window], within: Window = ALWAYS) -> list[Windo
 
 
 def windows_left(count: int, stays: Sequence[Stay], within: Sequence[Window]) -> list[tuple[Window, int]]:
-    """Return the windows of interchangeable pads that stays leave free, each with the number of its pad; none nested in another."""
+    """Return the free windows of interchangeable pads between stays, each with the number of its pad; none nested in another."""
     found: list[tuple[Window, int]] = []
     for number in range(count):
         here = [(stay.from_s, stay.until_s) for stay in stays if stay.number == number]
@@ -76,9 +76,9 @@ def window_of(stay: Stay, windows: Sequence[tuple[Window, int]]) -> Window:
 def shared(
     routes: Sequence[FixedRoute], counts: Sequence[int], *, below_s: float = math.inf
 ) -> list[ChargingPlan] | None:
-    """Plan routes one after the other, the longest first; None where one has no plan, or ends at `below_s` or later.
+    """Plan routes one after the other, the longest first; None if one has no plan, or ends at `below_s` or later.
 
-    No two are on one pad within `APART_S` of each other; the pads of the plans are those of the routes.
+    No two drones are on one pad within `APART_S` of each other; the pads of the plans are those of the routes.
     """
     plans: dict[int, ChargingPlan] = {}
     stays: list[Stay] = []
@@ -95,7 +95,7 @@ def shared(
 def _within(
     route: FixedRoute, counts: Sequence[int], stays: Sequence[Stay], below_s: float
 ) -> tuple[ChargingPlan, list[Stay]] | None:
-    """Plan a route in the windows that stays leave; return the plan and its own stays."""
+    """Plan a route in the windows between stays; return the plan and its own stays."""
     own = route.windows or (ALWAYS,) * len(counts)
     left: Mapping[int, list[tuple[Window, int]]] = {
         pad: windows_left(counts[pad], [one for one in stays if one.pad == pad], [own[pad]])
@@ -119,7 +119,7 @@ def _within(
 
 
 def on_windows(route: FixedRoute, usable: Sequence[tuple[int, Window]]) -> FixedRoute:
-    """Return a route whose pads are windows of pads: each pad as often as it has windows."""
+    """Return a route whose pads are windows of pads: each pad once per window."""
     pads = [pad for pad, _ in usable]
     hops = route.hops
     of_pads = {

@@ -9,7 +9,7 @@ from skyway.models.base.parameters import Parameters, parameter
 
 @dataclass(frozen=True)
 class DispatchParameters(Parameters):
-    """What `planner.dispatch` weighs, and how it searches."""
+    """Weights of `planner.dispatch`, and its search."""
 
     refusal_s: float = parameter(86_400.0, "what an order of priority 0 that is not served costs", 3600, 1e7, unit="s")
     priority_factor: float = parameter(8.0, "how many times as much an order of the next priority costs", 1, 100)

@@ -9,7 +9,7 @@ from skyway.models.base.parameters import Parameters, parameter
 
 @dataclass(frozen=True)
 class EvaluationParameters(Parameters):
-    """Of `planner.evaluation`: how long a simulated delivery may take, and how its figures are counted."""
+    """Of `planner.evaluation`: the longest simulated delivery, and the counting of its figures."""
 
     max_stops: int = parameter(60, "number of stops after which a policy has given up", 1, 10_000)
     patience: float = parameter(

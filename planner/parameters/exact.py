@@ -13,7 +13,7 @@ _SPEED = "chosen for speed (commit 100d26f, whose figures were not kept); the an
 
 @dataclass(frozen=True)
 class ExactParameters(Parameters):
-    """Deadlines and cells of `planner.exact`: how fast it is, never what it answers."""
+    """Deadlines and cells of `planner.exact`: they affect its speed, never its result."""
 
     first_deadline: float = parameter(
         2.2, "the first deadline, as a multiple of what the straight way would take", 1, 100, measured=_SPEED
@@ -96,7 +96,7 @@ class ExactParameters(Parameters):
     )
 
     def __post_init__(self) -> None:
-        """Refuse what is out of range, and deadlines that end before the last arrival."""
+        """Refuse values that are out of range, and deadlines that end before the last arrival."""
         super().__post_init__()
         for name in ("deadlines", "near_cells", "near_deadlines", "proof_cells", "refinements"):
             shares = getattr(self, name)

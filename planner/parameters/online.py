@@ -16,7 +16,7 @@ _UPDATED = (
 
 @dataclass(frozen=True)
 class OnlineParameters(Parameters):
-    """How careful `planner.online` is, in evaluations and in flights, and how long it thinks."""
+    """Risk of `planner.online`, in evaluations and in flights, and its computing time."""
 
     # Risk
 

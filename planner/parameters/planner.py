@@ -17,7 +17,7 @@ from skyway.planner.parameters.tours import ToursParameters
 
 @dataclass(frozen=True)
 class PlannerParameters(Parameters):
-    """A part for each planner, and those that all share."""
+    """A part for each planner, and those shared by all."""
 
     robust: RobustParameters = field(default_factory=RobustParameters)
     exact: ExactParameters = field(default_factory=ExactParameters)

@@ -9,7 +9,7 @@ from skyway.models.base.parameters import Parameters, parameter
 
 @dataclass(frozen=True)
 class ToursParameters(Parameters):
-    """How `planner.tours` searches."""
+    """Of the search of `planner.tours`."""
 
     removed: float = parameter(10.0, "customers that are taken out at once, on average", 1, 1000)
     longest: int = parameter(10, "customers that are taken out of one tour at once, at most", 1, 1000)

@@ -1,4 +1,4 @@
-"""Airspace notes of a plan: its authorizations and conditions, and the zones that it waits for or goes around."""
+"""Airspace notes of a plan: its authorizations and conditions, and the zones that it waits for or avoids."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WAITS = "the drone waits at {}"
 
 
 def leg_ways(network: Network, nodes: Sequence[int], cruise_height_m: float) -> Ways:
-    """Return a leg over nodes as a mission flies it: climb, ways at the heights of `models.flight.heights`, descent."""
+    """Return a leg over nodes as flown by a mission: climb, ways at the heights of `models.flight.heights`, descent."""
     segments = _segments(network, nodes)
     if network.flown is not None and segments is not None:
         pairs = np.column_stack((nodes[:-1], nodes[1:]))
@@ -51,7 +51,7 @@ def leg_ways(network: Network, nodes: Sequence[int], cruise_height_m: float) -> 
 
 
 def _segments(network: Network, nodes: Sequence[int]) -> NDArray[np.int64] | None:
-    """Return the segments between nodes, None where there is one that none joins."""
+    """Return the segments between nodes, None if one pair is not joined."""
     found = []
     for tail, head in pairwise(nodes):
         begin, end = int(network.first[tail]), int(network.first[tail + 1])
@@ -63,7 +63,7 @@ def _segments(network: Network, nodes: Sequence[int]) -> NDArray[np.int64] | Non
 
 
 def airspace_notes(problem: Problem, services: Sequence[DroneService], stops: Sequence[Stop]) -> tuple[str, ...]:
-    """Return what the operator must know, in sentences; none where no zone concerns the delivery."""
+    """Return the notes for the operator, in sentences; empty if no zone concerns the delivery."""
     airspace = problem.network.zones
     if airspace is None or not airspace.zones:
         return ()
@@ -77,7 +77,7 @@ def _nodes(problem: Problem, service: DroneService) -> list[int]:
 
 
 def _told(problem: Problem, services: Sequence[DroneService]) -> Iterator[str]:
-    """Authorizations and conditions of the zones that legs come into."""
+    """Authorizations and conditions of the zones that legs enter."""
     airspace = problem.network.zones
     if airspace is None:
         return
@@ -113,7 +113,7 @@ def _ends(stop: Stop, service: DroneService) -> bool:
 
 
 def ends_at(zone: Zone, from_s: float, end_s: float) -> float:
-    """Return when the activity of a zone that a flight meets ends, which may be after the flight."""
+    """Return the end of the activity of a zone that a flight meets, which may be after the flight."""
     spans = zone.activation.spans(from_s, from_s + 172_800.0)
     return next((last for first, last in spans if first <= end_s <= last), end_s)
 

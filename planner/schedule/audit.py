@@ -1,14 +1,14 @@
 """Audit: every answer is recomputed by independent code before it is returned; a difference is an error.
 
-What is claimed is a composition: legs and stops with times and states of charge. From each claimed take-off the leg is
-flown, from each claimed landing the stop is spent, and the next claim must be met; so no error adds up, and none hides
-behind another. What is decided (segments, charges, earliest take-offs) must be in the claim, the sums must be its sums, and
-the searches that have perfect information must keep the reserve at every landing and arrive when they said they would.
+The claim is a composition: legs and stops with times and states of charge. From each claimed take-off the leg is
+flown, from each claimed landing the stop is spent, and the next claim must match; so errors neither accumulate nor hide
+each other. The decisions (segments, charges, earliest take-offs) must be in the claim, the totals must equal its sums, and
+the searches with perfect information must keep the reserve at every landing and arrive at their claimed time.
 
-Nothing of the searches is used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
-and the charging curve in closed form are written out again, in plain Python. Read are data only: the network, the wind
+The code of the searches is not used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
+and the charging curve in closed form are written out again, in plain Python. Only data are read: the network, the wind
 over its segments, the rules, the drone's power and the times of the queues. The schedule of a composition is one in the wind of
-one member of the forecast and one set of queues (`Realization`); under gusts and an energy that is not the model's, nothing but
+one member of the forecast and one set of queues (`Realization`); under gusts and an energy different from the model's, only
 its own sums can be compared.
 """
 
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.itinerary import Itinerary, Leg
 
 TIME_TOLERANCE_S = 0.02
-"""Times are told to the millisecond; the kernels keep 0.1 ms from the boundaries of slots and 1 ms from other drones."""
+"""Times are stated to the millisecond; the kernels keep 0.1 ms from the boundaries of slots and 1 ms from other drones."""
 SOC_TOLERANCE = 1e-5
 CURVE_TOLERANCE = 2.5e-4
 """SoC: the planners charge along 24 chords of the curve, which lie at most 0.00011 below it at either end of a charge."""
 SPEED_TOLERANCE_MPS = 0.05
 _EDGE_S = 2e-3
-"""Slots that a flight touches for less than this are not counted: the take-off is told to the millisecond."""
+"""Slots that a flight touches for less than this are not counted: the take-off is stated to the millisecond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ class Realization:
     member: int
     """Of the forecast."""
     queues: Mapping[int, QueuePath] | None
-    """At the node of each stop; None: the schedule is one with gusts, which is not flown again."""
+    """At the node of each stop; None: the schedule has gusts, and is not flown again."""
     arrival_s: float | None = None
-    """When the search said that the drone arrives, POSIX seconds, of one that had perfect information."""
+    """Arrival claimed by a search with perfect information, POSIX seconds."""
 
 
 def audit(composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization) -> None:
@@ -71,7 +71,7 @@ def audit(composition: Composition, problem: Problem, itinerary: Itinerary, real
 
 
 class _Audit:
-    """One composition before its judge; see `audit`."""
+    """Audit of one composition; see `audit`."""
 
     def __init__(
         self, composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization
@@ -97,11 +97,11 @@ class _Audit:
         return AuditError(self.composition.planner, number, what, claimed, flown)
 
     def _near(self, number: int | None, what: str, claimed: float, flown: float, tolerance: float) -> None:
-        if not abs(claimed - flown) <= tolerance:  # also where either is not a number
+        if not abs(claimed - flown) <= tolerance:  # also if either is not a number
             raise self._differ(number, what, claimed, flown)
 
     def decisions(self) -> None:
-        """Compare legs and stops with what was decided: segments, charges, earliest take-offs."""
+        """Compare legs and stops with the decisions: segments, charges, earliest take-offs."""
         network, services = self.problem.network, self.composition.services
         if len(services) != len(self.itinerary) or len(self.stops) != len(self.itinerary) or not services:
             counts = f"{len(services)} legs, {len(self.composition.stops)} stops"
@@ -141,7 +141,7 @@ class _Audit:
     def _stop(
         self, number: int, stop: Stop | None, node: int, landed: tuple[float, float], soc: float, service: DroneService
     ) -> None:
-        """Compare the stop before a leg; `landed` is the touch-down and when the drone joined the queue there."""
+        """Compare the stop before a leg; `landed` is the touch-down and the time when the drone joined the queue there."""
         off_s = service.depart.timestamp()
         if stop is None:
             self._near(number, "take-off, POSIX s", off_s, landed[0], TIME_TOLERANCE_S)
@@ -180,7 +180,7 @@ class _Audit:
         self._near(number, "charge, SoC", stop.soc_to, charged, SOC_TOLERANCE if straight else CURVE_TOLERANCE)
 
     def _closed_s(self, station: Station, begin_s: float, end_s: float) -> float:
-        """For how long a station is closed between two times; it must be open at the first."""
+        """Closed time of a station between two times; it must be open at the first."""
         if not station.open_hours or end_s <= begin_s:
             return 0.0
         closed = opening_hours(station.open_hours).closed_between(self.problem.load.timezone, begin_s, end_s)
@@ -199,7 +199,7 @@ class _Audit:
         if self.realization.queues is None:
             return service.arrive.timestamp()
         climb, cruise, descent = self.rates
-        if number == 1 and self.problem.in_flight:  # it needs no climb any more
+        if number == 1 and self.problem.in_flight:  # no further climb is needed
             off_s, soc = off_s - rules.climb_s, soc + climb * rules.climb_s
         over_s = off_s + rules.climb_s
         left_s = self._cruise(leg.segments, off_s)
@@ -220,7 +220,7 @@ class _Audit:
         return down_s
 
     def _cruise(self, segments: tuple[int, ...], off_s: float) -> float:
-        """End of the cruise; infinite where a segment is closed in any slot from take-off to touch-down."""
+        """End of the cruise; infinite if a segment is closed in any slot from take-off to touch-down."""
         air = self.problem.air
         now_s = off_s + self.problem.rules.climb_s
         for segment in segments:
@@ -266,7 +266,7 @@ class _Audit:
         return bool(network.zones.conflicts(together(level, chosen(climbs, pair[0][landed])), begin_s, end_s))
 
     def _triangle_mps(self, segment: int, slot: int) -> float:
-        """Ground speed by the law of cosines, 0 where the wind forbids the segment."""
+        """Ground speed by the law of cosines, 0 if the wind forbids the segment."""
         problem = self.problem
         wind = problem.ensemble
         begin_s = wind.start_s + slot * wind.slot_s
@@ -292,7 +292,7 @@ class _Audit:
         return min(speed, problem.drone.max_ground_speed_mps) if speed >= MIN_GROUND_SPEED_MPS else 0.0
 
     def sums(self) -> None:
-        """Compare the totals with what they are sums of."""
+        """Compare the totals with the sums of their parts."""
         composition, tolerance = self.composition, TIME_TOLERANCE_S * (1 + len(self.composition.services))
         landed_s = composition.services[-1].arrive.timestamp()
         self._near(None, "arrival, POSIX s", composition.arrive.timestamp(), landed_s, 0.0)
@@ -324,9 +324,9 @@ class _Audit:
                 raise self._differ(last, "SoC above the reserve for the way on", spare, least)
 
     def _escape_soc(self, down_s: float) -> float:
-        """Least charge to a station from the destination, after the time there, at once or when the wind lets it.
+        """Minimum charge to a station from the destination, after the time there, at once or when the wind allows it.
 
-        Without the package, or with it where the charge for that is to be kept.
+        Without the package, or with it if the charge for that is to be kept.
         """
         problem, air, rules = self.problem, self.problem.air, self.problem.rules
         loaded = problem.keeps_for_package

@@ -211,7 +211,7 @@ def _heights(problem: Problem, nodes: list[int]) -> LegHeights | None:
 def _winds(
     problem: Problem, segments: NDArray[np.int64], parts: NDArray[np.float64], off_s: float
 ) -> list[WindSummary]:
-    """Winds that the forecast has on a leg as a whole, and on each of its segments, when and as high as they are flown."""
+    """Forecast winds on a leg as a whole, and on each of its segments, at the time and height of flight."""
     network, height, exponent = problem.network, problem.rules.cruise_height_m, problem.rules.wind_profile_exponent
     tail = network.tail[segments]
     lat, lon = geodesy.midpoint(
@@ -248,7 +248,7 @@ def _segment(problem: Problem, segment: int, wind: WindSummary) -> LegSegment:
 
 
 def _stop(problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64], number: int) -> Stop | None:
-    """The stay before a flight; None before the first one where the drone leaves at once."""
+    """The stay before a flight; None before the first one if the drone leaves at once."""
     node = int(problem.network.tail[itinerary[number].segments[0]])
     arrive = problem.depart_s if number == 0 else float(schedule[number - 1, TOUCH_DOWN])
     soc_from = problem.soc if number == 0 else float(schedule[number - 1, SOC_LANDING])

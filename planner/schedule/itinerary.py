@@ -83,12 +83,12 @@ def fly_true(problem: Problem, itinerary: Itinerary, queues: Mapping[int, QueueP
 
 
 def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
-    """Node of the stop before each leg, and the one where the last leg ends: whose queues a delivery meets."""
+    """Nodes whose queues a delivery meets: the stop before each leg, and the end of the last leg."""
     return [*stop_nodes(problem, itinerary), int(problem.network.head[itinerary[-1].segments[-1]])]
 
 
 def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
-    """Node of the stop before each leg; an `InputError` where the itinerary is none."""
+    """Node of the stop before each leg; an `InputError` if the itinerary is invalid."""
     check_itinerary(problem.network, itinerary)
     return [int(problem.network.tail[leg.segments[0]]) for leg in itinerary]
 
@@ -103,7 +103,7 @@ def fly_as_it_stands(
 ) -> NDArray[np.float64]:
     """Fly an itinerary in members, shape (runs, legs, 7).
 
-    With sampled queues: sets that `disturbance` names, paths in order (place, set); without any, with expected waits.
+    With sampled queues: sets named by `disturbance`, paths in order (place, set); without any, with expected waits.
     """
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
@@ -117,7 +117,7 @@ def fly_as_it_stands(
 
 
 def held_in_the_air(problem: Problem, schedule: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
+    """Return the runs in which the wind prevents an immediate start although the drone is in the air and cannot hold, shape (runs,)."""
     late = schedule[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
     return np.asarray(late if problem.in_flight else np.zeros_like(late))
 
@@ -158,7 +158,7 @@ def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray
     """Member for the typical schedule, and that schedule with expected waits, shape (legs, 7).
 
     Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that of
-    all the others (least mean vector distance over the first hours). Raises a `NoRouteError` if no member lets it
+    all the others (least mean vector distance over the first hours). Raises a `NoRouteError` if no member lets the drone
     arrive.
     """
     runs = fly_expected(problem, itinerary)

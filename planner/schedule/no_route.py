@@ -46,7 +46,7 @@ def _joined_nodes(problem: Problem) -> NDArray[np.bool_]:
 
 
 def _held_in_zone(problem: Problem) -> str | None:
-    """Say that the start or the destination lies in a zone that is always closed; None where neither does."""
+    """Report that the start or the destination lies in a zone that is always closed; None if neither does."""
     network = problem.network
     zones = network.zones
     if zones is None:
@@ -65,7 +65,7 @@ def _held_in_zone(problem: Problem) -> str | None:
 
 
 def _parted(problem: Problem, start: str, goal: str) -> str:
-    """Say which parts of the network origin and destination are in, and where the parts come nearest to each other."""
+    """Report the parts of the network of origin and destination, and where the parts are nearest to each other."""
     network = problem.network
     here = _joined_nodes(problem)
     part = next(part for part in network.parts() if goal in part)
@@ -90,13 +90,13 @@ def grounded_leg(schedules: NDArray[np.float64]) -> int:
 
 
 def emptied_leg(schedule: NDArray[np.float64]) -> int | None:
-    """Number of the first leg that a schedule of shape (legs, 6) lands from below an empty battery; None where there is none."""
+    """Number of the first leg in a schedule of shape (legs, 6) that ends with an empty battery; None if there is none."""
     empty = schedule[:, SOC_LANDING] < 0.0
     return int(np.argmax(empty)) if empty.any() else None
 
 
 def _closed(problem: Problem, segments: NDArray[np.int64]) -> str | None:
-    """Say which zones, or which greatest height, close one of some segments throughout the forecast; None where none is."""
+    """Report the zones, or the greatest height, that close one of some segments throughout the forecast; None if there are none."""
     air, network = problem.air, problem.network
     for segment in segments.tolist():
         if not air.shut[:, air.shut_of[segment]].all():
@@ -124,9 +124,9 @@ def _too_strong(problem: Problem) -> str:
 def never_leaves(
     problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0, way_on_soc: float = 0.0
 ) -> NoRouteError:
-    """Explain a route that no wind of the forecast lets fly to its end: it never begins the leg (see `grounded_leg`).
+    """Explain a route that cannot be flown in any wind of the forecast: it never begins the leg (see `grounded_leg`).
 
-    The drone insists on `required_soc` at its take-off, at the least: the energy binds where it cannot have that. Of it
+    The drone requires at least `required_soc` at its take-off: the energy binds if that is not available. Of it
     `way_on_soc` is for the way on from a target without pads.
     """
     network, drone = problem.network, problem.drone
@@ -170,7 +170,7 @@ def _way_on_words(problem: Problem, target: str, soc: float) -> str:
 
 
 def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
-    """Refuse a route that typically ends with an empty battery in the air, on a leg."""
+    """Refuse a route on which a leg typically ends with an empty battery in the air."""
     network, segments = problem.network, itinerary[leg].segments
     a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
     message = (
@@ -182,9 +182,9 @@ def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "
 
 
 def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, budget_soc: float) -> NoRouteError:
-    """Refuse a target without pads: with what a flight over a segment there takes, and the way on, no battery is enough.
+    """Refuse a target without pads: with the charge for a flight over a segment there, and the way on, no battery is sufficient.
 
-    Says by how much; both are charges that a full battery must have above the reserve.
+    The message gives the deficit; both are charges that a full battery must have above the reserve.
     """
     network = problem.network
     start, goal = (network.stations[node].id for node in (problem.origin, problem.destination))
@@ -225,7 +225,7 @@ def nothing_in_reach(problem: Problem) -> str:
 
 
 def no_room(problem: Problem) -> NoRouteError:
-    """Refuse a destination where nobody who arrives within the forecast can land."""
+    """Refuse a destination at which no landing is possible for any arrival within the forecast."""
     start, goal = (problem.network.stations[node].id for node in (problem.origin, problem.destination))
     busy = problem.request.state.busy_pads.get(goal)
     there = "" if busy is None else f" behind the {busy} drones that are there now"
@@ -239,8 +239,8 @@ def no_room(problem: Problem) -> NoRouteError:
 def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> NoRouteError:
     """Explain a failed search: disconnected, energy on the decisive segment, wind, or no room at the destination.
 
-    The decisive segment is the one that asks least among those that lead out of what can be reached. Whether there is
-    `room` within the forecast is said by who knows the queues.
+    The decisive segment is the one with the lowest requirement among those that lead out of the reachable part. Whether there is
+    `room` within the forecast is determined by the caller, from the queues.
     """
     network = problem.network
     start = network.stations[problem.origin].id

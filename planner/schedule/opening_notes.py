@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
 
 SHOWN_S = 30.0
-"""A shorter wait is not told."""
+"""A shorter wait is not reported."""
 
 
 def opening_notes(problem: Problem, services: Sequence[DroneService], stops: Sequence[Stop]) -> Iterator[str]:

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.spending import Spending
 
 HELD_S = 0.5
-"""A drone that leaves later than it could counts as held from so much on."""
+"""A drone that leaves later than possible by at least this counts as held."""
 FULL_COSTS = 1.0
-"""What a station that is full costs, in mean charging times of others. With half of one and 64 sets, intervals held the mean of other seeds in
-92 % (one wind) and 96 % (all) of 16 requests; with one and 128 sets in 95 and 97 % of 20 others that nothing was chosen on."""
+"""Cost of a full station, in mean charging times of others. With half of one and 64 sets, intervals held the mean of other seeds in
+92 % (one wind) and 96 % (all) of 16 requests; with one and 128 sets in 95 and 97 % of 20 others that were not used for the choice."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class Outcome:
     """Outcome of an itinerary over the forecast."""
 
     start_s: float
-    """Departure asked for, POSIX seconds."""
+    """Requested departure, POSIX seconds."""
     arrival_s: NDArray[np.float64]
     weight: NDArray[np.float64]
     """Shape (runs that arrive,) each. Arrival of each run, POSIX seconds, and its probability."""
     p_reserve: NDArray[np.float64]
-    """Shape (legs,). Probability that the landing keeps the reserve, given that the flight is flown at all."""
+    """Shape (legs,). Probability that the landing keeps the reserve, given that the flight takes place."""
     p_hold: NDArray[np.float64]
     p_hold_room: NDArray[np.float64]
     """Shape (legs,) each. Probabilities that the drone, ready to leave, holds before the flight for the wind, and for
@@ -49,12 +49,12 @@ class Outcome:
     kept: NDArray[np.bool_]
     """Shape (runs that arrive,). Whether every landing of a run keeps the reserve, that of the way on included."""
     p_onward: float | None = None
-    """Probability that the way on from a target without pads keeps the reserve, given the arrival; None where there is none, or
+    """Probability that the way on from a target without pads keeps the reserve, given the arrival; None if there is none, or
     it was not counted."""
     crossed: Crossed | None = None
-    """Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand."""
+    """Days and queues of the runs that arrive; None if nothing was sampled: one truth, known beforehand."""
     spending: Spending | None = None
-    """What the runs that arrive spend; None where it is not requested."""
+    """Consumption of the runs that arrive; None if not requested."""
 
     @property
     def mean_s(self) -> float:
@@ -72,13 +72,13 @@ class Outcome:
 
     @property
     def delivery(self) -> Figure:
-        """Mean delivery time, s, and how sure it is."""
+        """Mean delivery time, s, with its uncertainty."""
         if self.crossed is None or not len(self.weight):
             return certain(self.mean_s - self.start_s)
         return self.crossed.mean(self.arrival_s - self.start_s)
 
     def delivery_quantile(self, q: float) -> Figure:
-        """Delivery time that a share q of the deliveries does not exceed, s, and how sure it is."""
+        """Delivery time that a share q of the deliveries does not exceed, s, with its uncertainty."""
         if self.crossed is None or not len(self.weight):
             return certain(self.quantile_s(q) - self.start_s)
         return self.crossed.quantile(self.arrival_s - self.start_s, q)
@@ -88,7 +88,7 @@ class Outcome:
         return float(np.average(values, weights=self.weight))
 
     def spread(self, values: NDArray[np.float64]) -> tuple[Figure, Figure]:
-        """Mean and 95th percentile of a value of each run that arrives, one or more, and how sure they are."""
+        """Mean and 95th percentile of a value of each run that arrives, one or more, with their uncertainty."""
         if self.crossed is None:
             return certain(self.average(values)), certain(weighted_quantile(values, self.weight, 0.95))
         crossed = replace(self.crossed, rare_s=0.0)
@@ -96,13 +96,13 @@ class Outcome:
 
     @property
     def success(self) -> Figure:
-        """Probability that every landing keeps the reserve, and how sure it is."""
+        """Probability that every landing keeps the reserve, with its uncertainty."""
         if self.crossed is None or not len(self.weight):
             return certain(self.p_success)
         return self.crossed.rate(self.kept)
 
     def on_time(self, deadline_s: float) -> Figure:
-        """Probability to arrive by a deadline, POSIX seconds, and how sure it is."""
+        """Probability to arrive by a deadline, POSIX seconds, with its uncertainty."""
         if self.crossed is None or not len(self.weight):
             return certain(self.p_by(deadline_s))
         found = self.crossed.rate(self.arrival_s <= deadline_s + 1e-6)
@@ -119,9 +119,9 @@ def outcome(
     onward_soc: NDArray[np.float64] | None = None,
     control: NDArray[np.float64] | None = None,
 ) -> Outcome:
-    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, where they are sampled.
+    """Summarise runs of an itinerary; `groups` are the member and the set of queues of each, if sampled.
 
-    `control` is what their weights were calibrated on, see `planner.schedule.precision.Crossed`. Given the itinerary, what they spend is summarised, too, where the scenario has prices or the objective counts it.
+    `control` is the variable on which their weights were calibrated, see `planner.schedule.precision.Crossed`. Given the itinerary, consumption is summarised, too, if the scenario has prices or the objective counts it.
     `onward_soc`, shape (runs,), is the charge on landing after the way on from a target without pads.
     """
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
@@ -166,20 +166,20 @@ def _crossed(
 
 
 def full_costs_s(problem: Problem) -> float:
-    """Approximate cost of finding a station full, s; 0 where no others fly."""
+    """Approximate cost of finding a station full, s; 0 if there are no other drones."""
     load = problem.load
     used = load.arrivals_per_s.max(axis=1) > 0.0
     return FULL_COSTS * float(load.mean_charging_s[used].mean()) if used.any() else 0.0
 
 
 def later(one: Outcome, other: Outcome) -> Figure:
-    """Mean difference in arrival from another route, s; paired by delivery where both were flown in the same ones."""
+    """Mean difference in arrival from another route, s; paired by delivery if both were flown in the same ones."""
     if one.crossed is None or other.crossed is None or not len(one.weight) or not len(other.weight):
         return certain(one.mean_s - other.mean_s)
     same = one.crossed.day.shape == other.crossed.day.shape
     if same and (one.crossed.day == other.crossed.day).all() and (one.crossed.queue == other.crossed.queue).all():
         found = one.crossed.difference(one.arrival_s, other.arrival_s)
-        off = one.mean_s - other.mean_s - found.value  # their deliveries may be weighted otherwise
+        off = one.mean_s - other.mean_s - found.value  # their deliveries may have other weights
         return replace(found, value=found.value + off, low=found.low + off, high=found.high + off)
     a, b = one.delivery, other.delivery
     value, error = one.mean_s - other.mean_s, math.hypot(a.error, b.error)

@@ -4,16 +4,16 @@ Runs are crossed: those in the same member of the forecast share its wind, those
 other drones. With r(i) = w(i) (x(i) - mean) the variance of a weighted mean is V(days) + V(queues) - V(runs), each the
 sum of squares of the sums of r over one day, one set, one run, times n / (n - 1) for n of them (two-way clustering;
 Cameron, Gelbach and Miller 2011, "Robust inference with multiway clustering"). So the days of the forecast count as a
-sample of the days that may come: the interval is about the mean over very many days and queues. What another seed would
-change is less: the days stay the same, only the queues, gusts and vehicles are others.
+sample of possible days: the interval is about the mean over very many days and queues. The effect of another seed
+is smaller: the days stay the same, only the queues, gusts and vehicles differ.
 
-Queues have rare sets: in most no drone waits for room at the next station, in one of a hundred all deliveries wait for an hour. Where none
-of n sets shows it, its probability may still be 1 / n and more, so that one more set is counted, which costs as much as the
+Queues have rare sets: in most no drone waits for room at the next station, in one of a hundred all deliveries wait for an hour. If none
+of n sets shows it, its probability may still be 1 / n and more. So one more set is counted, which costs as much as the
 worst of those seen or `Crossed.rare_s`; it makes deliveries later, never earlier, so that only the upper end moves. Without
 it an interval held the mean of very many seeds in 25 to 93 % of the seeds, by the request; with it in 95 % on average.
 
-A quantile is as sure as the share of the runs below it (Woodruff 1952): Wilson's interval of that share, with as many
-runs as independent ones would have the same variance, is carried back through the distribution.
+The uncertainty of a quantile follows from that of the share of the runs below it (Woodruff 1952): Wilson's interval of that share, with as many
+runs as independent ones would have the same variance, is mapped back through the distribution.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ class Crossed:
     """Runs in days and queues."""
 
     weight: NDArray[np.float64]
-    """Shape (runs,). Probability of each, of any sum."""
+    """Shape (runs,). Weight of each, with any sum."""
     day: NDArray[np.int64]
     queue: NDArray[np.int64]
     """Shape (runs,) each. Member of the forecast and set of queues of each."""
     rare_s: float = 0.0
-    """What a set of queues in which a station is full costs a delivery, about, s; 0: no others fly."""
+    """Approximate cost of a set of queues in which a station is full, for a delivery; 0: no other drones."""
     control: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    """Shape (runs, any). What the weights were calibrated on, less its mean on each day: what of a value goes with it is the same for all seeds."""
+    """Shape (runs, any). The variables on which the weights were calibrated, less their mean on each day: the part of a value that is linear in them is the same for all seeds."""
 
     def mean(self, values: NDArray[np.float64]) -> Figure:
-        """Weighted mean of positive values; its interval is symmetric in the logarithm, as long tails want it."""
+        """Weighted mean of positive values; its interval is symmetric in the logarithm, which suits long tails."""
         share = self.weight / self.weight.sum()
         value = float(share @ values)
         error, seed_error, tail = self._errors(share, values - value)
@@ -77,13 +77,13 @@ class Crossed:
         low, high = (weighted_quantile(values, share, end) for end in (low_q, high_q))
         slope = (high - low) / max(high_q - low_q, 1e-12)
         error = slope * share_error
-        if 0.0 < low < value and q > 0.5:  # few days hardly hold the rare ones: the tail goes on as it comes (Pareto)
+        if 0.0 < low < value and q > 0.5:  # few days rarely include the rare ones: the tail is extrapolated (Pareto)
             steps = math.log((1.0 - q) / max(1.0 - high_q, 1e-9)) / math.log((1.0 - low_q) / (1.0 - q))
             high = max(high, value * (value / low) ** min(steps, 3.0))
         return Figure(value, min(low, value), max(high, value), error, slope * seed_error)
 
     def rate(self, flags: NDArray[np.bool_]) -> Figure:
-        """Share of the runs where it is so; where it is so in all or none of n runs, the interval is that of n draws."""
+        """Share of the runs with a property; if all or none of n runs have it, the interval is that of n draws."""
         share = self.weight / self.weight.sum()
         value = min(max(float(share @ flags), 0.0), 1.0)
         error, seed_error, tail = self._errors(share, flags - value)
@@ -95,7 +95,7 @@ class Crossed:
         return Figure(value, low, high, error, seed_error)
 
     def _errors(self, share: NDArray[np.float64], off: NDArray[Any]) -> tuple[float, float, float]:
-        """Standard error, the part that another seed would show, and the quantile of Student's t for the interval."""
+        """Standard error, the part that changes with the seed, and the quantile of Student's t for the interval."""
         from scipy.special import stdtrit
 
         part = share * off
@@ -116,7 +116,7 @@ class Crossed:
         return math.sqrt(variance), math.sqrt(by_seed), tail
 
     def _of_a_seed(self, share: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Parts of a sum without what another seed would not change: what all runs of a day have in common, and what goes with `control`."""
+        """Parts of a sum that change with the seed: without the common part of all runs of a day, and the part explained by `control`."""
         within = np.bincount(self.day, weights=part)[self.day]
         mass = np.bincount(self.day, weights=share)[self.day]
         rest = part - share * within / np.maximum(mass, 1e-300)
@@ -127,7 +127,7 @@ class Crossed:
         return np.asarray(rest - weighted @ slope)
 
     def _rare(self, share: NDArray[np.float64], off: NDArray[np.float64]) -> float:
-        """How much a mean is moved by one more set of queues of the rare kind."""
+        """Shift of a mean by one more set of queues of the rare kind."""
         if self.rare_s <= 0.0:
             return 0.0
         _, number = np.unique(self.queue, return_inverse=True)

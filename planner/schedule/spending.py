@@ -4,7 +4,7 @@ The cost of a delivery is the sum of
 
 - energy charged on the way, each kWh at the price of its station in the hour in which it reaches the battery,
 - the fee of a pad for every stop at which the drone charges,
-- energy that the battery lacks at the end against the beginning, bought afterwards at the scenario's usual price,
+- energy that the battery lacks at the end compared with the beginning, bought afterwards at the scenario's usual price,
 - wear: of the hours flown, and of the charge taken in flight, by cycles of the battery.
 """
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.itinerary import Itinerary
 
 CHARGED = 1e-9
-"""A stop with less gained, as SoC, is none at which the drone charges."""
+"""A stop with a smaller gain, as SoC, does not count as charging."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spending:
-    """What each of several deliveries spends, shape (runs,) each; prices in the scenario's currency, 0 without a tariff."""
+    """Consumption of several deliveries, shape (runs,) each; prices in the scenario's currency, 0 without a tariff."""
 
     energy_j: NDArray[np.float64]
     """Flown."""
     energy: NDArray[np.float64]
-    """Price of what is charged on the way."""
+    """Price of the energy charged on the way."""
     fees: NDArray[np.float64]
     """Of pads."""
     refill: NDArray[np.float64]
@@ -46,7 +46,7 @@ class Spending:
 
     @property
     def cost(self) -> NDArray[np.float64]:
-        """All that is paid."""
+        """Total cost."""
         return self.energy + self.fees + self.refill + self.wear
 
     def of(self, runs: NDArray[np.bool_]) -> Spending:
@@ -55,7 +55,7 @@ class Spending:
 
 
 def spending(problem: Problem, itinerary: Itinerary, runs: NDArray[np.float64]) -> Spending:
-    """Compute what deliveries spend, runs of shape (runs, legs, 7); legs that are not flown spend nothing."""
+    """Compute the consumption of deliveries, runs of shape (runs, legs, 7); legs that are not flown consume nothing."""
     flown = np.isfinite(runs[:, :, TOUCH_DOWN])
     start = np.where(flown, runs[:, :, SOC_TAKE_OFF], 0.0)
     end = np.where(flown, runs[:, :, SOC_LANDING], 0.0)
@@ -83,7 +83,7 @@ def spending(problem: Problem, itinerary: Itinerary, runs: NDArray[np.float64]) 
 
 
 def _last(problem: Problem, flown: NDArray[np.bool_], runs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Charge at the last landing of each run; at the start where there is none."""
+    """Charge at the last landing of each run; at the start if there is none."""
     count = flown.sum(axis=1)
     landed = runs[np.arange(len(runs)), np.maximum(count - 1, 0), SOC_LANDING]
     return np.where(count > 0, landed, problem.soc)
@@ -98,7 +98,7 @@ def charge_price(
 ) -> NDArray[np.float64]:
     """Price of charges at a station, for a battery of 1 kWh, shape (charges,): from a pad reached to a take-off, from one SoC to another.
 
-    The charge follows the station's curve from `pad_s` on; what each hour adds has the price of that hour.
+    The charge follows the station's curve from `pad_s` on; the energy of each hour has the price of that hour.
     """
     tariff = problem.tariff
     if tariff is None:

@@ -1,6 +1,6 @@
 """The typical schedule: the simulated delivery whose times are nearest to the medians.
 
-What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
+A schedule that is shown must be a possible one. It is chosen among simulated deliveries, each in one wind
 and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown again
 without gusts and with the vehicle of the model, and the nearest of these is reported.
 """
@@ -42,7 +42,7 @@ class Runs:
 
     @property
     def ends_s(self) -> float:
-        """When the last of them has landed, POSIX seconds; infinite where one never does."""
+        """When the last of them has landed, POSIX seconds; infinite if one never does."""
         return float(self.schedule[:, :, TOUCH_DOWN].max())
 
 
@@ -65,8 +65,8 @@ def typical_schedule(
 ) -> Typical:
     """Choose the typical schedule of simulated deliveries, at least one of which arrives.
 
-    Those with a landing below the reserve (SoC) are only reported where there are no others, and those that run empty only
-    where even those are none. `fly` flies members and sets of queues without gusts: (members, queues) to schedules,
+    Those with a landing below the reserve (SoC) are only reported if there are no others, and those that run empty only
+    if there are no others either. `fly` flies members and sets of queues without gusts: (members, queues) to schedules,
     shape (pairs, legs, 7).
     """
     landings = runs.schedule[:, :, TOUCH_DOWN]
@@ -96,7 +96,7 @@ def _shortfall(schedules: NDArray[np.float64], reserve: float) -> NDArray[np.int
 
 
 def _distance(landings: NDArray[np.float64], median: NDArray[np.float64], on_the_way: float) -> NDArray[np.float64]:
-    """How far the landings of each run, shape (runs, legs), are from the median ones, s; infinite where it does not arrive."""
+    """Deviation of the landings of each run, shape (runs, legs), from the median ones, s; infinite if it does not arrive."""
     off = np.abs(np.where(np.isfinite(landings), landings, np.inf) - median)
     found: NDArray[np.float64] = off[:, -1] + on_the_way * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
     return found

@@ -69,11 +69,11 @@ class Asked:
     seed: int = 0
     reorder: bool = False
     windows: dict[str, list[list[float]]] | None = None
-    """By the id of a pad, when it is this drone's: of missions that several drones share."""
+    """By the id of a pad, the windows of this drone: for missions that several drones share."""
 
 
 def region_of(asked: Asked) -> Scenario | None:
-    """Return the scenario that the pads are named by, None where they are a file of stations."""
+    """Return the scenario of the named pads, None if they are a file of stations."""
     path = asked.pads
     if path is None:
         if asked.vans is None:
@@ -88,7 +88,7 @@ def region_of(asked: Asked) -> Scenario | None:
 
 
 def stands_of(asked: Asked) -> tuple[VanStand, ...]:
-    """Return where vans stand from when until when."""
+    """Return the stands of vans with their times."""
     if asked.vans is None:
         return ()
     depart_s = None if asked.depart is None else parse_instant(asked.depart, field="--depart").timestamp()
@@ -96,7 +96,7 @@ def stands_of(asked: Asked) -> tuple[VanStand, ...]:
 
 
 def pads_of(asked: Asked, region: Scenario | None, stands: Sequence[VanStand] = ()) -> tuple[Station, ...]:
-    """Return the pads that are named, and those of vans."""
+    """Return the named pads, and those of vans."""
     fixed: tuple[Station, ...] = ()
     if region is not None:
         fixed = region.network.stations
@@ -116,7 +116,7 @@ def pads_of(asked: Asked, region: Scenario | None, stands: Sequence[VanStand] = 
 
 
 def with_home(document: MissionDocument, asked: Asked) -> MissionDocument:
-    """Return the mission with the home, and its height, that were typed."""
+    """Return the mission with the typed home and its height."""
     mission = document.mission
     home = mission.home
     if asked.home is not None:
@@ -140,7 +140,7 @@ def options_of(
     zones: Airspace | None,
     stands: Sequence[VanStand] = (),
 ) -> RechargeOptions:
-    """Return how a mission is cut; an `InputError` names each option that is wrong."""
+    """Return the options of a cut; an `InputError` names each wrong option."""
     over = over_of(region, asked.terrain, asked.obstacles, asked.clearance_m)
     weather = weather_of(region, asked.wind, asked.depart, asked.forecast, zoned=_timed(asked, zones, stands))
     conditions = conditions_of(
@@ -187,12 +187,12 @@ def options_of(
 
 
 def _timed(asked: Asked, zones: Airspace | None, stands: Sequence[VanStand]) -> bool:
-    """Whether a departure means more than the forecast: zones, vans or bookings of pads are of a time."""
+    """Whether the departure matters beyond the forecast: for zones, vans or bookings of pads."""
     return zones is not None or bool(stands) or asked.windows is not None
 
 
 def _check_packs(asked: Asked) -> None:
-    """Refuse packs that cannot be: none, or some where batteries are not changed."""
+    """Refuse impossible packs: none, or some without a change of batteries."""
     if asked.packs is None and asked.chargers is None:
         return
     if asked.packs is None:
@@ -206,14 +206,14 @@ def _check_packs(asked: Asked) -> None:
 
 
 def _windows(asked: Asked, stands: Sequence[VanStand]) -> dict[str, tuple[Window, ...]]:
-    """Return when pads can be used: while their van is there, and as far as they are this drone's."""
+    """Return the times in which pads can be used: while their van is there, and as far as they belong to this drone."""
     windows: dict[str, tuple[Window, ...]] = {stand.station.id: ((stand.from_s, stand.until_s),) for stand in stands}
     own = {pad: tuple((first, last) for first, last in each) for pad, each in (asked.windows or {}).items()}
     return windows | own
 
 
 def _transit_speed(asked: Asked, document: MissionDocument, conditions: FlightConditions) -> float:
-    """Return the speed of the ways to pads: as typed, else the greatest of the mission."""
+    """Return the speed of the ways to pads: as typed, otherwise the greatest of the mission."""
     most = min(GREATEST_SPEED_MPS, conditions.drone.max_ground_speed_mps, conditions.drone.max_airspeed_mps)
     if asked.transit_speed_mps is not None:
         if not 1.0 <= asked.transit_speed_mps <= most:

@@ -36,7 +36,7 @@ LATE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One flight from the ground to the ground, as one battery flies it."""
+    """One flight from the ground to the ground, on one battery."""
 
     document: MissionDocument
     report: CheckReport
@@ -56,13 +56,13 @@ class Recharged:
     """By the name of the autopilot."""
     notes: tuple[str, ...]
     whole: dict[str, MissionDocument]
-    """All flights in one mission, by the name of each autopilot that flies one."""
+    """All flights in one mission, by the name of each autopilot that can fly one."""
     order: OrderTold | None = None
-    """Where the order of its parts was free."""
+    """Report on the order, if its parts may be reordered."""
 
     @property
     def told(self) -> tuple[Flight, ...]:
-        """Flights of the first autopilot, to which all figures refer."""
+        """Flights of the first autopilot, to which all figures apply."""
         return next(iter(self.flights.values()))
 
 
@@ -75,9 +75,7 @@ def cut_as_planned(ready: Prepared, options: RechargeOptions) -> Recharged:
     sure, least_sure = ROUNDED * sure_ratio_of(options, work), ROUNDED * sure_ratio_of(options)
     for number in range(MAX_ROUNDS):
         plan = problem.stops(sure)
-        if (
-            plan is None and number == 0 and sure > least_sure
-        ):  # no flight may have as many turns as the work has on average
+        if plan is None and number == 0 and sure > least_sure:  # perhaps no flight has as many turns as the mean
             sure = least_sure
             plan = problem.stops(sure)
         if plan is None:
@@ -128,7 +126,7 @@ def cut_as_planned(ready: Prepared, options: RechargeOptions) -> Recharged:
 
 
 def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> tuple[MissionDocument, tuple[int, ...]]:
-    """Join flights to one mission, with the item that each begins with; an `InputError` says what its check found."""
+    """Join flights to one mission, with the first item of each; an `InputError` reports the findings of its check."""
     mission, begins = builder.whole([flight.document.mission for flight in flights])
     document = replace(flights[0].document, mission=mission)
     errors = [one for one in check(document, dialect=builder.family).findings if one.severity == "error"]
@@ -138,7 +136,7 @@ def _in_one(flights: Sequence[Flight], builder: PartBuilder) -> tuple[MissionDoc
 
 
 def _set_by_hand(family: Family, begins: Sequence[int]) -> tuple[str, ...]:
-    """Return manual actions before each flight of a single mission, where the autopilot does not continue automatically."""
+    """Return manual actions before each flight of a single mission, if the autopilot does not continue automatically."""
     if family.stays_in_mission_after_landing:
         return ()
     items = ", ".join(
@@ -150,7 +148,7 @@ def _set_by_hand(family: Family, begins: Sequence[int]) -> tuple[str, ...]:
 
 
 def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:
-    """Let every flight begin with the full battery that it was given, not only with what it needs."""
+    """Let every flight begin with its full battery, not only with the required charge."""
     stops = []
     gained = 0.0
     for stop in plan.stops:
@@ -160,7 +158,7 @@ def _with_full_batteries(plan: ChargingPlan) -> ChargingPlan:
 
 
 def packs_needed(found: Recharged) -> int:
-    """Return how many batteries are needed so that a full one is ready at every change, each charged as soon as it is out."""
+    """Return the number of batteries required so that a full one is ready at every change, each charged as soon as it is removed."""
     curve = found.problem.options.conditions.drone.charging_curve()
     ready: list[float] = []
     packs = 1
@@ -195,7 +193,7 @@ def flights_of(
 ) -> tuple[Flight, ...]:
     """Make and check the flights of an autopilot, from the start or from a point and a pad on.
 
-    Each starts when, and with the charge, that the plan says.
+    Each starts at the time and with the charge of the plan.
     """
     conditions, transit = problem.options.conditions, problem.options.transit
     builder = PartBuilder(problem.work, problem.ways, transit, family)
@@ -231,7 +229,7 @@ def _instant(conditions: FlightConditions, by_s: float) -> float | None:
 
 
 def _faults(flights: Sequence[Flight], family: Family) -> list[Fault]:
-    """Return what an autopilot would not fly: the error of a check, and the flight that it is in."""
+    """Return the reason why an autopilot would not fly: the error of a check, and its flight."""
     faults: list[Fault] = []
     for number, flight in enumerate(flights, start=1):
         errors: list[Finding] = [one for one in flight.report.findings if one.severity == "error"]

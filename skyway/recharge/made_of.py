@@ -1,6 +1,6 @@
 """The inputs of a cut mission, stored beside its flights so that `fly` can replan the rest.
 
-The mission, its pads and the fleet are copied; terrain, zones, forecasts and scenarios are named. Of every file there is a digest.
+The mission, its pads and the fleet are copied; terrain, zones, forecasts and scenarios are referenced by name. There is a digest of every file.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ class MadeOf:
     zones: tuple[Path, ...] = ()
     authorized: tuple[str, ...] = ()
     written: str | None = None
-    """The mission, where it was made and is no file yet."""
+    """The mission, if it was generated and is not yet a file."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OpenedSet:
-    """A folder that `skyway recharge` wrote, read again and made again."""
+    """A folder written by `skyway recharge`, read and recomputed."""
 
     folder: Path
     made_of: MadeOf
@@ -67,7 +67,7 @@ class OpenedSet:
 
 
 def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str]) -> dict[str, str | bytes]:
-    """Return the files that are written beside those of a set: copies, and the list of all."""
+    """Return the files written beside those of a set: copies, and the list of all."""
     asked = made_of.asked
     copied: dict[str, bytes] = {}
 
@@ -106,7 +106,7 @@ def texts_of(made_of: MadeOf, region: Scenario | None, texts: Mapping[str, str])
 
 
 def _plain(value: Any) -> Any:
-    """Return an option as JSON has it; files by their whole path, for the folder may be flown from another place."""
+    """Return an option in its JSON form; files by their absolute path, since the folder may be flown from another place."""
     if isinstance(value, Path):
         return str(value.resolve()) if value.exists() else str(value)
     if isinstance(value, list):
@@ -132,9 +132,9 @@ def _of(data: Mapping[str, Any]) -> str:
 
 
 def opened(folder: Path) -> OpenedSet:
-    """Read the folder of a cut mission and make it again.
+    """Read the folder of a cut mission and recompute it.
 
-    An `InputError` names what is missing, what was edited, and what has changed since it was cut.
+    An `InputError` names missing, edited, and changed files.
     """
     data = _listed(folder)
     _check_files(folder, data)
@@ -164,7 +164,7 @@ def opened(folder: Path) -> OpenedSet:
 
 
 def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
-    """Raise an `InputError` where a journal is not that of this set."""
+    """Raise an `InputError` if a journal does not belong to this set."""
     from skyway.link.supervisor import read_journal
     from skyway.link.supervisor.journal.entries import Start
 
@@ -177,7 +177,7 @@ def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
 
 
 def sets_in(folder: Path) -> tuple[Path, ...]:
-    """Return the folders of the drones that a folder is the work of: itself, one for each of several drones, or none."""
+    """Return the folders of the drones in a folder: itself, one for each of several drones, or none."""
     if (folder / SET).is_file():
         return (folder,)
     found: list[Path] = []
@@ -187,7 +187,7 @@ def sets_in(folder: Path) -> tuple[Path, ...]:
 
 
 def _listed(folder: Path) -> dict[str, Any]:
-    """Return what a folder says of itself, unedited."""
+    """Return the contents of the list of a folder, unedited."""
     file = folder / SET
     if not file.is_file() and sets_in(folder):
         remedy = f"fly {folder / 'drone-1'} and the others, each with its own skyway, started together"
@@ -209,7 +209,7 @@ def _listed(folder: Path) -> dict[str, Any]:
 
 
 def _check_files(folder: Path, data: Mapping[str, Any]) -> None:
-    """Refuse a folder of which a file is missing or was edited, or whose inputs have changed."""
+    """Refuse a folder with a missing or edited file, or with changed inputs."""
     faults = []
     for name, digest in data["files"].items():
         path = folder / name
@@ -231,7 +231,7 @@ def _check_files(folder: Path, data: Mapping[str, Any]) -> None:
 
 
 def _asked(folder: Path, data: Mapping[str, Any]) -> Asked:
-    """Return what was typed; its own digest says that nobody has edited it."""
+    """Return the typed options; a digest confirms that they were not edited."""
     told = {name: value for name, value in data["asked"].items() if name != "mission"}
     for name in ("pads", "fleet", "vans"):
         if isinstance(told.get(name), str) and str(told[name]).startswith(f"{COPIES}/"):

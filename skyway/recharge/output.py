@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from skyway.recharge.summary import RechargeSummary
 
 SUMMARY = "recharge.json"
-"""Names a folder of ours: no other one is ever replaced."""
+"""Marks a folder of ours: others are never replaced."""
 
 
 REORDERED = "reordered.plan"
 """The whole mission in its new order, if that differs: reports use its item numbers."""
 WHOLE = "all-batteries.plan"
-"""All flights in one mission, where an autopilot stays in it after a landing that disarms."""
+"""All flights in one mission, if an autopilot stays in it after a landing that disarms."""
 
 
 def names_of(found: Recharged) -> dict[str, list[str]]:
@@ -74,7 +74,7 @@ def mission_texts(found: Recharged) -> dict[str, str]:
 
 
 def identity_of(found: Recharged) -> str:
-    """Return what a set is called: the same missions have the same name."""
+    """Return the name of a set: the same missions have the same name."""
     texts = sorted(mission_texts(found).items())
     return f"set-{hashlib.sha256(json.dumps(texts).encode()).hexdigest()[:12]}"
 
@@ -87,7 +87,7 @@ def write_folder(
     force: bool = False,
     beside: Callable[[Mapping[str, str]], Mapping[str, str | bytes]] = lambda _: {},
 ) -> list[Path]:
-    """Write the folder of a set whole or not at all; return its files."""
+    """Write the folder of a set atomically; return its files."""
     return write_contents(contents_of(found, summary, beside), folder, force=force)
 
 
@@ -96,7 +96,7 @@ def contents_of(
     summary: RechargeSummary,
     beside: Callable[[Mapping[str, str]], Mapping[str, str | bytes]] = lambda _: {},
 ) -> dict[str, str | bytes]:
-    """Return the files of a set by their names in its folder, with those that `beside` makes of them."""
+    """Return the files of a set by their names in its folder, with those made from them by `beside`."""
     texts = {SUMMARY: json_text(summary, indent=1) + "\n", **mission_texts(found)}
     if found.order is not None and found.order.moved:
         texts[REORDERED] = plan_writer.dumps(replace(found.told[0].document, mission=found.problem.work.mission))
@@ -109,9 +109,9 @@ def contents_of(
 
 
 def write_contents(contents: Mapping[str, str | bytes], folder: Path, *, force: bool = False) -> list[Path]:
-    """Write a folder whole or not at all; return its files.
+    """Write a folder atomically; return its files.
 
-    It is made beside its place and then moved there, so that nobody finds half of it.
+    It is made beside its place and then moved there, so that it is never incomplete.
     """
     refuse_folder(folder, force=force)
     try:
@@ -133,7 +133,7 @@ def write_contents(contents: Mapping[str, str | bytes], folder: Path, *, force: 
 
 
 def _moved(beside: Path, folder: Path) -> None:
-    """Put a folder in the place of another, which goes only when the new one is there."""
+    """Replace a folder by another; the old one is removed only when the new one is in place."""
     if not folder.exists():
         beside.rename(folder)
         return
@@ -157,7 +157,7 @@ def _umask() -> int:
 def parameters_of(
     found: Recharged, name: str, documents: Sequence[MissionDocument] | None = None
 ) -> tuple[Parameter, ...]:
-    """Return what a vehicle of an autopilot must be set to for all flights, or for some that are named."""
+    """Return the required settings of a vehicle for all flights, or for named ones."""
     written = documents or [flight.document for flight in found.flights[name]]
     options = found.problem.options
     conditions = options.conditions

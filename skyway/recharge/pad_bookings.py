@@ -1,6 +1,6 @@
 """Pads in a ledger (`models.ledger`): bookings of others are respected, and the stays of a cut mission are booked.
 
-The bookings are the windows of the set: a drone that replans on its way stays within them, whatever is booked later.
+The bookings are the windows of the set: a drone that replans in flight stays within them, regardless of later bookings.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from skyway.recharge.several import SharedWork
 
 EARLIER_S, LATER_S = 600.0, 1800.0
-"""So much before a stay by the plan, and behind it, a pad is booked as well, where it is free."""
+"""A pad is also booked this long before and after a planned stay, if it is free."""
 OWNER_S = 60.0
 MAX_TEXT = 150
 
@@ -51,7 +51,7 @@ class PadBookings:
     depart: datetime
 
     def held(self, pads: Sequence[Station]) -> tuple[Stay, ...]:
-        """Return when others have which pad; seconds after the first take-off, pads by their place in `pads`."""
+        """Return the bookings of others by pad; seconds after the first take-off, pads by their place in `pads`."""
         place_of = {pad.id: place for place, pad in enumerate(pads)}
         return tuple(
             Stay(place_of[one.window.station], one.window.pad - 1, self._seconds(one.window.opens), self._seconds(one.window.closes))
@@ -63,9 +63,9 @@ class PadBookings:
     def booked(
         self, pads: Sequence[Station], drones: Sequence[Sequence[tuple[Stay, Window]]]
     ) -> Iterator[list[dict[str, tuple[Window, ...]]]]:
-        """Book a pad for each stay of each drone, around it as far as its window reaches; yield the windows that each drone has.
+        """Book a pad for each stay of each drone, around it as far as its window extends; yield the windows of each drone.
 
-        Where what is done with them fails, they are released. Raises an `InputError` if somebody else has booked one meanwhile.
+        If the enclosed code fails, they are released. Raises an `InputError` if another holder has booked one meanwhile.
         """
         found: list[dict[str, tuple[Window, ...]]] = []
         lease = self.ledger.acquire(self.holder, "skyway recharge", ttl_s=OWNER_S)
@@ -96,7 +96,7 @@ class PadBookings:
     def cut_for_one(
         self, document: MissionDocument, pads: Sequence[Station], families: Sequence[Family], options: RechargeOptions
     ) -> Iterator[Recharged]:
-        """Cut a mission with the pads that others leave, and book those that it needs; see `booked`."""
+        """Cut a mission with the pads left free by others, and book the required ones; see `booked`."""
         free = free_windows(pads, options.held, options.windows)
         left = {pad.id: tuple(one for one, _ in own) for pad, own in zip(pads, free, strict=True)}
         found = recharged(document, pads, families, replace(options, windows=left))
@@ -105,7 +105,7 @@ class PadBookings:
 
     @contextmanager
     def cut_for_several(self, work: SharedWork) -> Iterator[SharedWork]:
-        """Book what the drones need of a mission that they share, and cut what each does in that; see `booked`."""
+        """Book the pads for the drones of a shared mission, and cut each drone's mission within the bookings; see `booked`."""
         stays = [list(zip(share.stays, share.within, strict=True)) for share in work.shares]
         with self.booked(work.shares[0].ready.pads, stays) as windows:
             yield in_windows(work, windows)
@@ -120,7 +120,7 @@ class PadBookings:
 
 @contextmanager
 def desk_of(ledger: str, folder: Path, depart: str | None) -> Iterator[PadBookings]:
-    """Open a ledger for the folder that a set is written to: cutting again replaces its earlier bookings."""
+    """Open a ledger for the folder of a set: cutting again replaces its earlier bookings."""
     if depart is None:
         raise InputError(
             "needs --depart", field="--ledger", remedy="say when the first take-off is, with its UTC offset"
@@ -131,7 +131,7 @@ def desk_of(ledger: str, folder: Path, depart: str | None) -> Iterator[PadBookin
 
 
 def _joined(stays: Sequence[tuple[Stay, Window]]) -> list[tuple[int, int, Window]]:
-    """Return the windows around stays, those that touch on one pad as one: place, number, window."""
+    """Return the windows around stays, adjacent ones on one pad as one: place, number, window."""
     around = sorted(
         (stay.pad, stay.number, max(stay.from_s - EARLIER_S, first), min(stay.until_s + LATER_S, last))
         for stay, (first, last) in stays
@@ -152,7 +152,7 @@ def _joined(stays: Sequence[tuple[Stay, Window]]) -> list[tuple[int, int, Window
 def free_windows(
     pads: Sequence[Station], held: Sequence[Stay], within: Mapping[str, tuple[Window, ...]]
 ) -> list[list[tuple[Window, int]]]:
-    """Return of each pad the windows that others leave, each with the number of the pad."""
+    """Return for each pad the windows left free by others, each with the number of the pad."""
     return [
         windows_left(pad.pads, [one for one in held if one.pad == place], within.get(pad.id, (ALWAYS,)))
         for place, pad in enumerate(pads)
@@ -174,6 +174,6 @@ def stays_within(
 
 
 def with_windows(asked: Asked, found: Recharged) -> Asked:
-    """Return what is asked of a set that is cut again in the windows that it has."""
+    """Return the options of a set that is cut again in its own windows."""
     windows = found.problem.options.windows
     return replace(asked, windows={pad: [list(window) for window in own] for pad, own in windows.items()})

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 SLACKS_S = (60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
-"""Slacks that are tried: stops end this long before the pad is gone, for the uncertainty of charging."""
+"""Slacks that are tried: stops end this long before the window of the pad, for the uncertainty of charging."""
 
 
 def cut(ready: Prepared, options: RechargeOptions) -> Recharged:
     """Cut a mission as `recharged` does.
 
     A drone may arrive later, and charge longer, than planned. If a pad is available for a limited time, stops end earlier by a slack with
-    which the simulated flights keep the reserve; a note says if no slack does.
+    which the simulated flights keep the reserve; a note reports if no slack does.
     """
     found = cut_as_planned(ready, options)
     if not options.windows or options.swap_s is not None:

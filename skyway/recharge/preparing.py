@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 LOW_TAKEOFF_M = 10.0
-"""Least height of a take-off that is put before a mission which has none."""
+"""Least height of a take-off that is added to a mission without one."""
 _OF_THE_WHOLE = ("px4-sideways-after-land", "ardupilot-no-takeoff", "px4-takeoff-not-first")
-"""Findings of a whole mission that its flights may not have."""
+"""Findings of a whole mission that do not apply to its flights."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A mission from the ground to the ground, and the autopilots that it is cut for."""
+    """A mission from the ground to the ground, and the autopilots for which it is cut."""
 
     document: MissionDocument
     families: tuple[Family, ...]
@@ -48,18 +48,18 @@ class Prepared:
     only: bool
     """One autopilot was requested."""
     pads: tuple[Station, ...]
-    """Those that can be landed on."""
+    """Those on which landing is possible."""
     notes: tuple[str, ...]
     left_out: tuple[str, ...]
-    """What is said of the autopilots that do not fly it."""
+    """Notes on the autopilots that do not fly it."""
 
     @property
     def by(self) -> Family | None:
-        """Autopilot that reads it; None where neither the file nor the caller names one."""
+        """Autopilot that reads it; None if neither the file nor the caller names one."""
         return self.families[0] if self.only else family_of(self.document.mission.firmware)
 
     def work(self, options: RechargeOptions) -> Work:
-        """Return what it does."""
+        """Return its work."""
         return work_of(self.document.mission, self.by, laps=options.laps, only=self.only)
 
     def ways(self, work: Work, options: RechargeOptions) -> PadWays:
@@ -67,7 +67,7 @@ class Prepared:
         home = self.document.mission.home
         home_m = None if home is None else home.altitude_m
         ground = pad_grounds_m(self.pads, home_m, options.transit.over, level=options.level_ground)
-        document = replace(self.document, mission=work.mission)  # the work may be in another order
+        document = replace(self.document, mission=work.mission)  # the work may be reordered
         return pad_ways(work, document, self.pads, ground, options.transit, self.families)
 
 
@@ -86,7 +86,7 @@ def prepared(
 
 
 def _whole(mission: Mission, families: Sequence[Family], options: RechargeOptions) -> tuple[Mission, tuple[str, ...]]:
-    """Add what a mission lacks to be flown from the ground to the ground, and the height of its home where terrain tells it."""
+    """Add the missing items of a mission from the ground to the ground, and the height of its home if the terrain is known."""
     notes: list[str] = []
     home, over = mission.home, options.transit.over
     if home is not None and home.altitude_m is None and over is not None:
@@ -118,7 +118,7 @@ def _that_fly(
 ) -> tuple[list[Family], list[str]]:
     """Return the autopilots that fly a mission apart from its battery, and the notes on the others; `given` is the number of items before completion.
 
-    An `InputError` says why none does.
+    An `InputError` gives the reason if none does.
     """
     fit: list[Family] = []
     faults: list[Fault] = []
@@ -150,7 +150,7 @@ def _that_fly(
 
 
 def _of_the_whole(error: Finding, document: MissionDocument) -> bool:
-    """Whether its flights do not have a fault of a mission: where it begins and ends, and marks of jumps, which are unrolled."""
+    """Whether a fault of a mission does not apply to its flights: begin and end, and marks of jumps, which are unrolled."""
     if error.code in _OF_THE_WHOLE:
         return True
     refused = error.item is not None and error.code.endswith("unsupported-command")

@@ -40,19 +40,19 @@ if TYPE_CHECKING:
     from skyway.planner.fixed_route.sharing import Stay
 
 MAX_SLOTS = 24
-"""Slots of a forecast that are considered; the last one holds on."""
+"""Number of slots of a forecast that are considered; the last one continues."""
 AT_ONCE_S = 1e-3
 MORE_SURE, MOST_MORE = 1.02, 1.2
-"""Flights are given so much more charge at least, and at most, where one of them does not keep the reserve as surely as is asked."""
+"""Least and greatest factor of additional charge of flights if one of them does not keep the reserve with the required probability."""
 LEAST_P = 0.5
 MOST_SURE, BISECTIONS = 4.0, 12
 EPSILON = 0.001
-"""A flight may miss the reserve with this probability; that of checks."""
+"""A flight may miss the reserve with this probability; the same as in checks."""
 
 
 @dataclass(frozen=True, slots=True)
 class PadQueues:
-    """Other drones at the pads: their load, and when the first take-off is."""
+    """Other drones at the pads: their load, and the time of the first take-off."""
 
     load: PadLoad
     stations: tuple[Station, ...]
@@ -70,26 +70,26 @@ class RechargeOptions:
     epsilon: float = EPSILON
     level_ground: bool = False
     laps: int = 1
-    """Number of times that endless jumps are followed."""
+    """Number of repetitions of endless jumps."""
     swap_s: float | None = None
-    """Batteries are changed, which takes so long, instead of charged."""
+    """Duration of a change of batteries, which replaces charging."""
     packs: int | None = None
-    """So many batteries there are, that of the drone included; None: as many as are needed."""
+    """Number of batteries, the drone's included; None: as many as required."""
     chargers: int = 1
-    """Of packs that are out, where `packs` says how many there are."""
+    """Chargers for removed packs, if `packs` is given."""
     single: bool = False
-    """All flights in one mission, too."""
+    """Whether all flights are also written as one mission."""
     seed: int = 0
     windows: Mapping[str, tuple[Window, ...]] = field(default_factory=dict)
-    """By the id of a pad, when it can be used, seconds after the first take-off; always where nothing is said."""
+    """By the id of a pad, when it can be used, seconds after the first take-off; always if it is absent."""
     reorder: bool = False
-    """Independent parts may be flown in another order."""
+    """Whether independent parts may be reordered."""
     ground_s: float = GROUND_S
-    """At each stop, before the take-off: beside waiting, charging and changing the battery."""
+    """Time at each stop, before the take-off: in addition to waiting, charging and changing the battery."""
     window_slack_s: float = 0.0
-    """Stops end so long before the window of their pad: charging may take longer."""
+    """Stops end this long before the window of their pad: charging may take longer."""
     held: tuple[Stay, ...] = ()
-    """When others have which numbered pad; pads by their place among all."""
+    """Bookings of others by numbered pad; pads by their place among all."""
 
     def __post_init__(self) -> None:
         if not self.conditions.manoeuvres:
@@ -112,7 +112,7 @@ class RechargeProblem:
 
     @property
     def usable(self) -> tuple[tuple[int, Window], ...]:
-        """Pads and when each can be used: one for each window; the first one never, where none can."""
+        """Pads with the times in which each can be used: one for each window; the first pad without times if none can be used."""
         windows = self.options.windows
         found = tuple(
             (number, window) for number, pad in enumerate(self.ways.pads) for window in windows.get(pad.id, (ALWAYS,))
@@ -144,7 +144,7 @@ class RechargeProblem:
         return on_windows(route, [(pad, (first, last - less_s)) for pad, (first, last) in self.usable])
 
     def stops(self, sure_ratio: float) -> ChargingPlan | None:
-        """Return the stops with which the mission ends first, or None where none let it end; their pads are those of `ways`."""
+        """Return the stops with which the mission ends first, or None if none let it end; their pads are those of `ways`."""
         pool, route = pool_of(self.options), self.route(sure_ratio)
         plan = charging_stops(route) if pool is None else swap_stops(route, pool)
         if plan is None:
@@ -166,7 +166,7 @@ class RechargeProblem:
 
 
 def slots_of(conditions: FlightConditions) -> Slots:
-    """Return when the wind changes, in seconds after the first take-off; one slot where it does not."""
+    """Return the times of changes of the wind, in seconds after the first take-off; one slot if it does not change."""
     weather = conditions.weather
     if not isinstance(weather, ForecastWind):
         return Slots(0.0, S_PER_H, 1)
@@ -177,7 +177,7 @@ def slots_of(conditions: FlightConditions) -> Slots:
 
 
 def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeProblem:
-    """Compute what every hop of a mission takes, to its pads and back."""
+    """Compute time and charge of every hop of a mission, to its pads and back."""
     conditions, transit = options.conditions, options.transit
     slots = slots_of(conditions)
     at_s = slots.start_s + slots.slot_s * (np.arange(slots.length, dtype=np.float64) + 0.5)
@@ -229,13 +229,13 @@ def problem_of(work: Work, ways: PadWays, options: RechargeOptions) -> RechargeP
 def _waits(
     pads: tuple[Station, ...], queues: PadQueues | None
 ) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
-    """Return the expected wait at each pad by arrival, seconds after the first take-off; none where nobody else is known."""
+    """Return the expected wait at each pad by arrival, seconds after the first take-off; none if no others are known."""
     waits, free = [np.zeros((1, 2)) for _ in pads], [np.ones(1) for _ in pads]
     if queues is None:
         return tuple(waits), tuple(free)
     numbers = {station.id: number for number, station in enumerate(queues.stations)}
     counts = np.array([station.pads for station in queues.stations], dtype=np.int64)
-    wanted = {place: numbers[pad.id] for place, pad in enumerate(pads) if pad.id in numbers}  # nobody else uses a van
+    wanted = {place: numbers[pad.id] for place, pad in enumerate(pads) if pad.id in numbers}  # no others use a van
     found = forecast_waits(queues.load, counts, list(wanted.values()), queues.depart_s, float(MAX_SLOTS), {})
     for place, number in wanted.items():
         wait = found[number].wait_s
@@ -245,7 +245,7 @@ def _waits(
 
 
 def pool_of(options: RechargeOptions) -> PackPool | None:
-    """Return the packs and chargers; None where batteries are charged on the pad, or there are as many as are needed."""
+    """Return the packs and chargers; None if batteries are charged on the pad, or as many as required."""
     if options.swap_s is None or options.packs is None:
         return None
     curve = options.conditions.drone.charging_curve().piecewise()
@@ -255,7 +255,7 @@ def pool_of(options: RechargeOptions) -> PackPool | None:
 def sure_ratio_of(options: RechargeOptions, work: Work | None = None) -> float:
     """Return the charge of a flight at the allowed failure probability, over the model's.
 
-    Manoeuvres have the share of it that they have of some work; without that, none.
+    The share of manoeuvres in it is that in some given work; without that, none.
     """
     turns = 0.0 if work is None else _share_of_turns(work, options.conditions)
     return max(1.0, sure_of(options.conditions.drone.energy_belief, options.epsilon, turns))
@@ -281,7 +281,7 @@ def sure_of(belief: EnergyBelief, epsilon: float, turns: float) -> float:
 
 
 def _share_of_turns(work: Work, conditions: FlightConditions) -> float:
-    """Return how much of the energy of some work is that of manoeuvres."""
+    """Return the share of manoeuvres in the energy of some work."""
     clock_s, kg = np.zeros(len(conditions.weather.probability)), conditions.payload_kg
     flown = [fly_leg(work.mission, leg, conditions, kg, clock_s, 0.0) for leg in work.route.legs if leg.steps]
     energy_j = sum(float(np.median(one.energy_j)) for one in flown)

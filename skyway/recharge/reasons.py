@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
-    """Return the error of a mission that no stops make flyable: the first stretch of work that no battery flies."""
+    """Return the error of a mission that no stops make flyable: the first stretch of work that exceeds any battery."""
     work, ways = problem.work, problem.ways
     can_leave = np.array([point.hinders is None for point in work.points])
     if not can_leave.any():
@@ -53,7 +53,7 @@ def no_plan(problem: RechargeProblem, sure_ratio: float) -> InputError:
 
 
 def _nowhere(problem: RechargeProblem) -> InputError:
-    """Return the error of a mission that is nowhere left: the item for which not, else its first one."""
+    """Return the error of a mission that cannot be left anywhere: the item that prevents it, otherwise its first one."""
     items = problem.work.mission.items
     hinders = [point.hinders for point in problem.work.points if point.hinders is not None]
     bound = [one for one in hinders if role_of(items[one]) == "bound"]
@@ -64,7 +64,7 @@ def _nowhere(problem: RechargeProblem) -> InputError:
 
 
 def _hindering(problem: RechargeProblem, sure_ratio: float, reached: int) -> int | None:
-    """Return the item but for which the battery would get farther: one that cannot be left, no take-off and no landing."""
+    """Return the item that limits the reach of the battery: one that cannot be left, not a take-off or landing."""
     work = problem.work
     ends = TAKEOFF_COMMANDS | LAND_COMMANDS | {Command.NAV_RETURN_TO_LAUNCH}
     items = work.mission.items

@@ -1,4 +1,4 @@
-"""A mission cut at pads, in its own order or in the best one."""
+"""A mission cut at pads, in its original order or in the best one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def recharged(
 ) -> Recharged:
     """Cut a mission so that it can be flown with charges on pads on the way, and check every flight.
 
-    An `InputError` says what hinders it: a home that is unknown, no pad in reach and what is lacking, an item that cannot be cut, a
+    An `InputError` gives the obstacle: an unknown home, no pad in reach with the deficit, an item that cannot be cut, a
     flight that an autopilot does not fly.
     """
     ready = prepared(document, pads, families, options)

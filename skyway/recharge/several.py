@@ -1,6 +1,6 @@
 """One mission for several drones: its independent parts and the pads are shared among them.
 
-Every drone gets a separate mission, with windows in which pads are its own: what it then replans on the way, alone, can take no pad
+Every drone gets a separate mission, with windows in which pads are its own: when it then replans in flight, alone, it cannot take a pad
 from another one.
 """
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions
 
 BESIDE_M = 5.0
-"""Drones stand so far beside each other, to the east."""
+"""Distance between drones at the start, to the east."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,13 +51,13 @@ class Share:
 
     units: int
     text: str
-    """Its mission, as a file: the whole of it, not cut yet."""
+    """Its mission, as a file: complete, not cut yet."""
     windows: dict[str, tuple[Window, ...]]
-    """By the id of a pad, when it is this drone's; seconds after the first take-off of all."""
+    """By the id of a pad, the windows of this drone; seconds after the first take-off of all."""
     found: Recharged
     stays: tuple[Stay, ...]
     within: tuple[Window, ...]
-    """The window that each stay lies in."""
+    """The window that contains each stay."""
     ready: Prepared
 
 
@@ -68,19 +68,19 @@ class SharedWork:
     Attributes
     ----------
     shares : tuple of Share
-        Of each drone that flies.
+        Shares of the drones that fly.
     units : int
         Independent parts.
     bound_s : float
-        No way to share and to order them ends before.
+        No distribution and order ends before this.
     alone_s : float or None
-        When one drone alone would end; None where it cannot.
+        End with one drone alone; None if that is not possible.
     looked_at, planned : int
-        Ways to share that were bounded, and planned exactly.
+        Distributions that were bounded, and planned exactly.
     pictures_off_m : float
-        The farthest that a picture is from where it was.
+        The largest displacement of a picture.
     notes : tuple of str
-        What is to be known besides.
+        Further notes.
     """
 
     shares: tuple[Share, ...]
@@ -94,7 +94,7 @@ class SharedWork:
 
     @property
     def end_s(self) -> float:
-        """Time at which all have ended by the plan."""
+        """End of the last drone by the plan."""
         return max(share.found.plan.end_s for share in self.shares)
 
 
@@ -107,9 +107,9 @@ def shared_among(
     *,
     iterations: int | None = None,
 ) -> SharedWork:
-    """Share a mission among drones that fly at once, so that the last one ends first.
+    """Distribute a mission over drones that fly at once, so that the last one ends first.
 
-    Without `options.reorder` each flies its parts in the order of the mission. An `InputError` says why it cannot be shared, or cut.
+    Without `options.reorder` each flies its parts in the order of the mission. An `InputError` gives the reason if it cannot be shared, or cut.
     """
     if options.packs is not None:
         raise InputError("is for one drone", field="--packs", remedy="remove it, or --drones")
@@ -169,7 +169,7 @@ def shared_among(
 
 
 def in_windows(work: SharedWork, windows: Sequence[dict[str, tuple[Window, ...]]]) -> SharedWork:
-    """Cut what each drone does again, with the windows of pads that it has."""
+    """Cut each drone's mission again, with its windows of pads."""
     shares = []
     for share, own in zip(work.shares, windows, strict=True):
         found = cut(share.ready, replace(share.found.problem.options, windows=own))
@@ -178,7 +178,7 @@ def in_windows(work: SharedWork, windows: Sequence[dict[str, tuple[Window, ...]]
 
 
 def _shareable(tables: OrderTables | None, refusal: InputError | None) -> OrderTables:
-    """Return the tables; an `InputError` where a mission has no parts that several drones may fly at once."""
+    """Return the tables; an `InputError` if a mission has no parts that several drones may fly at once."""
     units = () if tables is None else tables.division.units
     if tables is not None and len(units) > 1 and all(unit.group == units[0].group for unit in units):
         return tables
@@ -193,7 +193,7 @@ def _shareable(tables: OrderTables | None, refusal: InputError | None) -> OrderT
 
 
 def _begun(tables: OrderTables, drones: int) -> list[list[int]]:
-    """Return the units in the order of the mission, divided into runs that cost about as much."""
+    """Return the units in the order of the mission, divided into runs of similar cost."""
     cost = tables.free.turn_cost_s[::2]
     tours: list[list[int]] = [[] for _ in range(drones)]
     done, whole = 0.0, max(float(cost.sum()), 1e-9)
@@ -236,7 +236,7 @@ def _east(point: Point, by_m: float) -> Point:
 def _planned_together(
     readies: Sequence[Prepared], options: RechargeOptions, others: list[Stay]
 ) -> list[tuple[Recharged, tuple[Stay, ...]]]:
-    """Cut the missions one after the other, the longest first, each with the pads that those before leave."""
+    """Cut the missions one after the other, the longest first, each with the pads left free by the earlier ones."""
     found: dict[int, tuple[Recharged, tuple[Stay, ...]]] = {}
     lengths_m = [_length_m(one, options) for one in readies]
     for number in sorted(range(len(readies)), key=lambda one: -lengths_m[one]):
@@ -250,13 +250,13 @@ def _planned_together(
 
 
 def _held_of(usable: Sequence[Station], pads: Sequence[Station], options: RechargeOptions) -> list[Stay]:
-    """Return what others hold, of the pads that can be landed on."""
+    """Return the stays of others on the pads on which landing is possible."""
     place_of = {pad.id: place for place, pad in enumerate(usable)}
     return [replace(one, pad=place_of[pads[one.pad].id]) for one in options.held if pads[one.pad].id in place_of]
 
 
 def stays_of(found: Recharged, windows: Sequence[Sequence[tuple[Window, int]]]) -> tuple[Stay, ...]:
-    """Return the stays of a drone on the numbered pads in whose windows they are."""
+    """Return the stays of a drone on the numbered pads whose windows contain them."""
     stays = []
     for stop in found.plan.stops:
         stay = stop.arrive_s, stop.leave_s
@@ -269,7 +269,7 @@ def _length_m(ready: Prepared, options: RechargeOptions) -> float:
 
 
 def _left(pad: Station, place: int, taken: Sequence[Stay], options: RechargeOptions) -> list[tuple[Window, int]]:
-    """Return when a pad is free, with the number of it that is."""
+    """Return when a pad is free, with the number of the free one."""
     here = [stay for stay in taken if stay.pad == place]
     return windows_left(pad.pads, here, options.windows.get(pad.id, (ALWAYS,)))
 

@@ -31,7 +31,7 @@ class PadStay:
 
     pad: str
     number: int
-    """Which of its pads, from 1."""
+    """Number of the pad, from 1."""
     drone: int
     from_s: float
     until_s: float
@@ -43,10 +43,10 @@ class DroneTold:
 
     number: int
     folder: str
-    """What `skyway fly` flies."""
+    """Folder for `skyway fly`."""
     units: int
     home: tuple[float, float] | None
-    """Where it begins, latitude and longitude."""
+    """Its start, latitude and longitude."""
     summary: RechargeSummary
 
 
@@ -59,17 +59,17 @@ class DronesSummary:
     units : int
         Independent parts of the mission.
     end_s : float
-        When the last drone has ended, by the plan.
+        End of the last drone, by the plan.
     ends_s : tuple of float
-        Of the simulation in the same winds: mean, 5th and 95th percentile.
+        Simulated end in the same winds: mean, 5th and 95th percentile.
     end_p50_s : float
-        All have ended by then in half of the simulated flights.
+        In half of the simulated flights all have ended by then.
     p_reserve : float
         Probability that every landing of every drone keeps the reserve.
     alone_s : float or None
-        When one drone would end, by the plan; None where none can fly it alone.
+        End with one drone, by the plan; None if none can fly it alone.
     bound_s : float
-        However it is shared and ordered, the last drone ends no earlier.
+        Lower bound of the last end over all distributions and orders.
     """
 
     schema: str
@@ -142,7 +142,7 @@ def drones_summary_of(work: SharedWork, mission: str) -> DronesSummary:
 def write_shared(
     work: SharedWork, summary: DronesSummary, made_of: MadeOf, region: Scenario | None, folder: Path, *, force: bool
 ) -> list[Path]:
-    """Write a folder with a folder for each drone, which is flown like any other set, whole or not at all."""
+    """Write a folder with a folder for each drone, which is flown like any other set, atomically."""
     contents: dict[str, str | bytes] = {SUMMARY: json_text(summary, indent=1) + "\n"}
     for told, share in zip(summary.drones, work.shares, strict=True):
         asked = replace(

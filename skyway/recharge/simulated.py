@@ -1,8 +1,8 @@
 """Simulation of the flights of a cut mission: its end, and whether each landing keeps the reserve, over winds, energies, times and pads.
 
-Every flight is flown in every wind of the forecast; energy and times differ from what the models say as is believed of the drone and of those
-who handle it (`models.drones.time_belief`); on a pad it is charged to what the plan says, more or less by what the flights before have taught of the drone's
-energy, as `skyway fly` decides it, however long that takes.
+Every flight is flown in every wind of the forecast; energy and times differ from the models according to the beliefs about the drone and its
+operators (`models.drones.time_belief`); on a pad it is charged to the planned charge, corrected by the energy learnt in the flights
+before, as `skyway fly` decides it, however long that takes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FULL = 1.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFlights:
-    """What came of many runs of a cut mission.
+    """Results of many runs of a cut mission.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class SimulatedFlights:
     each_p_reserve : tuple of float
         Of each flight.
     runs : int
-        How many.
+        Number of runs.
     ends_s, kept : ndarray
         Of each run the end, and whether every landing kept the reserve.
     """
@@ -107,7 +107,7 @@ def simulated(
             more_soc = taught.more(then_turns_s * power.cruise_w / float(np.mean(then_j))) * then_soc
             wanted = np.minimum(stop.soc_leave + more_soc, FULL)
             target = np.maximum(soc, wanted)
-            if math.isfinite(last_s):  # then the van drives on, whoever it has on its roof
+            if math.isfinite(last_s):  # then the van drives on, even with a drone on its roof
                 stay_s = np.maximum(last_s - clock - handled_s, 0.0) / factors.charging
                 most = curve.soc(np.asarray(curve.time_from_empty_s(np.maximum(soc, 0.0))) + stay_s)
                 target = np.maximum(soc, np.minimum(target, np.asarray(most)))
@@ -139,20 +139,20 @@ class Taught:
         modelled = float(np.mean(modelled_soc))
         if not modelled > 0.0:
             return
-        # one that takes 1 more than the mean moves the mean by the gain
+        # an excess of 1 over the mean moves the mean by the gain
         then = self.belief.learnt(modelled * (1.0 + self.belief.mean_ratio), modelled)
         gain = then.mean_ratio - self.belief.mean_ratio
         self.mean = self.mean + gain * (used_soc / np.maximum(modelled_soc, 1e-9) - self.mean)
         self.belief = replace(then, mean_ratio=self.belief.mean_ratio)
 
     def more(self, turns: float) -> NDArray[np.float64]:
-        """Of each run: extra charge given to a flight over the modelled one, compared with the first; `turns` of it are manoeuvres."""
+        """Of each run: extra charge of a flight over the modelled one, compared with the first; `turns` of it are manoeuvres."""
         surer = sure_of(self.belief, self.epsilon, turns) - sure_of(self.begun, self.epsilon, turns)
         return self.mean - self.begun.mean_ratio + surer
 
 
 class _Pool:
-    """Packs and chargers of every run, as `PackPool` has them for one."""
+    """Packs and chargers of every run, as in `PackPool` for one."""
 
     def __init__(self, found: Recharged, runs: int) -> None:
         options = found.problem.options
@@ -177,7 +177,7 @@ class _Pool:
 def _in_each_wind(
     found: Recharged, number: int, begin_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Time and energy of a flight in each wind of the forecast, where one forbids it as on average in the others; and seconds of manoeuvres in it."""
+    """Time and energy of a flight in each wind of the forecast (the mean of the others, if a wind forbids it); and seconds of manoeuvres in it."""
     conditions = found.problem.options.conditions
     mission = found.told[number].document.mission
     route = fly(mission)
@@ -202,7 +202,7 @@ def _window(found: Recharged, number: int) -> Window:
 
 
 def _waits(found: Recharged, pad: int, arrive_s: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw waits for a pad: none where it is free, else such that their mean is that of the queue, and memoryless as those of M/M/c."""
+    """Draw waits for a pad: none if it is free, otherwise memoryless as those of M/M/c, with the mean of the queue."""
     wait, free = found.problem.waits[pad], found.problem.p_free[pad]
     mean = np.interp(arrive_s, wait[:, 0], wait[:, 1]) - (found.problem.options.swap_s or 0.0)
     if not mean.any():

@@ -21,10 +21,10 @@ SCHEMA = "skyway.recharge/1"
 
 @dataclass(frozen=True, slots=True)
 class LeftAt:
-    """Where the work is left: behind an item, or on the way to it."""
+    """Point where the work is left: after an item, or on the way to it."""
 
     item: int
-    """Number of the item in the mission that was given, completed as `notes` say."""
+    """Number of the item in the given mission, completed as in `notes`."""
     command: str
     on_the_way: bool
     """True: on the way to the item, which is not reached yet."""
@@ -41,9 +41,9 @@ class Stay:
     """After the first take-off, as all instants."""
     wait_s: float
     charge_s: float
-    """Or changing the battery."""
+    """Or of changing the battery."""
     ground_s: float
-    """Upload, list, arming."""
+    """Upload, checklist, arming."""
     soc_from: float
     soc_to: float
     leave_s: float
@@ -51,7 +51,7 @@ class Stay:
 
 @dataclass(frozen=True, slots=True)
 class FlightTold:
-    """One flight of one battery, as its file is flown in the winds that it was checked in."""
+    """One flight of one battery, as its file is flown in the winds of its check."""
 
     number: int
     items: int
@@ -79,9 +79,9 @@ class RechargeSummary:
     reserve_soc: float
     epsilon: float
     pictures: PictureAudit
-    """Those on the way, and those that items order: of the mission, and of the flights as they are written."""
+    """Those on the way, and those commanded by items: of the mission, and of the written flights."""
     work_s: float
-    """Time of the work with no stop at all."""
+    """Time of the work without any stop."""
     end_s: float
     """By the plan, after the first take-off."""
     ends_s: tuple[float, float, float]
@@ -89,14 +89,14 @@ class RechargeSummary:
     end_p50_s: float
     """Half of the simulated flights have ended by then; 95 % by the last of `ends_s`."""
     decided_on_the_way: tuple[str, ...]
-    """What `skyway fly` decides in flight, and the assumption until then."""
+    """Decisions that `skyway fly` makes in flight, and the assumption until then."""
     p_reserve: float
     """Probability that every landing keeps the reserve."""
     runs: int
     flights: tuple[FlightTold, ...]
     notes: tuple[str, ...]
     order: OrderTold | None = None
-    """Of ``--reorder``; then items are those of `reordered.plan`, where any part was moved."""
+    """Of ``--reorder``; then items are those of `reordered.plan`, if any part was moved."""
 
 
 def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: dict[str, list[str]]) -> RechargeSummary:
@@ -158,7 +158,7 @@ def summary_of(found: Recharged, flown: SimulatedFlights, mission: str, files: d
 
 
 def phases_of(stop: ChargingStop, options: RechargeOptions) -> tuple[float, float, float]:
-    """Return how long a stop waits for its pad, charges or changes the battery, and is handled on the ground."""
+    """Return the duration of a stop: wait for its pad, charge or change of the battery, and handling on the ground."""
     ends_s = max(stop.leave_s - options.ground_s, stop.arrive_s)
     begins_s = max(stop.on_pad_s, stop.arrive_s) if options.swap_s is None else ends_s - options.swap_s
     begins_s = min(max(begins_s, stop.arrive_s), ends_s)
@@ -166,7 +166,7 @@ def phases_of(stop: ChargingStop, options: RechargeOptions) -> tuple[float, floa
 
 
 def _decided(found: Recharged) -> tuple[str, ...]:
-    """Return in words what is not settled when the mission is cut: nothing where there is no stop."""
+    """Return in words what is undecided when the mission is cut: empty if there is no stop."""
     if not found.plan.stops:
         return ()
     charge = "that the battery is changed" if found.problem.options.swap_s is not None else "how long to charge"
@@ -177,7 +177,7 @@ def _decided(found: Recharged) -> tuple[str, ...]:
 
 
 def left_at(found: Recharged, point: WorkPoint) -> LeftAt:
-    """Return where the work is left at a point."""
+    """Return the place where the work is left at a point."""
     work = found.problem.work
     number = work.steps[max(point.step, 0)].item
     return LeftAt(number, work.mission.items[number].name, point.share < 1.0, round(point.lat, 7), round(point.lon, 7))

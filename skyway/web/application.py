@@ -53,5 +53,5 @@ def application(site: Site) -> Any:
 
 
 async def _cut_off(_: Request, __: Exception) -> Response:
-    """Answer a request that `Guard` has cut off, or whose sender has gone."""
+    """Answer a request that `Guard` has rejected, or whose sender has disconnected."""
     return PlainTextResponse("skyway: the request was too large, or too slow\n", 413)

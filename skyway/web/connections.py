@@ -14,17 +14,17 @@ else:
     Protocol = AutoHTTPProtocol
 
 REQUEST_S = 15.0
-"""Head of a request: from its first byte, or from the connection on, to its last."""
+"""Time limit of the head of a request: from its first byte, or from the connection, to its last."""
 MAX_HEAD = 64 * 1024
-"""Bytes of a head that does not end; one that comes at once may be as long as a system hands on at once."""
+"""Limit of the bytes of an incomplete head; one that arrives at once may be as long as a system passes on at once."""
 TAKEN_S = 30.0
-"""An answer of which a browser has taken nothing for so long is not sent on."""
+"""An answer of which a browser has read nothing for this long is aborted."""
 MOST_WAITED_FOR = 128
-"""Connections that say nothing, or not all; of more, the one that is open for longest is cut off."""
+"""Idle or incomplete connections; if there are more, the oldest is closed."""
 
 
 class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known when it runs
-    """HTTP as uvicorn speaks it, with a limit on the time until a request arrives and its answer is taken; its body is limited by the guard."""
+    """HTTP of uvicorn, with a limit on the time until a request arrives and its answer is read; its body is limited by the guard."""
 
     _late: asyncio.TimerHandle | None = None
     _stuck: asyncio.TimerHandle | None = None
@@ -32,7 +32,7 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
     opened_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:
-        """Expect a request from now on; a connection that is waited for without end makes room."""
+        """Expect a request from now on; an idle connection may be closed to make room."""
         super().connection_made(transport)
         self.opened_s = time.monotonic()
         if len(self.connections) > MOST_WAITED_FOR:
@@ -42,7 +42,7 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
         self._expect()
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come; what is not a whole head yet has the rest of its time."""
+        """Process received data; an incomplete head has the rest of its time."""
         super().data_received(data)
         in_body = self.cycle is not None and self.cycle.more_body
         self._head = 0 if self._answering or in_body else self._head + len(data)
@@ -51,18 +51,18 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
         self._expect()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Expect nothing more."""
+        """Expect no further request."""
         self._forget()
         self.resume_writing()
         super().connection_lost(exc)
 
     def pause_writing(self) -> None:
-        """Look from now on whether the answer is taken."""
+        """Monitor from now on whether the answer is read."""
         super().pause_writing()
         self._look(self.transport.get_write_buffer_size())
 
     def resume_writing(self) -> None:
-        """Send on: enough was taken."""
+        """Resume sending: enough was read."""
         if self._stuck is not None:
             self._stuck.cancel()
             self._stuck = None
@@ -86,7 +86,7 @@ class Prompt(Protocol):  # type: ignore[misc]  # which of two classes is known w
 
     @property
     def is_waited_for(self) -> bool:
-        """Whether something is still to come: a request, or the rest of its body."""
+        """Whether more data are expected: a request, or the rest of its body."""
         return not self.transport.is_closing() and (not self._answering or self.cycle.more_body)
 
     @property

@@ -16,13 +16,13 @@ class Field(ui.element, component="static/field.js"):
     Parameters
     ----------
     label : str
-        What it is.
+        Its label.
     on_change : callable
         Called with the value when a person has changed it.
     kind : str
         ``text``, ``number``, ``listed`` (text with completion), ``select``, ``check``, ``area``, ``range`` or another type of HTML.
     value : str or bool
-        What it shows at first.
+        Its initial value.
     options : sequence of (value, words)
         Of ``select`` and ``listed``.
     unit, hint : str
@@ -56,11 +56,11 @@ class Field(ui.element, component="static/field.js"):
 
     @property
     def shown(self) -> Any:
-        """The value that the server knows."""
+        """The value known to the server."""
         return self._props["value"]
 
     def show(self, value: str | bool, error: str = "") -> None:  # noqa: FBT001  a value like any other
-        """Show a value, and what is wrong with it."""
+        """Show a value, and its error."""
         if (self._props["value"], self._props["error"]) != (value, error):
             self._props.update(value=value, error=error)
             self.update()
@@ -76,7 +76,7 @@ class Field(ui.element, component="static/field.js"):
         self.update()
 
     def keep(self, value: Any) -> None:
-        """Remember what a person has entered, without sending it back."""
+        """Store a person's input, without sending it back."""
         self._props["value"] = value
 
 
@@ -86,13 +86,13 @@ class Button(ui.element):
     Parameters
     ----------
     words : str
-        What it does.
+        Its text.
     on_click : callable
-        Does it.
+        Its action.
     kind : str
         CSS classes.
     attributes : str
-        Others, underscores for hyphens.
+        Others, with underscores for hyphens.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Button(ui.element):
             self.on("click", lambda _: on_click(), args=[])
 
     def enable(self, enabled: bool) -> None:  # noqa: FBT001
-        """Make it usable or not."""
+        """Enable or disable it."""
         if enabled:
             self._props.pop("disabled", None)
         else:
@@ -143,7 +143,7 @@ class Status(ui.element):
 
 
 class CommandShown:
-    """The command that does the same, with a button that copies it.
+    """The equivalent command, with a button that copies it.
 
     Parameters
     ----------
@@ -164,16 +164,16 @@ class CommandShown:
 
 
 class Drop(ui.element, component="static/drop.js"):
-    """A place where files are dropped; they go to the work folder.
+    """An area for dropping files; they go to the work folder.
 
     Parameters
     ----------
     label : str
-        What it takes.
+        Its label.
     accept : str
         Endings, separated by commas.
     on_uploaded, on_refused : callable
-        Called with the name that a file got, and with why one was refused.
+        Called with the name of an accepted file, and with the reason for a rejected one.
     """
 
     def __init__(

@@ -37,7 +37,7 @@ MAX_REPORT = 64 * 2**20
 
 
 class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A command from a browser to a flight. Its id comes from the browser: repeated after a lost answer, it counts once."""
+    """A command from a browser to a flight. Its id is from the browser: repeated after a lost answer, it counts once."""
 
     flight: Annotated[str, msgspec.Meta(max_length=300)]
     id: Annotated[str, msgspec.Meta(pattern="^[0-9a-zA-Z-]{8,64}$")]
@@ -46,13 +46,13 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     about: int | None = None
 
     def request(self, who: str) -> OrderRequest:
-        """Return it as the supervisor reads it."""
+        """Return it in the form of the supervisor."""
         name = self.name.strip() or f"operator {who[:4]}"
         return OrderRequest(id=self.id, word=self.word, who=who, name=name, time_s=time.time(), about=self.about)
 
 
 async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
-    """Return what is computed; it ends where the browser that asked has gone, and then says so."""
+    """Return a computed result; the computation is cancelled, with an error, if the browser disconnects."""
     working, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
     try:
         await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)
@@ -70,7 +70,7 @@ async def _gone(request: Request) -> None:
 
 
 async def _answer(site: Site, name: str, *arguments: Any, ends_with: Request | None = None) -> Response:
-    """Return a worker's answer, or its error; heavy work ends when its requester leaves."""
+    """Return a worker's result, or its error; heavy work ends when the browser disconnects."""
     asked = site.workers.ask(name, *arguments)
     try:
         found = await (asked if ends_with is None else _waited_for(ends_with, asked))
@@ -177,7 +177,7 @@ def add(app: FastAPI, site: Site) -> None:
 
 
 def _logs(app: FastAPI, site: Site) -> None:
-    """Add logs to be played, and reports of journals."""
+    """Add logs for replay, and reports of journals."""
 
     @app.get("/api/replay")
     async def replay(request: Request) -> Response:
@@ -189,7 +189,7 @@ def _logs(app: FastAPI, site: Site) -> None:
 
     @app.get("/api/report")
     async def report(request: Request) -> Response:
-        """A report to save, made from a journal or as found in the folder: it is never shown as a page of ours."""
+        """A report to save, made from a journal or from the folder: it is never shown as a page of ours."""
         kept = request.query_params.get("file", "")
         try:
             if kept and not kept.lower().endswith(REPORTS):
@@ -212,7 +212,7 @@ def _logs(app: FastAPI, site: Site) -> None:
 
 
 def _base_maps(app: FastAPI, site: Site) -> None:
-    """Add what is drawn beneath the network."""
+    """Add the layers beneath the network."""
 
     @app.get("/api/base")
     async def base() -> Response:

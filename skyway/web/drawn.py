@@ -54,7 +54,7 @@ class Frame:
 
 
 def bars(plans: Sequence[dict[str, Any]], names: Sequence[str], zone: tzinfo) -> str:
-    """Return the bars of some plans on one time axis: what the drone does in the typical schedule of each."""
+    """Return the bars of some plans on one time axis: the drone's actions in the typical schedule of each."""
     everything = [bar for plan in plans for bar in plan["bars"]]
     if not everything:
         return ""

@@ -19,11 +19,11 @@ LOGS = (".tlog", ".bin", ".ulg", ".log", ".csv", ".jsonl")
 REPORTS = (".html",)
 """Endings of missions, of logs and journals, and of reports."""
 MOST_FILES = 5000
-"""Files of a folder that are considered."""
+"""Limit of the files of a folder."""
 MOST_NAME, MOST_BYTES = 1000, 255
-"""Signs of a path within the folder, and bytes of each part of it: systems take no longer ones."""
+"""Characters of a path within the folder, and bytes of each part of it: limits of file systems."""
 MOST_SAFE = 180
-"""Bytes of a name that we give: a number may be added to it."""
+"""Bytes of a name assigned by us: a number may be added to it."""
 MOST_DEEP = 4
 """Folders within folders."""
 _ODD = re.compile(r"[^\w.+=@-]+")
@@ -44,7 +44,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """A folder that nothing leads out of: neither ``..`` nor an absolute path nor a link."""
+    """A folder that cannot be left by ``..``, an absolute path or a link."""
 
     root: Path
 
@@ -71,7 +71,7 @@ class Folder:
         return path
 
     def files(self, *endings: str) -> list[Found]:
-        """Return the files with some endings, the newest first; hidden folders and links are passed over."""
+        """Return the files with some suffixes, the newest first; hidden folders and links are omitted."""
         found: list[Found] = []
         self._look(self.root.resolve(), 0, tuple(endings), found)
         return sorted(found, key=lambda one: (-one.modified_s, one.name))
@@ -92,7 +92,7 @@ class Folder:
                 found.append(Found(entry.relative_to(root).as_posix(), state.st_size, state.st_mtime))
 
     def write(self, name: str, content: bytes, *, force: bool = False) -> Path:
-        """Write a file, whole or not at all; an existing one is replaced only with `force`."""
+        """Write a file atomically; an existing one is replaced only with `force`."""
         path = self.path(name)
         if not path.parent.is_dir():
             raise InputError("no such folder in the work folder", field="file", value=name[:200])
@@ -100,7 +100,7 @@ class Folder:
         return path
 
     def free_name(self, wanted: str, taken: Sequence[str] = ()) -> str:
-        """Return a name that no file has: as wanted, else with a number."""
+        """Return an unused file name: the requested one, otherwise with a number."""
         path = Path(safe_name(wanted))
         for number in range(1, 1000):
             name = path.name if number == 1 else f"{path.stem}-{number}{path.suffix}"
@@ -109,7 +109,7 @@ class Folder:
         raise InputError("a thousand files of this name are there", field="file", value=wanted[:200])
 
     def free_names(self, wanted: Sequence[str]) -> list[str]:
-        """Return names of files that belong together, which no file has: as wanted, else all with the same number."""
+        """Return unused names of files that belong together: as requested, otherwise all with the same number."""
         first = Path(safe_name(wanted[0])).stem
         for number in range(1, 1000):
             stem = first if number == 1 else f"{first}-{number}"
@@ -120,7 +120,7 @@ class Folder:
 
 
 def stamp(folder: str | Path | None) -> tuple[tuple[str, int, int], ...]:
-    """Return the state of the files of a folder: another one where any has changed."""
+    """Return the state of the files of a folder: it changes with any file."""
     if folder is None or not Path(folder).is_dir():
         return ()
     states = ((one.name, one.stat()) for one in sorted(Path(folder).iterdir()) if one.is_file())
@@ -128,7 +128,7 @@ def stamp(folder: str | Path | None) -> tuple[tuple[str, int, int], ...]:
 
 
 def safe_name(name: str) -> str:
-    """Return a name of a file without folders and odd signs, the last 120 of it at most."""
+    """Return the name of a file without folders and special characters, at most its last 120 characters."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
     kept = _ODD.sub("_", last).lstrip(".")
     path = Path(kept[-120:].encode()[-MOST_SAFE:].decode("utf-8", "ignore").lstrip("."))

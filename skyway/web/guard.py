@@ -1,6 +1,6 @@
-"""Protection of the page from the network: who may send requests, from where, how much, and what browsers may load.
+"""Protection of the page from the network: permitted senders, origins, sizes, and resources that browsers may load.
 
-An ASGI application around another. It answers nothing itself but refusals and the sign-in.
+An ASGI application around another. Its own answers are only rejections and the sign-in.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
 MAX_BODY = 64 * 2**20
 """Bytes of one request: a flight log of an hour, with room to spare."""
 BODY_S = 120.0
-"""A browser that takes longer to send a request is cut off."""
+"""A browser that takes longer to send a request is disconnected."""
 COOKIE = "skyway_session"
 BROWSER = "skyway_browser"
 """Cookie that identifies a browser: only one browser commands a flight."""
 SIGN_IN = "/sign-in"
 WRONG_S = 1.0
-"""After a wrong token the answer waits so long, one at a time: nobody tries many."""
+"""Delay of the answer to a wrong token, one at a time: this prevents guessing."""
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 ONCE = (b"host", b"origin", b"content-length")
-"""Headers that are judged: of two, another program could judge the other one."""
+"""Headers that are checked: of a duplicate, another program could check the other one."""
 TRYING = 32
-"""Tokens that wait to be judged; more are not read."""
+"""Limit of tokens that wait to be checked; more are not read."""
 _HOST = re.compile(r"(?a:([\w.-]+)|\[([\da-fA-F:.]+)\])(?::\d{1,5})?")
 _POLICY = (
     "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:{pictures}; font-src 'self'; connect-src 'self'{vectors}; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'; object-src 'none'"
 )
-"""Nothing from another host, but for a tile server that the operator names. NiceGUI's Vue compiles templates in the browser, hence 'unsafe-eval'; a script in the page needs the nonce."""
+"""Nothing from another host, except for a tile server named by the operator. NiceGUI's Vue compiles templates in the browser, hence 'unsafe-eval'; a script in the page needs the nonce."""
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -69,13 +69,13 @@ class Guard:
     Attributes
     ----------
     app : ASGI application
-        What is guarded.
+        The guarded application.
     token : str or None
-        Password that a person types once in each browser; None admits everyone who may connect.
+        Password that a person types once in each browser; None admits every browser that may connect.
     max_body : int
         Bytes of one request.
     tiles : BaseMap
-        The base map: where it is on another host, browsers may load its tiles from there.
+        The base map: if it is on another host, browsers may load its tiles from there.
     """
 
     app: App
@@ -106,14 +106,14 @@ class Guard:
             await self._pass(scope, receive, send)
 
     def _refused(self, scope: MutableMapping[str, Any], headers: dict[str, str]) -> tuple[int, str] | None:
-        """Return status and reason of what no browser on our page would ask."""
+        """Return status and reason of requests that no browser on our page would send."""
         names = [name for name, _ in scope["headers"]]
         if any(names.count(one) > 1 for one in ONCE):
             return 400, "a header is given twice"
         host = headers.get("host", "")
         name = _name(host)
         if not name or (self.token is None and name not in LOOPBACK):
-            return 403, "this page answers at its own address only"  # a name of somebody else's that points here
+            return 403, "this page answers at its own address only"  # a foreign name that points here
         changing = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changing and headers.get("origin", "").lower() not in {f"http://{host}".lower(), f"https://{host}".lower()}:
             return 403, "the request comes from another page"
@@ -127,7 +127,7 @@ class Guard:
         return None
 
     def _policy(self, nonce: str) -> str:
-        """Return what a browser may load."""
+        """Return the resources that a browser may load."""
         host = "" if self.tiles.origin is None else f" {self.tiles.origin}"
         pictures, vectors = (host if self.tiles.kind == kind else "" for kind in (PICTURES, VECTORS))
         return _POLICY.format(nonce=nonce, pictures=pictures, vectors=vectors)
@@ -144,7 +144,7 @@ class Guard:
     async def _sign_in(
         self, scope: MutableMapping[str, Any], headers: dict[str, str], receive: Receive, send: Send
     ) -> None:
-        """Ask for the token, or take it."""
+        """Request the token, or check it."""
         if self.token is None:
             await _see_other(send, "/")
             return
@@ -167,10 +167,10 @@ class Guard:
         await _see_other(send, "/", (b"set-cookie", cookie.encode()))
 
     async def _right(self, token: str, receive: Receive) -> bool:
-        """Whether the token that a form sends is the right one."""
+        """Whether the token of a form is correct."""
         body = await _body(_bounded(receive, 4096, time.monotonic() + 10.0))
         if body is None:
-            return False  # no question is open: others do
+            return False  # the sender has disconnected
         given = (parse_qs(body.decode("utf-8", "replace")).get("token") or [""])[0]
         async with self._trying:
             right = hmac.compare_digest(given.encode(), token.encode())
@@ -179,7 +179,7 @@ class Guard:
         return right
 
     async def _pass(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
-        """Hand a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
+        """Pass a request on, its body bounded; the answer gets our headers, and its scripts a nonce.
 
         Pages are requested uncompressed, so that their scripts can be marked; no prefix of paths is taken from a request.
         """
@@ -216,7 +216,7 @@ class Guard:
 
 
 def browser(headers: Mapping[str, str]) -> str:
-    """Return a browser's pseudonym, for journals: it reveals nothing, and is empty where none was given."""
+    """Return a browser's pseudonym, for journals: it reveals nothing, and is empty if none was given."""
     try:
         found = SimpleCookie(headers.get("cookie", "")).get(BROWSER)
     except CookieError:
@@ -225,7 +225,7 @@ def browser(headers: Mapping[str, str]) -> str:
 
 
 def _name(host: str) -> str:
-    """Name of a Host header without its port; nothing where it is more than a name and a port."""
+    """Name of a Host header without its port; empty if it is more than a name and a port."""
     found = _HOST.fullmatch(host)
     return (found[1] or found[2]).lower() if found else ""
 
@@ -235,7 +235,7 @@ def _is_html(headers: Any) -> bool:
 
 
 def _session(token: str) -> str:
-    """What a browser keeps instead of the token: the same after a restart."""
+    """Cookie that replaces the token: the same after a restart."""
     return hmac.new(token.encode(), b"skyway session", hashlib.sha256).hexdigest()
 
 
@@ -260,7 +260,7 @@ def _bounded(receive: Receive, most: int, until: float) -> Receive:
 
 
 async def _body(receive: Receive) -> bytes | None:
-    """Return the body of a request; None where its sender has gone."""
+    """Return the body of a request; None if its sender has disconnected."""
     pieces = []
     while (message := await receive())["type"] == "http.request":
         pieces.append(message.get("body", b""))
@@ -285,7 +285,7 @@ async def _see_other(send: Send, where: str, *more: tuple[bytes, bytes]) -> None
 
 
 async def _page(send: Send, status: int, fault: str) -> None:
-    """Send the page that asks for the token."""
+    """Send the sign-in page."""
     text = (
         (resources.files("skyway.web") / "static" / "sign_in.html").read_text().replace("{{fault}}", html.escape(fault))
     )

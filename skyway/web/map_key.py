@@ -49,7 +49,7 @@ SIGNS = {
         "wind: direction it blows to, longer for stronger; shading around the tip: spread of the forecast (one standard deviation)",
     ),
 }
-"""Sign, drawn in a box of 22 by 16, and its words."""
+"""Symbol, drawn in a box of 22 by 16, and its text."""
 
 MOVES = ("arrows, + - 0", "move, zoom, show everything")
 KEYS = {
@@ -59,11 +59,11 @@ KEYS = {
     "vehicles": (("v", "next drone; Enter opens its flight"),),
     "carry": (("Enter, Escape", "drop what is being moved, or cancel"),),
 }  # fmt: skip
-"""Keys of a map and what they do, beside `MOVES`; ``static/map/keys.js`` takes them."""
+"""Keys of a map and their actions, besides `MOVES`; ``static/map/keys.js`` uses them."""
 
 
 def key(*signs: str, keys: Sequence[str] = ()) -> ui.element:
-    """Lay out the key of some `SIGNS` and what some `KEYS` do, closed at first."""
+    """Lay out the key of some `SIGNS` and the actions of some `KEYS`, initially closed."""
     found: Sequence[tuple[str, str]] = [SIGNS[name] for name in signs]
     items = "".join(
         f'<li><svg viewBox="0 0 22 16" aria-hidden="true">{sign}</svg><span>{words}</span></li>'

@@ -20,10 +20,10 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
     Parameters
     ----------
     label : str
-        For people who cannot see it.
+        For people who cannot see the map.
     on_choose, on_drag, on_vehicle, on_move : callable, optional
-        Called with what was chosen in the menu of a place (action, station, lat, lon); with the stations that a stop was dragged from
-        and to; with the id of a vehicle; with the id of a mark and where it was dragged to.
+        Called with the choice in the menu of a place (action, station, lat, lon); with the stations from and to which a stop was
+        dragged; with the id of a vehicle; with the id of a mark and the place to which it was dragged.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class MapLayer(ui.element, component="static/map_layer.js", esm={"skyway-map": "
 
 
 class OnMap(ui.element):
-    """A component of the page that moves something on the map, in the units that a person prefers."""
+    """A component of the page that moves something on the map, in the person's preferred units."""
 
     def __init__(self, wanted: Preferences) -> None:
         super().__init__()
@@ -74,14 +74,14 @@ class Player(OnMap, component="static/player.js", esm={"skyway-flight": "static/
 
 
 class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "static/flight"}):
-    """Flights under way, one tab each, and vehicles that are heard: ``static/flights.js``.
+    """Flights in progress, one tab each, and received vehicles: ``static/flights.js``.
 
     Parameters
     ----------
     wanted : Preferences
         Units and times.
     first : str
-        Name of the flight that is shown at first.
+        Name of the flight that is shown initially.
     """
 
     def __init__(self, wanted: Preferences, first: str) -> None:

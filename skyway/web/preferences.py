@@ -21,12 +21,12 @@ CHOICES: dict[str, tuple[str, dict[str, str]]] = {
     "time": ("Times", {"local": "local", "utc": "UTC"}),
     "theme": ("Colours", {"auto": "auto", "light": "light", "dark": "dark"}),
 }
-"""Name of each preference: what it is, and its choices; the first is the usual one."""
+"""Name of each preference: its label, and its choices; the first is the default."""
 _SPEEDS = {"mps": 1.0, "kn": 1.0 / 0.514444, "kmh": 3.6}
 _FEET_PER_M = 1.0 / 0.3048
 _NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?"
 _MEASURED = re.compile(rf"{_NUMBER}(?: ?(?:±|to|\() ?-?\d+(?:\.\d+)?\)?)* (m/s|m)(?![\w²³/·])")
-"""A length or a speed of a sentence, with what belongs to it: ``60 m``, ``7.4 ± 0.8 m/s``, ``10 (8 to 12) m/s``."""
+"""A length or a speed in a sentence, with its range: ``60 m``, ``7.4 ± 0.8 m/s``, ``10 (8 to 12) m/s``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Preferences:
 
     @classmethod
     def of(cls, cookies: Mapping[str, str]) -> Preferences:
-        """Read them from the cookies of a request; what is not a choice counts as the usual one."""
+        """Read them from the cookies of a request; an invalid choice means the default."""
         found = {name: cookies.get(f"skyway_{name}", "") for name in CHOICES}
         return cls(**{name: value for name, value in found.items() if value in CHOICES[name][1]})
 
@@ -71,7 +71,7 @@ class Preferences:
         return f"{metres * self.height_factor:.{digits}f} {self.height}"
 
     def in_words(self, told: str) -> str:
-        """Return a sentence with its speeds, heights and lengths in the units that are preferred; ``static/flight/words.js`` does the same."""
+        """Return a sentence with its speeds, heights and lengths in the preferred units; ``static/flight/words.js`` does the same."""
         return _MEASURED.sub(self._measured, told)
 
     def _measured(self, found: re.Match[str]) -> str:
@@ -93,7 +93,7 @@ class Preferences:
 
 
 def to_instant(typed: str, zone: tzinfo) -> str:
-    """Turn ``2013-07-10T14:00`` of a zone into text with its UTC offset; other text is left as it is."""
+    """Convert ``2013-07-10T14:00`` of a zone to text with its UTC offset; other text is unchanged."""
     from datetime import datetime
 
     try:
@@ -104,7 +104,7 @@ def to_instant(typed: str, zone: tzinfo) -> str:
 
 
 def from_instant(text: str, zone: tzinfo) -> str:
-    """Turn an instant into ``2013-07-10T14:00`` of a zone, as a control for dates wants it; empty where it is none."""
+    """Convert an instant to ``2013-07-10T14:00`` of a zone, for a date control; empty if it is not an instant."""
     from skyway.models.base.errors import InputError
 
     if not text:

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MAX_CONNECTIONS = 512
-"""At once; more are refused. Those that say nothing are cut off before, see `connections`."""
+"""Simultaneous connections; more are refused. Idle ones are closed earlier, see `connections`."""
 MIN_TOKEN = 12
 """Characters of a token."""
 WASTE = (2_000, 10, 10)
-"""Objects, and rounds, after which waste is looked for; a page is some 4,000 objects."""
+"""Numbers of objects, and of rounds, that trigger garbage collection; a page is some 4,000 objects."""
 RECONNECT_S = 30.0
-"""A browser that was away for no longer finds its page as it left it."""
+"""A browser that reconnects within this time finds its page unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,25 +37,25 @@ class ServeOptions:
     scenario: Path | None = None
     """Scenario folder; None is New York, built in."""
     folder: Path = Path()
-    """Work folder: plans, missions, journals and logs are read there and written there, and nowhere else."""
+    """Work folder: the only place where plans, missions, journals and logs are read and written."""
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
     demo: bool = False
-    """A simulated delivery is flown from the start on."""
+    """Whether a simulated delivery is flown from the start."""
     begins_at: str = ""
     """Path of the page that the printed address opens; empty is the first one."""
     ends: str = "the page, not a flight"
-    """What Ctrl-C ends."""
+    """Description of what Ctrl-C ends."""
     given: Given = field(default_factory=Given)
-    """Weather and pads of now, terrain, zones."""
+    """Current weather and pads, terrain, zones."""
     base: BaseMap = field(default_factory=BaseMap)
-    """Drawn beneath everything."""
+    """The layer beneath everything."""
     outline: Path | None = None
     """GeoJSON with coast, water and streets, drawn beneath the network."""
 
     def checked(self) -> ServeOptions:
-        """Return the same, or raise an `InputError` with what is unsafe or missing."""
+        """Return the same, or raise an `InputError` with the unsafe or missing option."""
         if not self.folder.is_dir():
             raise InputError("no such folder", str(self.folder), field="--folder", remedy="create it first")
         if self.scenario is not None and not self.scenario.is_dir():
@@ -95,7 +95,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
-    """Serve the page until Ctrl-C; an `InputError` where the address cannot be taken."""
+    """Serve the page until Ctrl-C; an `InputError` if the address is taken."""
     options = options.checked()
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.devnull)  # nothing of NiceGUI's is kept on disk
     import uvicorn
@@ -124,13 +124,13 @@ def serve(options: ServeOptions, say: Callable[[str], None]) -> None:
 
 
 def look_for_waste() -> None:
-    """Have what pages leave be found soon from now on: a command looks seldom, and would keep half a megabyte of each page that was ever opened."""
-    gc.freeze()  # what is loaded stays
+    """Collect the objects of closed pages soon: by default Python collects rarely, and would keep half a megabyte of each page that was ever opened."""
+    gc.freeze()  # loaded modules stay
     gc.set_threshold(*WASTE)
 
 
 def _listening(options: ServeOptions) -> socket.socket:
-    """Take the address before anything heavy is loaded."""
+    """Bind the address before anything heavy is loaded."""
     family = socket.AF_INET6 if ":" in options.host else socket.AF_INET
     taken = socket.socket(family, socket.SOCK_STREAM)
     taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -39,7 +39,7 @@ def add(site: Site, address: str, make: Callable[[Site, Client, Preferences], ob
 
 @contextmanager
 def page(site: Site, client: Client, here: str) -> Iterator[Preferences]:
-    """Lay out a page; what is made inside is its main part. Yields what the person prefers."""
+    """Lay out a page; elements made inside are its main part. Yields the person's preferences."""
     del site
     wanted = Preferences.of(client.request.cookies)
     ui.add_head_html(

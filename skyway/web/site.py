@@ -24,17 +24,17 @@ class Site:
     folder : Folder
         The work folder.
     workers : Workers
-        Processes that work things out, so that the page answers meanwhile.
+        Processes for computations, so that the page remains responsive.
     fleet : Fleet
-        Vehicles that are heard.
+        Received vehicles.
     flights : Flights
-        Deliveries that are flown.
+        Deliveries in flight.
     """
 
     def __init__(self, options: ServeOptions) -> None:
         self.options = options
         self.folder = Folder(options.folder)
-        give(options.given)  # the commands that are shown name it
+        give(options.given)  # it appears in the shown commands
         self.workers = Workers(options.given)
         self.fleet = Fleet(self)
         self.flights = Flights(self.folder)
@@ -42,11 +42,11 @@ class Site:
 
     @property
     def scenario(self) -> str | None:
-        """The scenario as a worker wants it: its folder, None the built-in one."""
+        """The scenario in the form for a worker: its folder, None the built-in one."""
         return None if self.options.scenario is None else str(self.options.scenario)
 
     async def region(self) -> dict[str, Any]:
-        """Return what the map shows of the scenario; computed once for each state of its files, so that no page waits for what is planned."""
+        """Return the map data of the scenario; computed once for each state of its files, so that no page waits for a plan."""
         now = stamp(self.options.scenario)
         if self._region is None or self._region[0] != now:
             self._region = now, await self.workers.ask("region.region", self.scenario)
@@ -57,6 +57,6 @@ class Site:
         self.workers.start(self.scenario)
 
     def stop(self) -> None:
-        """End them; again does nothing."""
+        """End them; repeated calls have no effect."""
         self.fleet.stop_all()
         self.workers.close()

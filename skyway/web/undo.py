@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MOST = 100
-"""Steps that can be taken back."""
+"""Number of steps that can be undone."""
 Asked = TypeVar("Asked")
 
 
@@ -20,7 +20,7 @@ class Undo(Generic[Asked]):
     Parameters
     ----------
     turn_to : callable
-        Asks what is handed to it.
+        Makes a given request.
     """
 
     def __init__(self, turn_to: Callable[[Asked], object]) -> None:
@@ -35,24 +35,24 @@ class Undo(Generic[Asked]):
         self._again = Button("Redo", self.redo, data_keys="ctrl+shift+z", title="Ctrl+Shift+Z")
 
     def show(self, now: Asked) -> None:
-        """Show what can be taken back from what is asked now."""
+        """Show what can be undone from the current request."""
         self._now = now
         self._back.enable(bool(self._before))
         self._again.enable(bool(self._undone))
 
     def leave(self, now: Asked) -> None:
-        """Keep what is asked no longer, for something else was asked."""
+        """Store the previous request, after a new one was made."""
         self._before = [*self._before[-MOST:], now]
         self._undone = []
 
     def undo(self) -> None:
-        """Ask again what was asked before."""
+        """Return to the previous request."""
         if self._before and self._now is not None:
             self._undone.append(self._now)
             self._turn_to(self._before.pop())
 
     def redo(self) -> None:
-        """Take an undo back."""
+        """Undo an undo."""
         if self._undone and self._now is not None:
             self._before.append(self._now)
             self._turn_to(self._undone.pop())

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 AT_ONCE = 2
 """One plans while the other reads files."""
 SPARE = 1
-"""Process that has loaded its libraries, and takes the place of one whose work was cancelled."""
+"""Spare process that has loaded its libraries, and replaces one whose work was cancelled."""
 
 
 class Workers:
-    """Processes, one call each at a time. A call that nobody waits for any more ends with its process, and so does one that kills it."""
+    """Processes, one call each at a time. A call that is no longer wanted is ended with its process, and one that kills its process fails."""
 
     def __init__(self, given: Given) -> None:
         self._given = given
@@ -32,20 +32,20 @@ class Workers:
         self._busy: set[ProcessPoolExecutor] = set()
 
     def start(self, scenario: str | None) -> None:
-        """Start a process, which loads what it will need; the spare one follows when that one has answered, so that the first page is not late."""
+        """Start a process, which preloads its data; the spare one follows when that one has answered, so that the first page is not delayed."""
         self._scenario = scenario
         self._idle.append(self._prepared())
 
     def close(self) -> None:
-        """End all processes, and what they are at."""
+        """End all processes, with their current work."""
         for process in (*self._idle, *self._busy):
             end_workers(process)
         self._idle, self._busy = [], set()
 
     async def ask(self, name: str, *arguments: Any) -> Any:
-        """Return what a function of `skyway.web.work` answers: ``module.function``; its `SkywayError` is raised here.
+        """Return the result of a function of `skyway.web.work`: ``module.function``; its `SkywayError` is raised here.
 
-        Calls wait in line. One that is cancelled leaves it, or its process is ended: nobody else waits for what nobody wants.
+        Calls wait in line. A cancelled call leaves it, or its process is ended, so that other calls do not wait for it.
         """
         async with self._turns:
             process = self._idle.pop() if self._idle else self._prepared()
@@ -63,7 +63,7 @@ class Workers:
         return found
 
     def _left(self, process: ProcessPoolExecutor, *, done: bool) -> None:
-        """Keep a process that has answered for the next call, end one that has not; one more than works is always there."""
+        """Keep a process that has answered for the next call, end one that has not; a missing spare is replaced."""
         if process not in self._busy:
             return  # all have ended
         self._busy.remove(process)
@@ -75,7 +75,7 @@ class Workers:
             self._idle.insert(0, self._prepared())
 
     def _prepared(self) -> ProcessPoolExecutor:
-        """Start a process, which loads what it will need."""
+        """Start a process, which preloads its data."""
         process = ProcessPoolExecutor(
             1, mp_context=multiprocessing.get_context("spawn"), initializer=begin, initargs=(self._given,)
         )

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 FRESH_S = 2.0
-"""A quantity of motion older than this is unknown any more."""
+"""A quantity of motion older than this is unknown."""
 SLOW_FRESH_S = 15.0
-"""The same for values that are sent rarely."""
+"""The same for rarely sent values."""
 SLOW = frozenset(
     (
         "soc",
@@ -49,7 +49,7 @@ _AIRSPEED, _AIRSPEED_OK, _VOLTAGE, _CURRENT, _POWER = (
     COLUMN[name] for name in ("airspeed_mps", "airspeed_ok", "voltage_v", "current_a", "power_w")
 )
 TICK_GAP_S = 0.5
-"""Where no attitude came for so long, a position gives a sample as well."""
+"""If no attitude came for this long, a position also gives a sample."""
 
 
 class Stretch:
@@ -106,7 +106,7 @@ class Assembler:
         return TelemetryTrack(self.system, ticks, _finished(values))
 
     def feed_one(self, time_s: float, columns: Mapping[str, float]) -> TelemetrySample | None:
-        """Take one live message, in microseconds; returns a sample where it completes one, by the rules of `feed`."""
+        """Take one live message, in microseconds; returns a sample if it completes one, by the rules of `feed`."""
         for name, value in columns.items():
             number = COLUMN[name]
             self._last_time[number], self._last_value[number] = time_s, value
@@ -140,7 +140,7 @@ class Assembler:
         self._last_tick = self._last_main = -math.inf
 
     def _ticks(self, stretch: Stretch) -> NDArray[np.float64]:
-        """Times at which samples are taken: every attitude, and positions where attitudes are missing."""
+        """Times at which samples are taken: every attitude, and positions if attitudes are missing."""
         main = [times for times, columns in stretch.reports if "roll_rad" in columns]
         other = [
             times for times, columns in stretch.reports if "vel_north_mps" in columns and "roll_rad" not in columns
@@ -155,7 +155,7 @@ class Assembler:
 
 
 def _finished(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are reported."""
+    """Plausible values, airspeed only of a trusted sensor, and power from voltage and current if both are reported."""
     found = believable(values)
     found[..., _AIRSPEED] = np.where(found[..., _AIRSPEED_OK] == 1.0, found[..., _AIRSPEED], np.nan)
     power = found[..., _VOLTAGE] * found[..., _CURRENT]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetryTrack, TimeBase
 
 MAX_EVENTS = 5000
-"""Messages for people that are kept of one log."""
+"""Number of messages for people that are kept of one log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class LogEvent:
     time_s: float
     """As in the samples."""
     system: int
-    """Who said it."""
+    """Its source."""
     text: str
 
 
@@ -39,22 +39,22 @@ class LogSummary:
     by_type: dict[str, int]
     """By the format's own name of the message."""
     skipped_bytes: int
-    """Bytes (rows of a CSV) that belong to no message."""
+    """Bytes (rows of a CSV) that are not part of any message."""
     systems: tuple[int, ...]
-    """Vehicles that gave telemetry."""
+    """Vehicles with telemetry."""
     others: tuple[int, ...]
-    """Systems that spoke without telemetry: ground stations, radios."""
+    """Systems without telemetry: ground stations, radios."""
     time_base: TimeBase
-    """Whose clock it is, and its doubts."""
+    """Its clock, with its defects."""
     start_s: float = math.nan
     end_s: float = math.nan
     """`start_s`, `end_s`: first and last time; NaN in an empty log."""
     events: tuple[LogEvent, ...] = field(default=())
-    """What the log says in words, at most `MAX_EVENTS`."""
+    """Texts of the log, at most `MAX_EVENTS`."""
     vehicles: Mapping[int, Vehicle] = field(default_factory=dict)
-    """What each vehicle is."""
+    """Kind of each vehicle."""
     doubted: Mapping[int, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    """From when to when each vehicle said that it does not trust its position, as in the samples, by system id."""
+    """Intervals in which each vehicle reported that it does not trust its position, as in the samples, by system id."""
 
     def vehicle(self, system: int | None) -> Vehicle:
         """Type and autopilot of a vehicle in this log."""

@@ -1,8 +1,8 @@
 """MAVLink messages as telemetry quantities, for logs (arrays) and live links (numbers).
 
-Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
-0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is not a fix; VFR_HUD has
-indicated airspeed, of which true airspeed is made by the standard density at its height; a heartbeat of a ground station, radio or
+Special cases handled here: WIND gives where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are valid;
+0 V, -1 A and -1 % mean unknown; a position of exactly 0, 0 is not a fix; VFR_HUD has
+indicated airspeed, which is converted to true airspeed by the standard density at its height; a heartbeat of a ground station, radio or
 camera is not the vehicle's.
 """
 
@@ -39,11 +39,11 @@ PITOT_BIT = 0x10
 """Of the sensors in SYS_STATUS: present, enabled, healthy."""
 ARMED_FLAG = 128
 _REPEATED_MPS = 1e-3
-"""An airspeed so close to the ground speed is the ground speed again: a bridge without a sensor."""
+"""An airspeed this close to the ground speed is a copy of it: a bridge without a sensor."""
 
 
 def _numbers(values: Any) -> Any:
-    """Numbers to reckon with: those of a log as an array; that of a live message, of which many come a second, as it is."""
+    """Numbers for computation: those of a log as an array; those of a live message, which are frequent, unconverted."""
     return values if isinstance(values, int | float) else np.asarray(values, dtype=np.float64)
 
 
@@ -58,7 +58,7 @@ def _among(values: Any, wanted: tuple[int, ...]) -> Any:
 
 
 def _real(values: Any, unknown: Any, scale: float = 1.0) -> Any:
-    """Scaled numbers, NaN where `unknown` holds."""
+    """Scaled numbers, NaN if `unknown` holds."""
     if isinstance(values, int | float):
         return math.nan if unknown else values * scale
     return np.where(unknown, np.nan, np.asarray(values, dtype=np.float64) * scale)
@@ -166,7 +166,7 @@ def _battery(fields: Any) -> Columns:
 
 
 def on_rotors(autopilot: Any, custom_mode: Any) -> tuple[Any, Any]:
-    """Whether each MAV_AUTOPILOT reports by its mode that a plane hovers on its rotors, and whether it does; arrays or numbers."""
+    """Whether the modes of each MAV_AUTOPILOT show that a plane hovers on its rotors, and whether it does; arrays or numbers."""
     tells: Any = False
     stands: Any = False
     for family in FAMILIES.values():
@@ -224,5 +224,5 @@ SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "MISSION_CURRENT": lambda fields: {"mission_item": _numbers(fields["seq"])},
     "MISSION_ITEM_REACHED": lambda fields: {"mission_reached": _numbers(fields["seq"])},
 }
-"""Messages that telemetry is made of, and what each says, by the names of `models.drones.telemetry`; empty where it is nothing
-about the vehicle. Its fields come as MAVLink sends them, in its units: a mapping of numbers or arrays, or a structured array."""
+"""Messages that telemetry is made of, and the quantities in each, by the names of `models.drones.telemetry`; empty if it has none
+of the vehicle. Its fields come as MAVLink sends them, in its units: a mapping of numbers or arrays, or a structured array."""

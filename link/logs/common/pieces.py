@@ -1,7 +1,7 @@
 """Reading a log of any size piece by piece, with reports in order of time.
 
-An autopilot writes what its parts tell when they come to tell it, so that reports of one second are mixed with those of
-the next. They are held back for a while before samples are made of them.
+An autopilot writes the reports of its parts as they arrive, so reports of one second are mixed with those of
+the next. They are delayed for a while before samples are made of them.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ if TYPE_CHECKING:
 Found_co = TypeVar("Found_co", covariant=True)
 PIECE_BYTES = 1024 * 1024
 HOLD_S = 2.0
-"""Reports are at most so much later in the log than younger ones."""
+"""Greatest delay of a report in the log after younger ones."""
 WARM_UP_S = 15.0
-"""A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
+"""A replay that begins in the middle reads from this much earlier, so that slow quantities are known."""
 
 
 class Scan(Protocol[Found_co]):
-    """Looks for messages in a piece of a log."""
+    """Finds messages in a piece of a log."""
 
     def __call__(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Found_co, int]:
-        """Return what was found, and how many bytes are done with; `final` says that the log ends with them."""
+        """Return the findings, and the number of bytes processed; `final` means that the log ends with them."""
 
 
 def read_pieces(
     path: Path, scan: Scan[Found_co], *, begin: int = 0
 ) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
-    """Read a file piece by piece from a place on; what a piece has not used up begins the next one.
+    """Read a file piece by piece from a position; the unprocessed rest of a piece begins the next one.
 
-    Yields the place of each piece in the file, its bytes (valid until the next piece), and what was found in it. An
-    `InputError` says that the file cannot be read.
+    Yields the position of each piece in the file, its bytes (valid until the next piece), and the findings in it. An
+    `InputError` means that the file cannot be read.
     """
     buffer = np.empty(PIECE_BYTES, dtype=np.uint8)
     try:
@@ -68,9 +68,9 @@ def read_pieces(
 
 
 class InOrder:
-    """Makes samples of reports that come a little out of order.
+    """Makes samples of reports that are slightly out of order.
 
-    `lasting` is as `Assembler` takes it; `known`, by quantity, holds since `known_s`, before the first reports.
+    `lasting` is as in `Assembler`; `known`, by quantity, is valid since `known_s`, before the first reports.
     """
 
     def __init__(self, system: int, lasting: frozenset[str], known_s: float, known: Mapping[str, float]) -> None:
@@ -95,7 +95,7 @@ class InOrder:
             yield part
 
     def _feed(self, reports: Reports) -> TelemetryTrack:
-        """Take the reports of a piece; return the samples that nothing older can change any more."""
+        """Take the reports of a piece; return the samples that no older report can change."""
         for name, (times, columns) in reports.items():
             fresh = np.isfinite(times) & (times > self._done_s)
             if not fresh.any():

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SPIKE_S = 2.0
-"""A stamp this far from the median of five about it is damage: neighbours of a log are that close, or in order."""
+"""A stamp this far from the median of five about it is damaged: neighbours in a log are that close, or in order."""
 EDGE_S = 60.0
 """The same at the ends of a stretch, where a pause of the log looks like a spike."""
 

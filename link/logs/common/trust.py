@@ -1,6 +1,6 @@
 """A vehicle's trust in its own navigation, from any kind of message.
 
-Limits of the receiver are those that both autopilots ask for before they fly on it (ArduPilot's EKF checks, PX4's
+Limits of the receiver are those that both autopilots require before they fly on it (ArduPilot's EKF checks, PX4's
 ``EKF2_REQ_*``); a test ratio of 1 is where either filter rejects a measurement.
 """
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MIN_FIX, MIN_SATELLITES, MAX_HDOP, MAX_SPEED_ERROR_MPS = 3, 6, 3.0, 1.5
-"""A three-dimensional fix; satellites in use; dilution of precision; what the receiver says of its own velocity."""
+"""A three-dimensional fix; satellites in use; dilution of precision; reported accuracy of the velocity."""
 REJECTED = 1.0
 """Ratio of an innovation to the gate of the autopilot's filter."""
 VELOCITY_GOOD, CONSTANT_POSITION = 1 << 1, 1 << 7
@@ -32,7 +32,7 @@ def receiver_ok(
     """Whether a receiver is trusted, 1 or 0; NaN figures are ignored.
 
     A fix from 3 on has three dimensions. The others are satellites in use, horizontal dilution of precision, and the
-    accuracy of the velocity as the receiver says it.
+    accuracy of the velocity reported by the receiver.
     """
     bad = _column(fix) < MIN_FIX
     bad = bad | (_column(satellites) < MIN_SATELLITES) | (_column(hdop) > MAX_HDOP)
@@ -46,8 +46,8 @@ def estimate_ok(
     """Whether the autopilot's filter trusts its horizontal velocity, 1 or 0.
 
     The ratios are innovations over their gates; from 1 on the filter rejects the receiver. The flags are its solution
-    status: without horizontal velocity, or with a position held constant, there is nothing to believe. `glitch_bit` is
-    the flag that stands for a receiver's glitch.
+    status: without horizontal velocity, or with a position held constant, it is not trusted. `glitch_bit` is
+    the flag of a receiver's glitch.
     """
     status = np.asarray(flags).astype(np.int64)
     bad = (_column(velocity_ratio) >= REJECTED) | (_column(position_ratio) >= REJECTED)
@@ -56,9 +56,9 @@ def estimate_ok(
 
 
 SETTLE_S = 5.0
-"""A filter that has just been given its receiver back needs so long."""
+"""Recovery time of a filter after its receiver returns."""
 BEFORE_S = 3.0
-"""A vehicle says so only after so long."""
+"""Delay until a vehicle reports it."""
 MAX_SPANS = 1000
 _BEGIN = (
     "gps glitch",
@@ -103,7 +103,7 @@ class DoubtedSpans:
         self._open: dict[str, float] = {}
 
     def hear(self, time_s: float, why: str, *, doubts: bool | None) -> None:
-        """Take a line; doubts of different reasons end independently."""
+        """Take a line; doubts for different reasons end independently."""
         if doubts is None or math.isnan(time_s):
             return
         if doubts:

@@ -1,7 +1,7 @@
 """Kind of the vehicle in a log: from its own reports, firmware and parameters.
 
-Only a multirotor's lean tells the wind, and only a wing with an airspeed sensor its airspeed; of anything else, and of what
-nothing tells, there is no wind.
+Wind is estimated only from a multirotor's lean, and from the airspeed of a wing with an airspeed sensor; for any other, or an unknown
+kind, there is no wind.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MAV_KINDS: dict[int, Kind] = {
 }
 """MAV_TYPE of HEARTBEAT, of PX4's parameter ``MAV_TYPE`` and its ``vehicle_status.system_type``."""
 TILTING_TYPES = (19, 20, 21, 23, 24)
-"""MAV_TYPE of a VTOL whose body or rotors turn over: its lean in a hover is not that of a multirotor."""
+"""MAV_TYPE of a VTOL whose body or rotors tilt: its lean in a hover is not that of a multirotor."""
 _FIRMWARE: tuple[tuple[re.Pattern[str], Kind], ...] = (
     (re.compile(r"\b(ArduCopter|APM:Copter|ArduHeli)\b", re.IGNORECASE), "multirotor"),
     (re.compile(r"\b(ArduPlane|APM:Plane)\b", re.IGNORECASE), "fixed wing"),
@@ -47,7 +47,7 @@ _AIRFRAMES: dict[int, Kind] = {
 }
 """PX4's ``CA_AIRFRAME``."""
 _FRAME_CLASSES: dict[int, Kind] = dict.fromkeys((6, 8, 9, 11, 13), "helicopter")
-"""ArduCopter's ``FRAME_CLASS`` that is no multirotor: helicopters, and single and coaxial rotors with flaps."""
+"""ArduCopter's ``FRAME_CLASS`` of other vehicles than multirotors: helicopters, and single and coaxial rotors with flaps."""
 _PARAMETERS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
     ("helicopter", ("H_RSC_MODE", "H_SWASH_TYPE", "H_SW_TYPE", "H_SV1_POS")),
     ("submarine", ("JS_GAIN_DEFAULT", "JS_BTN0_FUNCTION")),
@@ -73,9 +73,9 @@ class Vehicle:
     kind: Kind = "unknown"
     """One of `KINDS`."""
     told_by: str = "the log does not state the kind of vehicle"
-    """What says so, or why it is unknown."""
+    """The source, or the reason why it is unknown."""
     leans: bool = field(default=True, metadata=HIDDEN)
-    """Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
+    """Whether it leans on its rotors as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
     hover do not."""
 
 
@@ -89,7 +89,7 @@ class KindEvidence:
     frame: Kind | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     hovers: str = ""
-    """What says that it can stand on rotors as well as on wings."""
+    """Evidence that it can fly on rotors as well as on wings."""
     tails: bool = False
     """A PX4 log calls it a tail sitter."""
     rotary: set[int] = field(default_factory=set)
@@ -109,7 +109,7 @@ class KindEvidence:
             self.parameters[name] = value
 
     def vehicle(self) -> Vehicle:
-        """Return what it is."""
+        """Return the kind."""
         claims = self._claims()
         kinds = {kind for kind, _ in claims}
         leans = not (self.tails or self._tilts())
@@ -126,7 +126,7 @@ class KindEvidence:
         return Vehicle()
 
     def _claims(self) -> list[tuple[Kind, str]]:
-        """Kinds claimed by each piece of evidence; parameters only where there is nothing plainer."""
+        """Kinds according to each piece of evidence; parameters only if there is no clearer evidence."""
         found: list[tuple[Kind, str]] = []
         if self.parameters.get("Q_ENABLE", 0.0) >= 1.0:
             found.append(("VTOL", f"Q_ENABLE = {self.parameters['Q_ENABLE']:g}"))

@@ -1,6 +1,6 @@
 """ArduPilot DataFlash logs (``.bin``).
 
-The log describes itself: FMT messages name the types of message, their fields and how these are packed.
+The log describes itself: FMT messages define the types of message, their fields and their packing.
 """
 
 from __future__ import annotations
@@ -59,14 +59,14 @@ PACKED = {
 """Type and factor of each letter of a format."""
 GPS_EPOCH_S = 315_964_800.0
 LEAP_S = 18.0
-"""GPS time is ahead of UTC by so much since 2017."""
+"""GPS time has been ahead of UTC by this since 2017."""
 LASTING = frozenset(("armed", "landed", "mode", "fixed_wing"))
-"""Told when they change, and only then."""
+"""Quantities reported only when they change."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageFormat:
-    """How one type of message is packed."""
+    """Packing of one type of message."""
 
     name: str
     layout: np.dtype[np.void]
@@ -84,7 +84,7 @@ def _text(part: bytes) -> str:
 
 
 def _format(body: bytes) -> tuple[int, MessageFormat] | None:
-    """Read a FMT message; None where it makes no sense."""
+    """Read a FMT message; None if it is invalid."""
     length = body[1]
     name, letters, columns = (_text(part) for part in (body[2:6], body[6:22], body[22:86]))
     names = columns.split(",") if columns else []
@@ -99,7 +99,7 @@ def _format(body: bytes) -> tuple[int, MessageFormat] | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """The messages of a piece of a log: place of each in it and type, shape (messages,), bytes that belong to none, counts by type."""
+    """The messages of a piece of a log: position of each in it and type, shape (messages,), bytes outside messages, counts by type."""
 
     offset: NDArray[np.int64]
     kind: NDArray[np.uint8]
@@ -109,7 +109,7 @@ class Messages:
 
 @dataclass(slots=True)
 class _Piece:
-    """What was known when a piece of the log began: its place, the latest time before it, and what lasts."""
+    """State at the begin of a piece of the log: its position, the latest time before it, and lasting values."""
 
     place: int
     latest_s: float
@@ -170,7 +170,7 @@ class DataFlash:
 
     @property
     def _estimates(self) -> bool:
-        """Whether the autopilot's filter tells the velocity."""
+        """Whether the autopilot's filter reports the velocity."""
         return any(name in self.summary.by_type for name in ESTIMATES)
 
     @property
@@ -178,7 +178,7 @@ class DataFlash:
         return self.summary.vehicle(1).kind == "VTOL"
 
     def _begin(self, from_s: float) -> _Piece:
-        """Return a piece from which everything from a time on, and what has to be known by then, can be read."""
+        """Return a piece from which everything from a time on, with the values known by then, can be read."""
         wanted_s = from_s - WARM_UP_S - HOLD_S - (self._zero_s or 0.0)
         before = [piece for piece in self._pieces if piece.latest_s <= wanted_s]
         return before[-1] if before else _Piece(0, -math.inf)
@@ -190,7 +190,7 @@ class DataFlash:
         return Messages(offset[:count], kind[:count], skipped, np.bincount(kind[:count], minlength=256)), used
 
     def _fields(self, name: str, data: NDArray[np.uint8], found: Messages) -> tuple[NDArray[np.int64], Fields]:
-        """Messages of one type in a piece: their places, and columns in the units of the log; empty where there is none."""
+        """Messages of one type in a piece: their positions, and columns in the units of the log; empty if there are none."""
         for number, form in self._formats.items():
             if form.name == name and found.counts[number]:
                 rows = found.offset[found.kind == number]
@@ -204,9 +204,9 @@ class DataFlash:
     def _stamped(
         self, data: NDArray[np.uint8], found: Messages, names: Iterable[str], steady: SteadyTimes
     ) -> dict[str, Stamped]:
-        """Places, times since the start (NaN: not to be believed) and fields of messages of some types.
+        """Positions, times since the start (NaN: implausible) and fields of messages of some types.
 
-        A message without a time of its own has that of the one before it.
+        A message without a time of its own has that of the preceding one.
         """
         tables = {name: self._fields(name, data, found) for name in names}
         boots = {name: _boot_s(fields) for name, (_, fields) in tables.items() if fields}
@@ -224,7 +224,7 @@ class DataFlash:
         return {name: (tables[name][0], own[name], tables[name][1]) for name in boots}
 
     def _index(self) -> None:
-        """Go through the log once."""
+        """Read the log once."""
         steady = SteadyTimes()
         names = dict.fromkeys((*SPOKEN, *EVENT_TYPES, "PARM"))
         for base, data, found in read_pieces(self.path, self._find):
@@ -291,7 +291,7 @@ class DataFlash:
 
 
 def _parameters(stamped: Stamped | None) -> Iterator[tuple[str, float]]:
-    """Names and values of those messages PARM that say something of the vehicle."""
+    """Names and values of those messages PARM that are relevant to the kind of vehicle."""
     fields: Fields = {} if stamped is None else stamped[2]
     if {"Name", "Value"} <= fields.keys():
         for row in np.flatnonzero(np.isin(fields["Name"], _WATCHED)).tolist():
@@ -299,7 +299,7 @@ def _parameters(stamped: Stamped | None) -> Iterator[tuple[str, float]]:
 
 
 def _boot_s(fields: Fields) -> NDArray[np.float64] | None:
-    """Seconds since the autopilot's start; None where the messages do not say."""
+    """Seconds since the autopilot's start; None if the messages have no time."""
     for name, scale in (
         ("TimeUS", 1e-6),
         ("T", 1e-3),
@@ -311,7 +311,7 @@ def _boot_s(fields: Fields) -> NDArray[np.float64] | None:
 
 
 def _utc_zero(fields: Fields, boot: NDArray[np.float64]) -> float | None:
-    """POSIX seconds of the autopilot's start, through the GPS week, where one was logged."""
+    """POSIX seconds of the autopilot's start, from the GPS week, if one was logged."""
     week = fields.get("GWk", fields.get("Week"))
     of_week = fields.get("GMS", fields.get("TimeMS") if "T" in fields else None)
     if week is None or of_week is None:

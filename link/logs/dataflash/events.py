@@ -36,7 +36,7 @@ EVENT_TYPES = ("MSG", "ERR", "EV", "MODE", "ARM", "VER")
 
 
 class DataFlashEvents:
-    """Collects events piece by piece; numbers get their meaning once the kind of the vehicle is known."""
+    """Collects events piece by piece; numbers are interpreted once the kind of the vehicle is known."""
 
     def __init__(self) -> None:
         self._told: list[tuple[float, Told]] = []
@@ -103,7 +103,7 @@ class DataFlashEvents:
                 self._say(time_s, "armed" if armed else "disarmed")
 
     def _armed(self, *, armed: bool) -> bool:
-        """Note it; returns whether it was so already: EV and ARM say the same."""
+        """Note it; returns whether it was already in this state: EV and ARM report the same."""
         before, self._lasting["armed"] = self._lasting.get("armed"), float(armed)
         return before == float(armed)
 

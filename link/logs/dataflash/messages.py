@@ -1,7 +1,7 @@
 """DataFlash messages as telemetry quantities, and the meaning of its events.
 
 Sources: ArduPilot's ``LogStructure.h`` and ``LogEvent``, ``LogErrorSubsystem``, ``LogErrorCode`` of ``AP_Logger.h``; numbers are
-never given twice there, so that those of all generations stand in one table.
+never reused there, so those of all generations are in one table.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ EVENTS = {
     165: "on the bottom",
     166: "off the bottom",
 }
-"""``EV.Id``; what is omitted, tuning and training, says nothing of a flight."""
+"""``EV.Id``; omitted events (tuning and training) are irrelevant to a flight."""
 CRASH_CHECK, EKF_CHECK, EKF_FAILSAFE, GPS = 12, 16, 17, 11
 _SUBSYSTEMS = {
     1: "main loop",
@@ -160,7 +160,7 @@ def _numbers(fields: Fields, key: str, default: float = np.nan) -> NDArray[np.fl
 
 
 def _first(fields: Fields) -> NDArray[np.bool_]:
-    """Messages of the sensor, the core or the battery that is considered: the first."""
+    """Messages of the first sensor, core or battery, which is the one that is used."""
     numbers = [_numbers(fields, key, 0.0) for key in ("I", "C", "Inst", "Instance")]
     return np.asarray(np.all(np.stack(numbers) == 0.0, axis=0))
 
@@ -204,7 +204,7 @@ def _accuracy(fields: Fields) -> Columns:
 def doubting(
     receiver: tuple[NDArray[np.float64], Columns], accuracy: tuple[NDArray[np.float64], Columns]
 ) -> tuple[NDArray[np.float64], Columns]:
-    """Return what messages GPS say, distrusted where the GPA that goes with them does."""
+    """Return the quantities of messages GPS, distrusted according to the GPA that belongs to them."""
     (times, columns), (when, said) = receiver, accuracy
     if not len(when):
         return receiver
@@ -234,7 +234,7 @@ def _wind(fields: Fields) -> Columns:
 
 def _battery(fields: Fields) -> Columns:
     volts, amperes = (np.asarray(fields[key], dtype=np.float64) for key in ("Volt", "Curr"))
-    if "Vcc" in fields:  # the CURR message of old logs counts in hundredths
+    if "Vcc" in fields:  # the CURR message of old logs is in hundredths
         volts, amperes = volts * 0.01, amperes * 0.01
     columns = {"voltage_v": volts, "current_a": amperes}
     connected = bool((volts > 1.0).any()) and bool((amperes != 0.0).any())
@@ -310,15 +310,15 @@ SPOKEN: dict[str, tuple[Callable[[Fields], Columns], Callable[[Fields], NDArray[
     "STAT": (_status, None),
     "MODE": (lambda fields: {"mode": mode_numbers(fields)}, None),
 }
-"""Messages that telemetry is made of, what each says, and which of them are looked at."""
+"""Messages that telemetry is made of, the quantities in each, and which of them are used."""
 _PARTIAL = ("EV", "ERR")
-"""Messages of which each says one thing, and nothing of the others."""
+"""Messages that each contain one quantity, and none of the others."""
 
 
 def quantities(name: str, fields: Fields, times: NDArray[np.float64]) -> dict[str, tuple[NDArray[np.float64], Columns]]:
     """Return the series in messages of one type: times and columns, by name.
 
-    Messages of another sensor, or another core of the filter, than the one that is considered are omitted.
+    Messages of another sensor, or another core of the filter, than the one in use are omitted.
     """
     speak, choose = SPOKEN[name]
     columns = speak(fields)

@@ -1,7 +1,7 @@
-"""The start of a tlog as pymavlink finds it: the first message of each type.
+"""The start of a tlog as read by pymavlink: the first message of each type.
 
-What that leaves in its parser, the time of a good message above all, decides how a log is read whose first bytes are cut, so the
-same is done here. It is a walk from header to header that reads ten bytes a message.
+The resulting state of its parser, mainly the time of a good message, determines how a log with missing first bytes is read, so the
+same is done here. It walks from header to header and reads ten bytes a message.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WINDOW_BYTES = 1 << 16
 
 
 def beginning(path: Path, fresh: ScanState) -> ScanState:
-    """Return the parser's state when it starts to read a log."""
+    """Return the parser's state at the start of a log."""
     seen = np.zeros(kernels.DENSE_IDS, dtype=np.bool_)
     extras = crc_extras()
     try:
@@ -39,7 +39,7 @@ def beginning(path: Path, fresh: ScanState) -> ScanState:
                 while step > 0:
                     at, step = kernels.walk(buffer, size, at, final, extras, seen)
                     if step > 0 and not _hear(beside, place + at, fresh):
-                        return type(fresh)()  # pymavlink does not open such a log: begin plainly
+                        return type(fresh)()  # pymavlink does not open such a log: begin without a state
                     at += max(step, 0)
                 if final or step < 0:
                     break
@@ -52,7 +52,7 @@ def beginning(path: Path, fresh: ScanState) -> ScanState:
 
 
 def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
-    """Let the parser read one message at a place; False where it finds none to the end of the log."""
+    """Let the parser read one message at a position; False if it finds none until the end of the log."""
     wanted = WINDOW_BYTES
     while True:
         stream.seek(place)
@@ -67,7 +67,7 @@ def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
 
 
 def frame_within(head: bytes) -> bool:
-    """Return whether a whole frame follows a time stamp anywhere: a tlog whose beginning is cut or damaged."""
+    """Return whether a complete frame follows a time stamp anywhere: a tlog whose beginning is cut or damaged."""
     extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
     for at in np.flatnonzero((data == MAGIC_1) | (data == MAGIC_2)).tolist():
         if at < kernels.STAMP_SIZE or at + MAX_FRAME_BYTES > len(data):

@@ -23,7 +23,7 @@ class MessageType:
     name: str
     """Such as ``ATTITUDE``."""
     layout: np.dtype[np.void]
-    """Of the payload as it lies on the wire, little-endian and packed."""
+    """Of the payload on the wire, little-endian and packed."""
 
 
 @cache

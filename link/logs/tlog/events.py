@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 AUTOPILOT_COMPONENT, NO_AUTOPILOT = 1, 8
 TEXT_BYTES = 50
-"""A status text of MAVLink 2 that is longer comes in pieces of so many."""
+"""A longer status text of MAVLink 2 comes in pieces of this length."""
 _STATES = {5: "failsafe", 6: "emergency", 8: "flight termination"}
-"""MAV_STATE of HEARTBEAT that a person wants to know."""
+"""MAV_STATE of HEARTBEAT that are shown to a person."""
 
 
 class TlogEvents:
@@ -70,7 +70,7 @@ class TlogEvents:
         return tuple(sorted(found, key=lambda event: event.time_s))
 
     def doubted(self) -> dict[int, tuple[tuple[float, float], ...]]:
-        """Spans in which each vehicle said that it does not trust its position."""
+        """Spans in which each vehicle reported that it does not trust its position."""
         return {system: spans for system, doubts in self._doubts.items() if (spans := doubts.spans())}
 
     def _say(self, time_s: float, system: int, text: str | Callable[[Kind], str]) -> None:
@@ -90,7 +90,7 @@ class TlogEvents:
                 evidence.hovers = "its modes of flight"
             armed = ((beats["base_mode"] & ARMED_FLAG) != 0).astype(np.int64)
             self._changes(system, "armed", times[rows], armed, lambda _, now: "armed" if now else "disarmed")
-            # the autopilot is the high part, so that a mode is named by whose it is
+            # the autopilot is the high part, so that a mode is named by its autopilot
             modes = (beats["autopilot"].astype(np.int64) << 32) | beats["custom_mode"]
             self._changes(system, "mode", times[rows], modes, _mode_text)
             self._changes(system, "state", times[rows], beats["system_status"].astype(np.int64), _state_text)
@@ -115,7 +115,7 @@ class TlogEvents:
         values: NDArray[np.int64],
         words: Callable[[int | None, int], str | Callable[[Kind], str]],
     ) -> None:
-        """Say where a state changes."""
+        """Report changes of a state."""
         if not len(values):
             return
         before = self._state.get((system, name))
@@ -134,7 +134,7 @@ class TlogEvents:
             if number:
                 text = (self._texts.pop((system, number), "") if values["chunk_seq"] else "") + text
                 if len(bytes(values["text"]).split(b"\0")[0]) == TEXT_BYTES and len(text) < 20 * TEXT_BYTES:
-                    self._texts[system, number] = text  # it goes on
+                    self._texts[system, number] = text  # it continues
                     continue
             said = one_line(text)
             self._say(times[row], system, said)
@@ -143,7 +143,7 @@ class TlogEvents:
 
     def _reached(self, times: Times, systems: Column, _: Column, fields: Column) -> None:
         for row, number in enumerate(fields["seq"][:MAX_EVENTS].tolist()):
-            if self._state.get((int(systems[row]), "reached")) != number:  # PX4 says it ten times
+            if self._state.get((int(systems[row]), "reached")) != number:  # PX4 reports it ten times
                 self._state[int(systems[row]), "reached"] = number
                 self._say(times[row], systems[row], f"mission item {number} reached")
 

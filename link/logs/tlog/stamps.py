@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 class StampCheck:
     """Makes stamps into times that never decrease.
 
-    A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk), within a minute of
-    the median of five, and where it does not step out of an order that goes on without it; else it is taken as the one
-    before. Nor is a first stamp that lies long before all others believed. Steps back of up to `JITTER_S` are held; where the
-    clock was set back by more, what follows is shifted, and `shift_s` is the shift in force where the reading begins.
+    A stamp is accepted within 30 days of the last accepted one (the first: of the median of its chunk), within a minute of
+    the median of five, and if it does not break an order that continues without it; otherwise it is replaced by the one
+    before. A first stamp long before all others is also rejected. Steps back of up to `JITTER_S` are held; if the
+    clock was set back by more, the following stamps are shifted, and `shift_s` is the shift in force at the start of the reading.
     """
 
     REACH_S = 30 * 86_400.0
@@ -58,11 +58,11 @@ class StampCheck:
         return np.asarray(times)
 
     def _doubt_last(self, next_s: float) -> None:
-        """Disbelieve the last stamp of the chunk before where it stepped out of an order that goes on without it."""
+        """Reject the last stamp of the previous chunk if it broke an order that continues without it."""
         before, last, slack = self._before_last_s, self.last_s, self.JITTER_S
         if before > next_s + slack or not (last > next_s + slack or last < before - slack):  # false for NaN
             return
-        if last < before - slack:  # it was taken for a clock that is set back
+        if last < before - slack:  # it was taken for a clock that was set back
             self.shift_s -= self.set_back.pop()
         self.last_s = before
         self.disbelieved += 1
@@ -75,7 +75,7 @@ class StampCheck:
             len(step) * self.FIRST_GAP_S < self.REACH_S
             and ((step > 0.01 - self.JITTER_S) & (step < self.FIRST_GAP_S)).all()
         ):
-            return np.ones(len(time_s), dtype=np.bool_)  # as below, found faster
+            return np.ones(len(time_s), dtype=np.bool_)  # as below, but faster
         good = np.abs(time_s - (float(np.median(time_s)) if begins else self.last_s)) <= self.REACH_S
         if len(time_s) < 3:
             return np.asarray(good)

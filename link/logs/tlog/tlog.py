@@ -1,7 +1,7 @@
-"""MAVLink telemetry logs (``.tlog``): messages found and checked at millions per second, in little memory.
+"""MAVLink telemetry logs (``.tlog``): messages found and checked at millions per second, with little memory.
 
-A log is read in chunks, so that one of any size needs the memory of a chunk. What counts as a message is what pymavlink
-counts (`link.logs.tlog.tlog_kernels`).
+A log is read in chunks, so that one of any size needs the memory of a chunk. The definition of a message is that of pymavlink
+(`link.logs.tlog.tlog_kernels`).
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ class Frames:
     data: NDArray[np.uint8]
     """The chunk."""
     base: int
-    """Place of its first byte in the log."""
+    """Position of its first byte in the log."""
     offset: NDArray[np.int64]
-    """Place of each frame in the log, shape (messages,); -1 where it is not in one piece there."""
+    """Position of each frame in the log, shape (messages,); -1 if it is not contiguous there."""
     time_s: NDArray[np.float64]
     """Stamp of the recorder's clock, POSIX seconds, unchecked, shape (messages,)."""
     number: NDArray[np.int32]
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     length: NDArray[np.int32]
-    """`number`, `system`, `component`, `length`: message id, who sent it, and bytes of the frame."""
+    """`number`, `system`, `component`, `length`: message id, sender, and bytes of the frame."""
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -84,7 +84,7 @@ class ScanState:
     kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
 
     def copy(self) -> ScanState:
-        """Return the same, to be changed."""
+        """Return a mutable copy."""
         return ScanState(self.state.copy(), self.clock.copy(), self.kept.copy())
 
 
@@ -93,8 +93,8 @@ def read_frames(
 ) -> Iterator[Frames]:
     """Read the messages of a log in chunks of at least 64 kB.
 
-    They begin at the stamp before a frame; 0 is the start of the log. `memory` is what the parser remembers where it
-    begins; it is filled with the counts of what was skipped. Raises an `InputError` if the file cannot be read.
+    They begin at the stamp before a frame; 0 is the start of the log. `memory` is the state of the parser at the
+    beginning; it is updated with the counts of skipped bytes. Raises an `InputError` if the file cannot be read.
     """
     memory = memory or ScanState()
     extras = crc_extras()
@@ -131,30 +131,30 @@ class TlogIndex:
     """Contents of a log, and its index by time."""
 
     messages: int
-    """Valid messages, as pymavlink counts them without BAD_DATA."""
+    """Valid messages, in pymavlink's count without BAD_DATA."""
     by_type: dict[str, int]
     """By name."""
     by_system: dict[int, int]
     """By MAVLink system id."""
     skipped_bytes: int
     bad_records: int
-    """`skipped_bytes`, `bad_records`: bytes that belong to no message, one that is cut off at the end included, and the
-    pieces they come in."""
+    """`skipped_bytes`, `bad_records`: bytes outside messages, including one that is cut off at the end, and the
+    number of pieces."""
     first_s: float
     last_s: float
-    """`first_s`, `last_s`: first and last believable stamp; NaN where there is none."""
+    """`first_s`, `last_s`: first and last plausible stamp; NaN if there is none."""
     seek_time_s: NDArray[np.float64]
     seek_offset: NDArray[np.int64]
     seek_shift_s: NDArray[np.float64]
-    """`seek_time_s`, `seek_offset`, `seek_shift_s`: times, never decreasing; places from which the log can be read on;
+    """`seek_time_s`, `seek_offset`, `seek_shift_s`: times, never decreasing; positions from which the log can be read;
     how far the clock had been set back by then; shape (points,)."""
     stamps: StampCheck
-    """What was found wrong with the stamps."""
+    """Problems of the stamps."""
     beginning: ScanState
-    """What the parser remembered at the start of the log."""
+    """State of the parser at the start of the log."""
 
     def offset_at(self, time_s: float) -> tuple[int, float]:
-        """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
+        """Return a position in the log before everything recorded at `time_s` or later, and the clock's shift there."""
         point = int(np.searchsorted(self.seek_time_s, time_s, side="left")) - 1
         return (int(self.seek_offset[point]), float(self.seek_shift_s[point])) if point >= 0 else (0, 0.0)
 
@@ -165,9 +165,9 @@ def scan(
     chunk_bytes: int = CHUNK_BYTES,
     watch: Callable[[Frames, NDArray[np.float64]], None] | None = None,
 ) -> TlogIndex:
-    """Find and count every message of a log; memory does not grow with it.
+    """Find and count every message of a log; memory does not grow with its size.
 
-    `watch` is shown the messages of each chunk and their times on the way.
+    `watch` is called with the messages of each chunk and their times.
     """
     memory, check = beginning(path, ScanState()), StampCheck()
     begun = memory.copy()

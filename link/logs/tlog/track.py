@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetryTrack
 
 CLOCK_S, CLOCK_SHARE = 5.0, 0.02
-"""A vehicle's clock that differs more than this from the recorder's is doubted."""
+"""A vehicle's clock that differs from the recorder's by more than this is reported."""
 LOST_S = 60.0
 """Steps longer than this are pauses of the recording, not of a clock."""
 
 
 class _Clock:
-    """How far a vehicle's clock and the recorder's have gone."""
+    """Accumulated times of a vehicle's clock and the recorder's."""
 
     def __init__(self) -> None:
         self.own_s = self.recorder_s = 0.0
@@ -83,7 +83,7 @@ class Tlog:
                 return
 
     def _watch(self, frames: Frames, times: NDArray[np.float64]) -> None:
-        """Take notice of a chunk while the log is indexed."""
+        """Process a chunk while the log is indexed."""
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
             self._told |= {int(system) for system in np.unique(frames.system[frames.rows_of(name)])}
         self._watch_climbs(frames, times)
@@ -115,7 +115,7 @@ class Tlog:
         return tuple(found)
 
     def _watch_clocks(self, frames: Frames, times: NDArray[np.float64]) -> None:
-        """Add up how far each vehicle's clock goes, and the recorder's meanwhile; a restart adds nothing."""
+        """Add up the time of each vehicle's clock, and the recorder's meanwhile; a restart adds nothing."""
         rows = frames.rows_of("ATTITUDE")
         boot = frames.decoded("ATTITUDE", rows)["time_boot_ms"].astype(np.float64) / 1000.0
         for system in np.unique(frames.system[rows]):
@@ -123,7 +123,7 @@ class Tlog:
             self._clocks[int(system)].add(boot[mine], times[rows[mine]])
 
     def _watch_climbs(self, frames: Frames, times: NDArray[np.float64]) -> None:
-        """Add up climb times vertical speed of each vehicle: negative where the speed is positive down, as it should."""
+        """Add up climb times vertical speed of each vehicle: negative if the speed is positive down, as specified."""
         rows = frames.rows_of("GLOBAL_POSITION_INT")
         fields = frames.decoded("GLOBAL_POSITION_INT", rows)
         for system in np.unique(frames.system[rows]):
@@ -158,7 +158,7 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
 
 
 def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, float]) -> dict[int, Stretch]:
-    """What each system says about itself in a chunk; vertical speed is turned where it agrees with the climb."""
+    """Reports of each system about itself in a chunk; vertical speed is inverted if it has the sign of the climb."""
     stretches: dict[int, Stretch] = defaultdict(Stretch)
     for name, speak in SPOKEN.items():
         rows = frames.rows_of(name)

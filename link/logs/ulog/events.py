@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from skyway.link.logs.ulog.px4_events import EventWords
 
 SAME_US = 20_000.0
-"""A text and the event that says the same are at most so far apart."""
+"""Greatest time between a text and the event with the same content."""
 RESET_MPS, BEFORE_RESET_S = 1.0, 60.0
-"""A velocity that is corrected by so much has drifted before; for so long nothing of it is believed."""
+"""A velocity corrected by this much has drifted before; it is not trusted for this long."""
 _FAILURES = ("roll", "pitch", "altitude", "external", "ESC arming", "battery", "imbalanced propeller", "motor")
 """Bits of ``vehicle_status.failure_detector_status``."""
 _DISARMED_BY = {
@@ -69,19 +69,19 @@ _SWITCHES = {
     "in_transition_mode": ("transition begun", "transition over"),
     "landed": ("landed", "has left the ground"),
 }
-"""What it means that a field is no longer 0, or is so again."""
+"""Meaning of a field that is no longer 0, or is 0 again."""
 _LASTING = {"nav_state": "mode", "arming_state": "armed", "landed": "landed"}
 _WATCHED = ("nav_state", "arming_state", "failsafe", "failure_detector_status", "in_transition_mode")
 
 
 def _near(times_us: NDArray[np.float64], time_us: float) -> bool:
-    """Whether one of some times, in order, is nearly this one."""
+    """Whether one of some times, in order, is near this one."""
     place = int(np.searchsorted(times_us, time_us))
     return any(abs(near - time_us) <= SAME_US for near in times_us[max(place - 1, 0) : place + 1].tolist())
 
 
 class ULogEvents:
-    """Collects what changes in the topics of state, piece by piece."""
+    """Collects changes in the topics of state, piece by piece."""
 
     def __init__(self) -> None:
         self._told: list[tuple[float, str]] = []
@@ -93,7 +93,7 @@ class ULogEvents:
     def happened(self, columns: dict[str, NDArray[Any]], latest_us: float) -> None:
         """Take messages ``event``; those from before the log are written at its beginning.
 
-        One that is far after `latest_us`, the latest time known of the log, takes place then.
+        One that is far after `latest_us`, the latest known time of the log, is assigned to that time.
         """
         if not {"timestamp", "id", "arguments[0]"} <= columns.keys():
             return
@@ -164,7 +164,7 @@ class ULogEvents:
         )
 
     def _events_told(self, words: EventWords) -> tuple[list[tuple[float, str]], list[tuple[float, str]], list[float]]:
-        """Return events; of the reports of checks each line that was not in the report before; times of the events that have words."""
+        """Return events; of the reports of checks each line that was not in the previous report; times of the events that have texts."""
         events: list[tuple[float, str]] = []
         checks: list[tuple[float, str]] = []
         in_words: list[float] = []
@@ -178,7 +178,7 @@ class ULogEvents:
         return events, checks, in_words
 
     def changes(self, name: str, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
-        """Find where one field changes, and say so."""
+        """Report the changes of one field."""
         good = np.flatnonzero(np.isfinite(stamps_us))
         if name not in columns or not len(good):
             return
@@ -195,7 +195,7 @@ class ULogEvents:
             self._lasting[_LASTING[name]] = float(now == ARMED) if name == "arming_state" else now
 
     def _text(self, name: str, value: float, before: float, columns: dict[str, NDArray[Any]], row: int) -> str:
-        """What a change means; empty where it is only the first value, and the usual one."""
+        """Meaning of a change; empty if it is only the first value, and the usual one."""
         number = int(value)
         if name == "nav_state":
             return f"mode {_NAV_STATES.get(number, f'number {number}')}"

@@ -1,7 +1,7 @@
 """The ULog container: messages, intact or damaged, and topics as columns.
 
-pyulog reads a log into memory whole, and on some damaged ones it never comes back, so the container is read here, message by
-message as it does: on whole logs and on damaged ones the counts are the same.
+pyulog reads a log completely into memory, and on some damaged ones it never returns, so the container is read here, message by
+message in the same way: on intact and on damaged logs the counts are the same.
 
 Source: ULog file format, https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
@@ -28,7 +28,7 @@ MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16
 MAX_TEXTS = 5000
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
-"""A whole sync message."""
+"""A complete sync message."""
 _DATA, _FORMAT, _PARAMETER, _SUBSCRIPTION, _TEXT, _TAGGED_TEXT, _DROPOUT, _PARTS = b"DFPALCOM"
 _SYNC = np.frombuffer(SYNC, dtype=np.uint8)[3:]
 LOOK_BYTES = 1024 * 1024
@@ -44,7 +44,7 @@ Fields = list[tuple[str, int, str]]
 
 
 def _read_format(text: str) -> tuple[str, Fields] | None:
-    """Read the fields of a type of topic as pyulog does; None where it refuses them."""
+    """Read the fields of a type of topic as pyulog does; None if it refuses them."""
     parts = text.split(":")
     if len(parts) < 2:
         return None
@@ -66,7 +66,7 @@ def _read_format(text: str) -> tuple[str, Fields] | None:
 
 @dataclass(slots=True)
 class ULogContents:
-    """What is known of a log: its formats and subscriptions, and counts of what was seen of it."""
+    """State of a log: its formats and subscriptions, and counts of its contents so far."""
 
     formats: dict[str, Fields] = field(default_factory=dict)
     """Fields of each type of topic."""
@@ -75,18 +75,18 @@ class ULogContents:
     number: dict[int, int] = field(default_factory=dict)
     """Data messages of each subscription."""
     layouts: dict[int, np.dtype[np.void]] = field(default_factory=dict)
-    """How the data of each subscription are packed; messages of another length are damage."""
+    """Packing of the data of each subscription; messages of another length are damaged."""
     texts: list[tuple[int, str]] = field(default_factory=list)
     """Logged messages: microseconds, text."""
     dropouts: int = 0
     dropouts_ms: int = 0
-    """`dropouts`, `dropouts_ms`: how often the logger lost data, and for how long in all."""
+    """`dropouts`, `dropouts_ms`: how often the logger lost data, and for how long in total."""
     skipped: int = 0
-    """Bytes that lie in no message."""
+    """Bytes outside messages."""
     event_metadata: bytes = b""
-    """What the log says about its events (`link.logs.ulog.px4_events`), packed."""
+    """The log's description of its events (`link.logs.ulog.px4_events`), packed."""
     evidence: KindEvidence = field(default_factory=KindEvidence)
-    """What its parameters say of the vehicle."""
+    """Parameters relevant to the kind of vehicle."""
     _wanted: NDArray[np.int64] = field(default_factory=lambda: np.full(1 << 16, -1))
     """Bytes of the messages of each subscription, -1: none."""
     _packed: dict[str, np.dtype[np.void] | None] = field(default_factory=dict)
@@ -101,7 +101,7 @@ class ULogContents:
         return {name: count for name, count in sorted(named.items()) if count}
 
     def see(self, data: NDArray[np.uint8], found: Messages) -> None:
-        """Take notice of the messages of a piece."""
+        """Process the messages of a piece."""
         since: dict[int, int] = {}
         other = np.flatnonzero(found.kind != _DATA)
         columns = (column[other].tolist() for column in (found.kind, found.place, found.size))
@@ -120,7 +120,7 @@ class ULogContents:
             self.number[number] += int(counts[number])
 
     def _see_one(self, kind: int, body: bytes) -> int | None:
-        """Take one message that holds no data; returns the number of a subscription that it begins again."""
+        """Process one message without data; returns the number of a subscription that it starts again."""
         if kind == _PARAMETER:
             self._see_parameter(body)
         elif kind == _FORMAT:
@@ -150,14 +150,14 @@ class ULogContents:
         return None
 
     def _see_part(self, body: bytes) -> None:
-        """Take a piece of information that comes in parts: whether it goes on, the length of its key, the key, the part."""
+        """Process a piece of information in several parts: whether it continues, the length of its key, the key, the part."""
         key_end = 2 + body[1] if len(body) > 2 else 0
         if body[2:key_end].endswith(b" metadata_events"):
             self.event_metadata = (self.event_metadata if body[0] else b"") + body[key_end:]
             self.event_metadata = self.event_metadata[: MAX_PACKED + 1]
 
     def _see_parameter(self, body: bytes) -> None:
-        """Take a parameter: the length of its key, the key (type and name), the value."""
+        """Process a parameter: the length of its key, the key (type and name), the value."""
         size = body[0] if body else 0
         kind, _, name = body[1 : 1 + size].decode("ascii", "replace").partition(" ")
         if name not in WATCHED:
@@ -169,7 +169,7 @@ class ULogContents:
     def columns(
         self, topic: str, data: NDArray[np.uint8], found: Messages
     ) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
-        """Return places and fields of the first instance of a topic in a piece; none where it is not there, or makes no sense."""
+        """Return positions and fields of the first instance of a topic in a piece; empty if it is missing or invalid."""
         nothing = np.empty(0, dtype=np.int64)
         for number, (name, instance) in self.topics.items():
             if (name, instance) != (topic, 0):
@@ -214,18 +214,18 @@ class Messages:
     place: NDArray[np.int64]
     kind: NDArray[np.uint8]
     size: NDArray[np.int64]
-    """`place`, `kind`, `size`: where the body of each begins in the piece, its type, and its bytes, shape
+    """`place`, `kind`, `size`: position of the body of each in the piece, its type, and its bytes, shape
     (messages,)."""
     number: NDArray[np.int64]
     """Subscription of each data message, shape (messages,); -1 for other messages."""
     skipped: int
-    """Bytes of the piece that lie in no message."""
+    """Bytes of the piece outside messages."""
 
 
 class ULogScan:
     """Finds the messages of a log piece by piece (a `link.logs.common.pieces.Scan`).
 
-    Damage is left at the next sync sequence; `last_sync` is the place of the last one of the log, -1: nowhere.
+    After damage reading resumes at the next sync sequence; `last_sync` is the position of the last one of the log, -1: none.
     """
 
     def __init__(self, last_sync: int) -> None:
@@ -251,7 +251,7 @@ class ULogScan:
 
 
 def last_sync(path: Path) -> int:
-    """Place of the last sync sequence of a log, -1: nowhere. Looked for from the end, where one is near."""
+    """Position of the last sync sequence of a log, -1: none. Searched from the end if one is near."""
     sequence = _SYNC.tobytes()
     with path.open("rb") as stream:
         end = stream.seek(0, 2)

@@ -24,7 +24,7 @@ FIXED_WING = 2.0
 GLITCH_BIT = 1 << 10
 """Of ``estimator_status.solution_status_flags``."""
 MAX_HORIZONTAL_MPS = 2.0
-"""Standard deviation of the velocity that PX4's filter gives itself."""
+"""Standard deviation of the velocity according to PX4's filter."""
 
 
 def _numbers(data: dict[str, Any], key: str, default: float = np.nan) -> NDArray[np.float64]:
@@ -108,7 +108,7 @@ def _wind(data: dict[str, Any]) -> Columns:
 
 
 def _airspeed(data: dict[str, Any]) -> Columns:
-    """Airspeed of a sensor: PX4 publishes a made-up one in its place where the sensor fails, or there is none."""
+    """Airspeed of a sensor: PX4 publishes an invented one if the sensor fails, or there is none."""
     speed = _numbers(data, "true_airspeed_m_s")
     source = _numbers(data, "airspeed_source", _DEFAULT_SOURCE)
     chosen = _numbers(data, "selected_airspeed_index", _DEFAULT_SOURCE)
@@ -139,6 +139,6 @@ SPOKEN: dict[str, Callable[[dict[str, Any]], Columns]] = {
     "airspeed": _airspeed,
     "mission_result": lambda data: {"mission_item": _numbers(data, "seq_current")},
 }
-"""Topics that telemetry is made of, and what each says."""
+"""Topics that telemetry is made of, and the quantities in each."""
 REPLACED = {"airspeed": "airspeed_validated", "wind_estimate": "wind", "sensor_gps": "vehicle_gps_position"}
-"""Topics that are omitted where a better one is there."""
+"""Topics that are omitted if a better one is present."""

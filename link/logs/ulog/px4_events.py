@@ -1,7 +1,7 @@
 """PX4's events (topic ``event``) as text.
 
-An event is a number and its packed arguments. What it means stands in metadata that PX4 writes into each log (XZ, JSON of the
-libevents project). Where these are missing or damaged, the events in which a flight ends or is refused are known by themselves: a
+An event is a number and its packed arguments. Its meaning is in metadata that PX4 writes into each log (XZ, JSON of the
+libevents project). If these are missing or damaged, the events in which a flight ends or is refused are still known: a
 number is the 32-bit FNV-1a hash of the event's name, its lower 24 bits, behind the number of the component.
 
 Sources: https://docs.px4.io/main/en/concept/events_interface and https://github.com/mavlink/libevents (schema, message templates);
@@ -21,9 +21,9 @@ from skyway.models.base.errors import one_line
 AUTOPILOT = 1
 """The component whose names are hashed."""
 MAX_PACKED, MAX_JSON = 1 << 20, 1 << 23
-"""Bytes of metadata, packed and unpacked, that are considered; PX4's are 50 and 160 kB."""
+"""Limit of the bytes of metadata, packed and unpacked; PX4's are 50 and 160 kB."""
 _MAX_MEMORY = 80 << 20
-"""Bytes for unpacking: XZ's highest setting, which PX4 uses, asks for 65 MB."""
+"""Bytes for unpacking: XZ's highest setting, which PX4 uses, requires 65 MB."""
 _WHOLE = [f"{kind}{bits}_t" for bits in (8, 16, 32, 64) for kind in ("int", "uint")]
 _TYPES = {**dict(zip(_WHOLE, "bBhHiIqQ", strict=True)), "float": "f"}
 _PLACE = re.compile(r"\\(.)|\{(\d{1,3})(?::(?:\.(\d))?)?(m_v|m/s|m\^2|m|C)?\}|</?[a-z]+(?: [^>]*)?>", re.DOTALL)
@@ -154,12 +154,12 @@ _OWN = {
 
 
 REPORT_BEGINS = number_of("commander_arming_check_summary")
-"""The event before the lines of a report of checks; another summary stands behind them."""
+"""The event before the lines of a report of checks; another summary follows them."""
 _CHECKS = ("arming_check", "health")
 
 
 def _own() -> dict[int, tuple[str, EventKind]]:
-    """The events that are known without metadata, as `_read` returns them."""
+    """Events known without metadata, in the form of `_read`."""
     known = {}
     for name, (message, *types) in _OWN.items():
         summary = "summary" in types
@@ -169,7 +169,7 @@ def _own() -> dict[int, tuple[str, EventKind]]:
 
 
 class EventWords:
-    """Texts of events, by the metadata of a log as they stand in it, `packed`; empty where it has none."""
+    """Texts of events, from the metadata of a log in their stored form, `packed`; empty if it has none."""
 
     def __init__(self, packed: bytes = b"") -> None:
         found = _read(packed) if packed else None
@@ -199,7 +199,7 @@ class EventWords:
         return f"check failed: {said}" if group in _CHECKS else said
 
     def _values(self, kind: EventKind, arguments: bytes) -> list[float | str] | None:
-        """Arguments as numbers and words; None where they do not fit."""
+        """Arguments as numbers and words; None if they do not fit."""
         values: list[float | str] = []
         place = 0
         for argument in kind.arguments:
@@ -214,7 +214,7 @@ class EventWords:
 
 
 class EventReports:
-    """Goes through events in order, and omits of each report of checks what the report before had."""
+    """Processes events in order, and omits from each report of checks the lines of the previous report."""
 
     def __init__(self, words: EventWords) -> None:
         self._words = words
@@ -246,12 +246,12 @@ def _word(enum: Enumeration, value: int) -> str:
 
 
 def _filled(place: re.Match[str], values: list[float | str]) -> str:
-    """What stands in a message for an escaped character, an argument or a tag."""
+    """Replacement for an escaped character, an argument or a tag in a message."""
     escaped, number, digits, unit = place.groups()
     if escaped:
         return escaped
     if not number:
-        return ""  # a tag; what it is about stays
+        return ""  # a tag; its content stays
     if not 1 <= int(number) <= len(values):
         return place.group()
     value = values[int(number) - 1]
@@ -260,7 +260,7 @@ def _filled(place: re.Match[str], values: list[float | str]) -> str:
 
 
 def _read(packed: bytes) -> tuple[dict[int, tuple[str, EventKind]], dict[str, Enumeration]] | None:
-    """Read metadata: group and kind of each event by its number, and enumerations; None where they make no sense."""
+    """Read metadata: group and kind of each event by its number, and enumerations; None if they are invalid."""
     try:
         unpack = lzma.LZMADecompressor(memlimit=_MAX_MEMORY)
         text = unpack.decompress(packed, MAX_JSON)
@@ -280,6 +280,6 @@ def _read(packed: bytes) -> tuple[dict[int, tuple[str, EventKind]], dict[str, En
         for component in metadata.components.values()
         for name, enum in component.enums.items()
     }
-    # within a component its own enumerations may stand without its name
+    # within a component its own enumerations may be named without it
     enums = {name.partition("::")[2]: enum for name, enum in enums.items()} | enums
     return known, enums

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetryTrack
 
 RECEIVERS = ("vehicle_gps_position", "sensor_gps")
-"""Topics that know UTC."""
+"""Topics with UTC."""
 MAX_FIXES = 100_000
-"""Number of messages of the receiver by which the clock is set."""
+"""Number of receiver messages that set the clock."""
 LASTING = frozenset(("armed", "mode", "landed", "fixed_wing"))
-"""Told when they change, and seldom besides."""
+"""Quantities reported only when they change, and rarely otherwise."""
 
 
 class ULogFile:
@@ -91,7 +91,7 @@ class ULogFile:
     def _stamped(
         self, data: NDArray[np.uint8], found: Messages, topics: Iterable[str], steady: SteadyTimes
     ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[Any]]]]:
-        """Times, microseconds since the start (NaN: not to be believed), and fields of topics in a piece."""
+        """Times, microseconds since the start (NaN: implausible), and fields of topics in a piece."""
         tables = {topic: self._log.columns(topic, data, found) for topic in topics}
         tables = {topic: (rows, columns) for topic, (rows, columns) in tables.items() if "timestamp" in columns}
         places = [rows for rows, _ in tables.values()]
@@ -101,13 +101,13 @@ class ULogFile:
         return {topic: (part, tables[topic][1]) for topic, part in zip(tables, believed, strict=True)}
 
     def _begin(self, from_s: float) -> tuple[float, int, ULogScan, dict[str, float]]:
-        """Return what was known at a place from which everything from a time on can be read, and that place."""
+        """Return a position from which everything from a time on can be read, and the values known there."""
         wanted_us = (from_s - WARM_UP_S - HOLD_S - self._zero_s) * 1e6
         before = [piece for piece in self._pieces if piece[0] <= wanted_us]
         return before[-1] if before else (-math.inf, HEADER_BYTES, self._scan, {})
 
     def _index(self) -> tuple[float, TimeBase]:
-        """Go through the log once; find UTC through the receiver, where it ever had a fix."""
+        """Read the log once; derive UTC from the receiver, if it ever had a fix."""
         wanted = dict.fromkeys((*SPOKEN, *RECEIVERS))
         zeros: dict[str, NDArray[np.float64]] = {topic: np.empty(0) for topic in RECEIVERS}
         steady = SteadyTimes()

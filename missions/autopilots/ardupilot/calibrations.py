@@ -31,4 +31,4 @@ CALIBRATIONS = (
     ),
     *(Calibration("gyro", f"INS_GYR{n}_ID", f"INS_USE{n}") for n in _NUMBERS),
 )
-"""Gyros are calibrated each time it is switched on (but for INS_GYR_CAL = 0), and by nobody else: an id tells that one was."""
+"""Gyros are calibrated each time the autopilot is switched on (except for INS_GYR_CAL = 0), and never otherwise: an id shows that one was."""

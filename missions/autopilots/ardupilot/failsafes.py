@@ -36,15 +36,15 @@ class ArduPilotFailsafes(Failsafes):
     """ArduPilot's failsafes."""
 
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Return what it does at each stage."""
+        """Return the action at each stage."""
         return [self._stage(stage, values) for stage in ("low", "critical")]
 
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Return what it does at the first stage."""
+        """Return the action at the first stage."""
         return self._stage("low", values)
 
     def _stage(self, stage: str, values: Mapping[str, float]) -> str:
-        """Return what it does at one stage: by charge left, by voltage, or not at all."""
+        """Return the action at one stage: by charge left, by voltage, or none."""
         charge, volts, capacity = (
             values.get(key) for key in (f"{stage}-battery", f"{stage}-battery-voltage", "battery-capacity")
         )

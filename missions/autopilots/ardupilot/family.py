@@ -1,6 +1,6 @@
 """ArduPilot: missions as Copter 4.6 accepts them, and its differences from others.
 
-What is here was seen in flight (software in the loop), or read in ``AP_Mission.cpp``.
+This module is based on flights (software in the loop), or on ``AP_Mission.cpp``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
-"""What missions are flown at most (WPNAV_SPEED, WP_SPD)."""
+"""Greatest speed of missions (WPNAV_SPEED, WP_SPD)."""
 MAX_ITEMS = 700
 """Items that the usual storage holds (about 15 bytes each)."""
 CONTINUE_AFTER_LAND = 4
@@ -87,7 +87,7 @@ _WHOLE_PARAM1 = _WHOLE_SECONDS | {Command.NAV_LAND, Command.NAV_TAKEOFF}
 
 
 class ArduPilot(Family):
-    """ArduPilot's way with missions: item 0 is home, in uploads too, so its numbers are ours plus one."""
+    """ArduPilot's handling of missions: item 0 is home, in uploads too, so its numbers are ours plus one."""
 
     name = "ardupilot"
     places_payloads = True
@@ -104,7 +104,7 @@ class ArduPilot(Family):
     stays_in_mission_after_landing = False
     zero_means_as_it_is = True
     open_yaw_deg = 0.0
-    """Copter keeps no yaw of items; 0 is what every ground station can show."""
+    """Copter keeps no yaw of items; every ground station can show 0."""
     settings = SETTINGS
     firmwares = FIRMWARES
     released = RELEASED
@@ -115,14 +115,14 @@ class ArduPilot(Family):
     bytewise_parameters = False
     takes_uploads_whole = False
     ground_station_settings = ("ground-station", "ground-station-last")
-    """From 4.7 on a range of systems counts; before, one."""
+    """From 4.7 on a range of systems is accepted; before, one."""
     lean_limits = ("lean-limit", "position-lean-limit")
     taken_text = "Flight plan received"
     crash_texts = re.compile(r"\bcrash|\bleaning\b", re.IGNORECASE)
-    """It says ``Crash: Disarming``, and refuses to arm with ``Leaning``."""
+    """The text is ``Crash: Disarming``, and a refusal to arm contains ``Leaning``."""
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
-        """Return the items to upload: a placeholder for home first, else the first item would be lost."""
+        """Return the items to upload: a placeholder for home first, otherwise the first item would be lost."""
         wire = [to_wire(_home_item(mission.home), 0)]
         for number, item in enumerate(mission.items):
             wire.append(to_wire(_storable(item), number, shift=1, current=int(number == current)))
@@ -137,7 +137,7 @@ class ArduPilot(Family):
         return Mission(tuple(_shift(from_wire(item), -1) for item in items[1:]), home, firmware=self.firmware)
 
     def meaning(self, item: MissionItem) -> Meaning:
-        """Return what ArduPilot stores: no yaw, no radius, whole seconds, altitudes in centimetres, no autocontinue."""
+        """Return the fields that ArduPilot stores: no yaw, no radius, whole seconds, altitudes in centimetres, no autocontinue."""
         meaning: Meaning = {"command": item.name}
         for number in _KEPT_PARAMS.get(item.command, (1, 2, 3, 4)):
             value = item.params[number - 1]
@@ -155,16 +155,16 @@ class ArduPilot(Family):
         return meaning
 
     def disarm(self) -> tuple[MissionItem, ...]:
-        """Return nothing: LAND disarms, and with ContinueAfterLand the end of the mission on the ground does."""
+        """Return nothing: LAND disarms, and with ContinueAfterLand so does the end of the mission on the ground."""
         return ()
 
     def leave_armed_hold(self, above: MissionItem) -> tuple[MissionItem, ...]:
-        """Return a TAKEOFF to the height of the waypoint above: after a landing ArduPilot needs one."""
+        """Return a TAKEOFF to the height of the waypoint above: after a landing ArduPilot requires one."""
         takeoff = replace(above, command=Command.NAV_TAKEOFF)
         return (takeoff, above)
 
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Return what ArduPilot refuses at upload, forgets, or flies only with parameters set."""
+        """Return the items that ArduPilot refuses at upload, forgets, or flies only with parameters set."""
         items = document.mission.items
         for number, item in enumerate(items):
             yield from _refusals(number, item)
@@ -184,7 +184,7 @@ class ArduPilot(Family):
             )
 
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that ArduPilot needs for such a mission, under the names of each version."""
+        """Return the parameters that ArduPilot requires for such a mission, under the names of each version."""
         of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
         found = [
             of["mission-speed"].need("at-least", speed, "missions start at it (10 m/s by default)"),

@@ -17,7 +17,7 @@ _NAMES = {number: name for name, number in _NUMBERS.items()} | {
     27: "auto return",
 }
 _ON_ROTORS = (17, 18, 19, 20, 21, 22, 23)
-"""ArduPlane's modes that stand on rotors: QSTABILIZE to QACRO."""
+"""ArduPlane's modes in which it flies on rotors: QSTABILIZE to QACRO."""
 
 
 @cache

@@ -35,7 +35,7 @@ class Px4Failsafes(Failsafes):
     """PX4's failsafes."""
 
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Return what it does at each threshold."""
+        """Return its action at each threshold."""
         low, critical, emergency = (
             self._percent(values, f"{stage}-battery") for stage in ("low", "critical", "emergency")
         )
@@ -48,7 +48,7 @@ class Px4Failsafes(Failsafes):
         ]
 
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Return what it does at critical battery: at low battery it only warns."""
+        """Return its action at critical battery: at low battery it only warns."""
         action = self.action("low-battery-action", _BATTERY, values)
         return f"at critical battery ({self._percent(values, 'critical-battery')}) it {action}"
 

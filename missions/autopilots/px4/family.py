@@ -1,6 +1,6 @@
 """PX4: missions as multirotors under PX4 1.16 and 1.17 accept them, and the reports of its vehicles.
 
-What is here was seen in flight (software in the loop), or read in ``mavlink_mission.cpp`` and
+This module is based on flights (software in the loop), or on ``mavlink_mission.cpp`` and
 ``FeasibilityChecker.cpp``.
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
-"""MPC_XY_VEL_MAX at most."""
+"""MPC_XY_VEL_MAX is the upper limit."""
 
 _KEPT_PARAMS = kept_params(
     {
@@ -64,7 +64,7 @@ _KEPT_WHOLE = kept_params(
 """The other commands that PX4 takes in missions: it keeps all their parameters."""
 
 _PLACELESS_FRAME = frozenset({Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI})
-"""Located commands that PX4 also takes without a place."""
+"""Located commands that PX4 also accepts without a place."""
 
 
 _REFUSING = re.compile(
@@ -75,7 +75,7 @@ _NUMBER = re.compile(r"\b(?:WP|waypoint|item|at) #?(\d+)", re.IGNORECASE)
 
 
 class Px4(Family):
-    """PX4's way with missions: items from 0, home not among them."""
+    """PX4's handling of missions: items from 0, without home."""
 
     name = "px4"
     firmware = 12
@@ -100,14 +100,14 @@ class Px4(Family):
     bytewise_parameters = True
     takes_uploads_whole = True
     judges_missions = True
-    """After it has taken one over; it says so in texts, and newer versions in MISSION_CURRENT.mission_state."""
+    """After it has accepted one; by texts, and in newer versions in MISSION_CURRENT.mission_state."""
     lean_limits = ("lean-limit",)
     wind_message = 231
     crash_texts = re.compile(r"\bcrash|attitude failure", re.IGNORECASE)
     """It refuses to arm with ``Attitude failure (roll)``."""
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
-        """Return the items to upload: those without a place in frame MISSION, else PX4 refuses them."""
+        """Return the items to upload: those without a place in frame MISSION, otherwise PX4 refuses them."""
         return tuple(
             to_wire(_in_frame(item), number, current=int(number == current))
             for number, item in enumerate(mission.items)
@@ -118,7 +118,7 @@ class Px4(Family):
         return Mission(tuple(from_wire(item) for item in items), firmware=self.firmware)
 
     def meaning(self, item: MissionItem) -> Meaning:
-        """Return what PX4 keeps: not ``current``, not LAND's abort altitude, NaN and 0 as one yaw on reading back."""
+        """Return the fields that PX4 keeps: not ``current``, not LAND's abort altitude, NaN and 0 as one yaw on reading back."""
         item = _in_frame(item)
         meaning: Meaning = {"command": item.name, "autocontinue": float(item.autocontinue)}
         kept = _KEPT_PARAMS.get(item.command, (1, 2, 3, 4))
@@ -142,7 +142,7 @@ class Px4(Family):
         return (above,)
 
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Return what PX4 refuses at upload, or accepts and then denies to start."""
+        """Return the items that PX4 refuses at upload, or accepts but then denies to start."""
         placed = False
         for number, item in enumerate(document.mission.items):
             yield from _refusals(number, item)
@@ -157,7 +157,7 @@ class Px4(Family):
         yield from _sideways_departures(document.mission)
 
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that PX4 needs for such a mission, as each version has them."""
+        """Return the parameters that PX4 requires for such a mission, by their names in each version."""
         of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
         without_exceptions = of["data-link-action"].need("equal", 0, "a mission continues when the data link is lost")
         found = [
@@ -195,11 +195,11 @@ class Px4(Family):
         return tuple(found)
 
     def refusals(self, texts: Sequence[str]) -> list[str]:
-        """Those of a vehicle's texts that refuse the mission that it has taken."""
+        """The texts of a vehicle that refuse the mission that it has accepted."""
         return [text for text in texts if _REFUSING.search(text)]
 
     def items_refused(self, texts: Sequence[str]) -> tuple[int, ...]:
-        """Numbers of the items that such texts concern, from 0: PX4 counts from 1 when it speaks."""
+        """Numbers of the items concerned by such texts, from 0: in texts PX4 counts from 1."""
         found = (_NUMBER.search(text) for text in texts)
         return tuple(sorted({int(hit[1]) - 1 for hit in found if hit is not None and int(hit[1]) > 0}))
 

@@ -1,7 +1,7 @@
 """Bulletins of stations: METARs, TAFs and the text of the National Blend of Models, plain or wrapped in JSON.
 
-The JSON of avwx (``data.raw``) and of aviationweather.gov (``rawOb``, ``rawTAF``) carries the bulletin as it was published; that is what is
-read, by the same readers as plain text.
+The JSON of avwx (``data.raw``) and of aviationweather.gov (``rawOb``, ``rawTAF``) contains the bulletin as published; this text is
+read by the same readers as plain text.
 
 Source of the blend's text: NOAA, Meteorological Development Laboratory, "NBM Text Card Key" (vlab.noaa.gov/web/mdl/nbm-textcard-v4.1).
 """
@@ -50,7 +50,7 @@ NBM_FIELDS = {
 
 
 def is_bulletin(text: str) -> bool:
-    """Whether a text holds a bulletin of a kind read here."""
+    """Whether a text contains a bulletin of a supported kind."""
     return bool(NBM_HEAD.search(text) or is_taf(text) or START.search(text.upper()))
 
 
@@ -64,7 +64,7 @@ def read_bulletin(text: str, file: str, near_s: float, stations: Mapping[str, tu
 
 
 def unwrapped(value: Any, near_s: float) -> tuple[str, float, dict[str, tuple[float, float]]] | None:
-    """Return the bulletin in decoded JSON, a time near its own, and its places; None where there is none."""
+    """Return the bulletin in decoded JSON, a time near its own, and its places; None if there is none."""
     entries = value if isinstance(value, list) else [value]
     texts, places = [], {}
     for one in entries:
@@ -142,7 +142,7 @@ def _blend(text: str, file: str, stations: Mapping[str, tuple[float, float]]) ->
 
 
 def _card(head: re.Match[str], body: str, file: str, stations: Mapping[str, tuple[float, float]]) -> Weather:
-    """One station's card: columns of three characters, no blank between when a value has three digits."""
+    """One station's card: columns of three characters, no blank between them if a value has three digits."""
     station, month, day, year, hour = head[1], int(head[3]), int(head[4]), int(head[5]), int(head[6])
     rows = {
         line[:4].strip(): line[4:]

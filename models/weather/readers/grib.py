@@ -1,8 +1,8 @@
 """GRIB files of either edition, decoded by ecCodes; winds along the grid are turned to true north.
 
-ecCodes knows what every field is. Making one of its handles costs 0.3 ms, so a field of an ensemble that differs from one it has
-described in issue, lead and member alone is not described again, and its values are unpacked by gribberish where that is installed and
-was seen to agree with ecCodes on the first field of the kind in the same packing (decision 85).
+ecCodes identifies every field. Making one of its handles costs 0.3 ms, so a field of an ensemble that differs from an earlier one
+only in issue, lead and member is not identified again, and its values are unpacked by gribberish if that is installed and
+agreed with ecCodes on the first field of the kind in the same packing (decision 85).
 """
 
 from __future__ import annotations
@@ -67,15 +67,15 @@ class _Grid:
     chosen: NDArray[np.int64]
     """Points of it that are kept."""
     angle_deg: NDArray[np.float64] | None
-    """How far it is turned there; None: not known how."""
+    """Angle by which it is turned there; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kind:
-    """What the fields of one series share."""
+    """Common properties of the fields of one series."""
 
     quantity: str | None
-    """None: nobody uses it."""
+    """None: not used."""
     height_m: float
     name: str
     model: str
@@ -88,9 +88,9 @@ class _Kind:
 def read_grib(
     data: bytes, file: str, box: Box | None = None, grids: triangles.TriangleGrids | None = None
 ) -> list[Record]:
-    """Read the fields of a GRIB file, cut to a region, for `series.assembled`; an `InputError` names the message that is wrong.
+    """Read the fields of a GRIB file, cut to a region, for `series.assembled`; an `InputError` names the faulty message.
 
-    Places that other files tell of their grids are in `grids`, and those of this file are added.
+    `grids` has the positions of grids from other files; those of this file are added.
     """
     return _Reader(file, box, triangles.TriangleGrids() if grids is None else grids).read(data)
 
@@ -125,7 +125,7 @@ class _Reader:
         return self.records
 
     def _quickly(self, message: Message, known: Plain) -> bool:
-        """Take a field of a known kind; whether that was possible."""
+        """Read a field of a known kind; returns whether that was possible."""
         kind = self.kinds[known.kind]
         if kind.quantity is None:
             self._keep(kind, known.issued_s, known.issued_s + known.lead_s, known.member, None)
@@ -139,7 +139,7 @@ class _Reader:
         return True
 
     def _slowly(self, message: Message, known: Plain | None) -> None:
-        """Take a field as ecCodes tells it."""
+        """Read a field by ecCodes."""
         with _quiet():
             handle = self.ec.codes_new_from_message(message.octets)
             try:
@@ -173,7 +173,7 @@ class _Reader:
         self._keep(kind, issued_s, valid_s, number, values)
 
     def _compare(self, message: Message, known: Plain | None, values: NDArray[np.float64]) -> None:
-        """See once for each kind and packing whether gribberish unpacks the same."""
+        """Check once for each kind and packing whether gribberish unpacks the same values."""
         if known is None or (known.kind, known.packing) in self.fast or known.packing not in FAST_PACKINGS:
             return
         other = _unpacked(message.octets)
@@ -322,7 +322,7 @@ class _Reader:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep ecCodes from writing to standard error: it does so past Python, and what is wrong is said by an `InputError`."""
+    """Prevent ecCodes from writing to standard error: it bypasses Python, and an `InputError` reports the problem."""
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
@@ -343,7 +343,7 @@ def loaded_eccodes() -> Any:
 
 
 def _unpacked(octets: bytes) -> NDArray[np.float64] | None:
-    """Values of a message by gribberish, missing ones NaN; None where it is not installed or refuses."""
+    """Values of a message by gribberish, missing ones NaN; None if it is not installed or refuses."""
     try:
         import gribberish
     except ImportError:

@@ -1,7 +1,7 @@
 """Messages of a GRIB file, framed and checked before a library decodes them.
 
-A file may hold anything between messages, and several fields in one message (GRIB2). Here are found: where each message is, whether it
-is whole, and, of a plain GRIB2 field, the octets that change from field to field of one series (issue, lead, member, packing).
+A file may contain anything between messages, and several fields in one message (GRIB2). This module finds the position of each message, whether it
+is complete, and, of a plain GRIB2 field, the octets that change from field to field of one series (issue, lead, member, packing).
 
 Source: WMO-No. 306, Manual on Codes, volume I.2, FM 92 GRIB edition 2 (sections 0 to 8, templates 4.0 and 4.1) and FM 92 GRIB edition 1.
 """
@@ -29,10 +29,10 @@ PLAIN_TEMPLATES = (0, 1)
 
 @dataclass(frozen=True, slots=True)
 class Plain:
-    """A GRIB2 message with one field at one instant, as its octets say."""
+    """A GRIB2 message with one field at one instant, from its octets."""
 
     kind: bytes
-    """What fields of one series share: centre, grid, parameter, level."""
+    """Common properties of the fields of one series: centre, grid, parameter, level."""
     issued_s: float
     lead_s: float
     member: int | None
@@ -43,7 +43,7 @@ class Plain:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A whole message with one field."""
+    """A complete message with one field."""
 
     number: int
     """Counted from 1."""
@@ -101,7 +101,7 @@ def _length_1(data: bytes, begin: int) -> int:
 
 
 def _fields(octets: bytes, where: str, file: str) -> list[bytes]:
-    """Cut a GRIB2 message into messages of one field each: sections 2 to 7 may be repeated, and hold until they are."""
+    """Cut a GRIB2 message into messages of one field each: sections 2 to 7 may be repeated, and remain valid until then."""
     at, kept, found = 16, {1: b"", 2: b"", 3: b"", 4: b"", 5: b"", 6: b""}, []
     bitmap = b""
     while at < len(octets) - 4:
@@ -129,7 +129,7 @@ def _fields(octets: bytes, where: str, file: str) -> list[bytes]:
 
 
 def _check_1(octets: bytes, where: str, file: str) -> None:
-    """See that the sections of a message of edition 1 fill it."""
+    """Check that the sections of a message of edition 1 fill it."""
     at, flags = 8, octets[15]
     for number, present in enumerate((True, bool(flags & 0x80), bool(flags & 0x40), True), start=1):
         if not present:
@@ -142,7 +142,7 @@ def _check_1(octets: bytes, where: str, file: str) -> None:
 
 
 def plain(message: Message) -> Plain | None:
-    """Read the octets of a plain GRIB2 field; None where a library must tell."""
+    """Read the octets of a plain GRIB2 field; None if a library must decode it."""
     octets, at = message.octets, 16
     sections: dict[int, bytes] = {}
     while message.edition == 2 and at + 5 <= len(octets) - 4:

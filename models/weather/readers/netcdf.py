@@ -1,6 +1,6 @@
 """NetCDF files with the CF conventions: of version 4 (HDF5) by h5netcdf, of version 3 by SciPy.
 
-A quantity is known by its `standard_name`, else by its GRIB parameter, else by the names that ERA5, GFS and HRRR extracts give it; never
+A quantity is identified by its `standard_name`, otherwise by its GRIB parameter, otherwise by its name in ERA5, GFS and HRRR extracts; never
 by a guess from its values. Winds along the axes of a projection are turned to true north by its grid mapping.
 
 Source: B. Eaton and others, "NetCDF Climate and Forecast (CF) Metadata Conventions" 1.11 (2023), chapters 4 to 6 and 8.
@@ -56,10 +56,10 @@ NAMED = (
     (r"t2m|2t|t_?2m", "temperature"),
     (r"d2m|2d", "dewpoint"),
 )
-"""Names of variables, in lower case, where there is no standard name."""
+"""Names of variables, in lower case, if there is no standard name."""
 GRIB_PARAMETERS = {(0, 2, 2): EAST, (0, 2, 3): NORTH, (0, 2, 1): SPEED, (0, 2, 0): FROM, (0, 2, 22): GUST}
 STEPS = ("step", "lead_time", "leadtime", "forecast_hour")
-"""Dimensions that count from the issue on."""
+"""Dimensions that count from the issue."""
 MEMBER_NAMES = ("number", "member", "members", "realization", "ensemble", "ensemble_member", "ens")
 
 
@@ -203,7 +203,7 @@ class _Reader:
         return [self.variables[name] for name in names if name in self.variables]
 
     def _times(self, one: Variable, axes: Mapping[str | None, int]) -> NDArray[np.float64]:
-        """Times of a variable, POSIX seconds: of its dimension, else of a coordinate along it, else the issue and the steps from it."""
+        """Times of a variable, POSIX seconds: of its dimension, otherwise of a coordinate along it, otherwise the issue and the steps from it."""
         name = one.dimensions[axes["time"]] if "time" in axes else None
         own = self.variables.get(name or "")
         if own is not None and " since " in own.text("units"):

@@ -31,7 +31,7 @@ UNWRITTEN: dict[str, tuple[float, ...]] = {
     "i2": (-32767.0,),
     "i4": (-2147483647.0,),
 }
-"""What the netCDF library leaves where nothing was written, by the type of a variable that names no value for it (netcdf.h, NC_FILL_*)."""
+"""Fill values of the netCDF library, by the type of a variable that names no value for it (netcdf.h, NC_FILL_*)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +43,17 @@ class Variable:
     attributes: Mapping[str, Any]
     source: Any
     opened: Any
-    """The file, which its values are read from: it is closed with the last variable."""
+    """The file from which its values are read: it is closed with the last variable."""
 
     def text(self, name: str) -> str:
-        """An attribute as text; empty where there is none."""
+        """An attribute as text; empty if there is none."""
         value = self.attributes.get(name, "")
         if isinstance(value, np.ndarray):
             value = value.ravel()[0] if value.size else ""
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """A numeric attribute; empty where there is none."""
+        """A numeric attribute; empty if there is none."""
         try:
             return np.atleast_1d(np.asarray(self.attributes.get(name, []), dtype=np.float64)).ravel()
         except (TypeError, ValueError):
@@ -94,7 +94,7 @@ def opened(data: bytes, file: str) -> dict[str, Variable]:
         import h5py
 
         class Quiet(h5netcdf.File):  # type: ignore[misc, unused-ignore]
-            """A file that was damaged is closed without a word by Python's clean-up, too: it never came to be writable."""
+            """A damaged file is closed silently by Python's clean-up, too: it was never open for writing."""
 
             _writable = False
 
@@ -110,7 +110,7 @@ def opened(data: bytes, file: str) -> dict[str, Variable]:
 
 
 def damaged(file: str, error: Exception) -> InputError:
-    """Return the error of a file that cannot be read on."""
+    """Return the error of a file that cannot be read further."""
     return InputError(
         f"is a damaged NetCDF file: {type(error).__name__}: {error}", file, remedy="download the file again"
     )
@@ -176,7 +176,7 @@ def in_unit(one: Variable, quantity: str, file: str) -> NDArray[np.float64]:
 
 
 def _moment(text: str) -> float | None:
-    """POSIX seconds of the begin of a unit of time, such as ``1900-01-01 00:00:0.0``; UTC where it says nothing else."""
+    """POSIX seconds of the begin of a unit of time, such as ``1900-01-01 00:00:0.0``; UTC unless stated otherwise."""
     found = re.fullmatch(
         r"(\d{1,4})-(\d{1,2})-(\d{1,2})(?:[T ]+(\d{1,2})(?::(\d{1,2}))?(?::(\d{1,2})(?:\.\d*)?)?)?\s*(Z|UTC|[+-]\d{1,2}(?::?\d{2})?)?",
         text.strip(),

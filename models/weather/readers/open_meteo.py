@@ -1,7 +1,7 @@
 """Answers of Open-Meteo (JSON): one place or several, one model or several, single series or ensembles.
 
-Units are those of `hourly_units`; a name ends in its height, ``_memberNN`` (the one without is the control) and, where several models were
-asked for, the model. Times without an offset are local by `utc_offset_seconds`: the clock does not change within an answer.
+Units are those of `hourly_units`; a name ends in its height, ``_memberNN`` (the one without is the control) and, if several models were
+requested, the model. Times without an offset are local by `utc_offset_seconds`: the offset does not change within an answer.
 
 Source: Open-Meteo, "Weather Forecast API" and "Ensemble API" (open-meteo.com/en/docs).
 """
@@ -60,7 +60,7 @@ class Answer(msgspec.Struct):
 
 
 class Refused(msgspec.Struct):
-    """Answer of the service to a request that it does not understand."""
+    """Answer of the service to an invalid request."""
 
     error: bool
     reason: str = ""
@@ -75,7 +75,7 @@ def is_open_meteo(value: object) -> bool:
 
 
 def read_open_meteo(text: str, file: str) -> list[Weather]:
-    """Read an answer; an `InputError` names the field that is wrong."""
+    """Read an answer; an `InputError` names the faulty field."""
     try:
         if "reason" in text[:2000] and '"hourly"' not in text:
             refused = msgspec.json.decode(text, type=Refused)
@@ -130,7 +130,7 @@ def _blocks(answer: Answer, name: str, file: str, number: int) -> list[_Block]:
 
 
 def _named(column: str) -> tuple[FieldKey | None, str, str]:
-    """What a column holds: (quantity and height, member, model)."""
+    """Contents of a column: (quantity and height, member, model)."""
     for pattern, names in ((NAME, NAMES), (PLAIN, AT_SURFACE)):
         match = pattern.fullmatch(column)
         if match is None or match[1] not in names:
@@ -184,7 +184,7 @@ def _numbers(
 
 
 def _weather(parts: Sequence[tuple[Answer, _Block]], file: str) -> Weather:
-    """Put the places of one model together."""
+    """Combine the places of one model."""
     members = tuple(sorted({member for _, block in parts for _, member in block.series}))
     empty = [
         name for name in members

@@ -1,7 +1,7 @@
 """Winds at pressure levels, as winds at heights above ground, for forecasts without winds near the ground.
 
-The height of a level is the geopotential height in the file less the orography in it, averaged over region, members and times; without the first that of the
-standard atmosphere, without the second above sea level. The choice is reported.
+The height of a level is the geopotential height in the file less the orography in it, averaged over region, members and times; without the geopotential height, that of the
+standard atmosphere; without the orography, above sea level. The choice is reported.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LOWEST_HPA = 800.0
-"""About 2,000 m: higher levels say nothing of the wind that a drone flies in."""
+"""About 2,000 m: higher levels are irrelevant to the wind that a drone flies in."""
 LEAST_M, MOST_M = 10.0, 2000.0
-"""Heights above ground that are of use."""
+"""Relevant heights above ground."""
 ALTITUDE, GEOPOTENTIAL = "geopotential height", "geopotential"
 WINDS = (NORTH, EAST, SPEED, FROM)
 Fields = dict[FieldKey, "NDArray[np.float64]"]
@@ -33,7 +33,7 @@ def level_key_m(hpa: float) -> float:
 
 
 def at_heights(fields: Fields) -> tuple[Fields, list[str], list[str]]:
-    """Return fields at heights above ground alone, the names of what is omitted, and notes."""
+    """Return fields at heights above ground only, the names of omitted fields, and notes."""
     levels = sorted({-key.height_m for key in fields if key.height_m < 0.0}, reverse=True)
     ground = _ground_m(fields)
     found = {
@@ -66,7 +66,7 @@ def at_heights(fields: Fields) -> tuple[Fields, list[str], list[str]]:
 
 
 def _ground_m(fields: Fields) -> float | None:
-    """Mean of the model's orography; None where it is not in the file."""
+    """Mean of the model's orography; None if it is not in the file."""
     for quantity, factor in ((ALTITUDE, 1.0), (GEOPOTENTIAL, 1.0 / GRAVITY_MPS2)):
         values = fields.get(FieldKey(quantity, 0.0))
         if values is not None and np.isfinite(values).any():

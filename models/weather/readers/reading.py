@@ -1,4 +1,4 @@
-"""Weather files of any format, several together."""
+"""Weather files of any format, read together."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def read_weather(
     stations: Mapping[str, tuple[float, float]] | None = None,
     height_m: float = 10.0,
 ) -> list[Weather]:
-    """Read weather files, cut to a region; what belongs to one issue of one model is put together.
+    """Read weather files, cut to a region; parts of one issue of one model are combined.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def read_weather(
     box : Box, optional
         The region; grids are cut to it, with a margin.
     near_s : float, optional
-        POSIX seconds that bulletins without a month are near to; by default now.
+        POSIX seconds near the time of bulletins without a month; by default now.
     stations : mapping, optional
         Latitude and longitude of stations, by their names in bulletins and CSV.
     height_m : float
@@ -56,7 +56,7 @@ def read_weather(
     Raises
     ------
     InputError
-        A file cannot be read, or its form is unknown; it says which, and where.
+        A file cannot be read, or its form is unknown; names the file and the position.
     """
     near = time.time() if near_s is None else near_s
     known = dict(stations or {})
@@ -69,7 +69,7 @@ def read_weather(
 
 
 class _Grib:
-    """GRIB files, read in any order: one whose grid another file tells the places of is read again after all."""
+    """GRIB files, read in any order: a file whose grid positions are in another file is read again afterwards."""
 
     def __init__(self, box: Box | None) -> None:
         self._box, self._grids = box, TriangleGrids()

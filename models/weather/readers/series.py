@@ -30,7 +30,7 @@ class Record(NamedTuple):
     member: str
     """Empty: no ensemble."""
     quantity: str | None
-    """None: nobody uses it; then there are no values."""
+    """None: not used; then there are no values."""
     height_m: float
     name: str
     grid: str
@@ -38,13 +38,13 @@ class Record(NamedTuple):
     values: NDArray[np.float64] | None
     """Shape (points,)."""
     angle_deg: NDArray[np.float64] | None
-    """Of a wind along the grid: how far that is turned, shape (points,); None: the wind is east and north."""
+    """Of a wind along the grid: its angle, shape (points,); None: the wind is east and north."""
     analysis: bool
     note: str
 
 
 def assembled(records: Sequence[Record], form: str) -> list[Weather]:
-    """Put fields together, one `Weather` for each issue of a model on a grid; analyses of a model are one series."""
+    """Combine fields, one `Weather` for each issue of a model on a grid; analyses of a model are one series."""
     groups: dict[tuple[str, str, float], list[Record]] = {}
     at_once = _analysed(records)
     for one in records:
@@ -62,7 +62,7 @@ def assembled(records: Sequence[Record], form: str) -> list[Weather]:
 
 
 def _analysed(records: Sequence[Record]) -> set[tuple[str, str]]:
-    """Models on grids of which there are analyses only, at several times."""
+    """Models on grids that have only analyses, at several times."""
     issues: dict[tuple[str, str], set[float]] = {}
     forecast: set[tuple[str, str]] = set()
     for one in records:

@@ -1,7 +1,7 @@
 """TAF, the forecast for an aerodrome, as a series of its prevailing wind.
 
-FM replaces what was before, BECMG leads to the new wind over its period, TEMPO and PROB do not change the prevailing wind: what they add
-counts as a gust. A direction that varies (VRB) is that of the group before, since a light wind turns about it.
+FM replaces the preceding forecast, BECMG changes to the new wind over its period, TEMPO and PROB do not change the prevailing wind: stronger wind in them
+counts as a gust. A variable direction (VRB) is that of the preceding group, since it means a light wind.
 
 Source: WMO-No. 306, Manual on Codes, volume I.1, FM 51 TAF, sections 51.1 to 51.10; ICAO Annex 3, appendix 5.
 """
@@ -31,12 +31,12 @@ STATUTE_MILE_M = 1609.344
 MAX_HOURS = 48.0
 NAMED = ("TAF ", "TAF AMD ", "TAF COR ")
 NOTHING = ("NIL", "CNL")
-"""A report that was omitted; a forecast that was taken back (FM 51 TAF, 51.1.4 and 51.1.6)."""
+"""A report that was omitted; a forecast that was cancelled (FM 51 TAF, 51.1.4 and 51.1.6)."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Wind:
-    """What one group says; NaN: nothing."""
+    """Contents of one group; NaN: absent."""
 
     speed_mps: float
     from_deg: float
@@ -75,7 +75,7 @@ def read_taf(text: str, file: str, near_s: float, stations: Mapping[str, tuple[f
         remedy = "give the newest one" if empty else "such as TAF KJFK 090315Z 0903/1006 27007KT"
         raise InputError(problem, file, value="; ".join(empty) or None, remedy=remedy)
     newest: dict[str, Weather] = {}
-    for weather in found:  # an amendment replaces what was issued before
+    for weather in found:  # an amendment replaces the earlier issue
         name = weather.places.names[0]
         if name not in newest or weather.issued_s >= newest[name].issued_s:
             newest[name] = weather
@@ -173,7 +173,7 @@ def _hour(text: str, issued_s: float | None, file: str, where: str) -> float:
 
 
 def _group(text: str, file: str, station: str) -> _Wind:
-    """What a group says of wind and visibility."""
+    """Wind and visibility of a group."""
     speed = degrees = gust = math.nan
     for word in text.split():
         match = WIND.fullmatch(word)

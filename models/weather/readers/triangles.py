@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 KIND = "unstructured_grid"
 COORDINATES = {(0, 191, 1): "lat", (0, 191, 2): "lon"}
 MARGIN_DEG = 0.5
-"""Beyond the region, in which points are kept: more than the width of the coarsest global ICON (40 km)."""
+"""Margin around the region in which points are kept: more than the width of the coarsest global ICON (40 km)."""
 
 
 class UnknownPlacesError(InputError):
@@ -46,7 +46,7 @@ class TriangleGrids:
         return True
 
     def cut(self, ec: Any, handle: int, box: Box | None, file: str) -> tuple[Places, NDArray[np.int64]]:
-        """Return the places of a grid in a region, and which of its points they are. Raises an `UnknownPlacesError` if they are unknown."""
+        """Return the places of a grid in a region, and the indices of its points. Raises an `UnknownPlacesError` if they are unknown."""
         told = self._told.get(_identity(ec, handle), {})
         points = int(ec.codes_get(handle, "numberOfDataPoints"))
         if len(told) < len(COORDINATES) or any(len(values) != points for values in told.values()):

@@ -1,6 +1,6 @@
 """Winds along the axes of a grid, turned to true north.
 
-An angle says how far the grid's second axis (its north) is turned clockwise from true north at a point. With components u and v along the
+An angle is that of the grid's second axis (its north), clockwise from true north, at a point. With components u and v along the
 grid: east = u cos a + v sin a, north = v cos a - u sin a.
 
 Sources: WMO-No. 306, Manual on Codes, volume I.2, flag table 3.3 (resolution and component flags); J. P. Snyder, "Map Projections, a

@@ -1,14 +1,14 @@
-"""Winds measured by drones all over a region, assimilated into a forecast: an ensemble Kalman filter.
+"""Winds measured by drones across a region, assimilated into a forecast: an ensemble Kalman filter.
 
-How the error of a forecast at one place and hour correlates with that at others follows from its members: their covariance is what one measurement reveals of the
-rest. So winds of a season's days go together over the whole region, and the courses of a weather service as far and as long as the errors that were learnt of it. Each member is
-moved by its own distance from what was measured, and that is drawn again for each within its error, so that members keep as much spread as is left to know.
+The correlation of the forecast error at one place and hour with that at others follows from its members: through their covariance one measurement updates the
+rest. So winds of a season's days are correlated over the whole region, and the courses of a weather service over the scales of the learnt error. Each member is
+moved by its own distance from the measurement, which is perturbed for each within its error, so that the remaining spread is correct.
 
-The wind where a drone was differs from that which the forecast means by the gusts in it, and by what no forecast knows of a few kilometres
-(`models.wind.field_error`): that is alike nearby and for a while, so that twenty drones in one valley count little more than one.
+The wind at a drone differs from the forecast by the gusts in it, and by variation within a few kilometres that no forecast resolves
+(`models.wind.field_error`): that is correlated in space and time, so that twenty drones in one valley count little more than one.
 
 Sources: G. Evensen, "Sequential data assimilation with a nonlinear quasi-geostrophic model using Monte Carlo methods", J. Geophys. Res. 99 (1994), 10143-10162; G. Burgers,
-P. J. van Leeuwen and G. Evensen, "Analysis Scheme in the Ensemble Kalman Filter", Mon. Wea. Rev. 126 (1998), 1719-1724 (measurements drawn again).
+P. J. van Leeuwen and G. Evensen, "Analysis Scheme in the Ensemble Kalman Filter", Mon. Wea. Rev. 126 (1998), 1719-1724 (perturbed measurements).
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from skyway.models.wind.field_error import FieldError
 
 LEAST_MEMBERS = 10
-"""Fewer tell nothing of how winds go together."""
+"""With fewer members the covariance of winds is not usable."""
 LOCAL_M = 15_000.0
-"""Over which what no forecast knows fades."""
+"""Time over which the unresolved variation fades."""
 SEED = 1994
 
 
@@ -47,7 +47,7 @@ def assimilated(
     slot_s: float = SLOT_S,
     least_members: float = 1.0,
 ) -> WindEnsemble:
-    """Move the members of a forecast by what was measured; they keep their probabilities.
+    """Move the members of a forecast by measurements; they keep their probabilities.
 
     The ensemble and `field` are at the height of the observations, which are averages over slots. A forecast of fewer than `LEAST_MEMBERS` members is
     updated by `residual` and `least_members` (`update_forecast`).
@@ -69,7 +69,7 @@ def assimilated(
     def local(
         at_s: NDArray[np.float64], at_lat: NDArray[np.float64], at_lon: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Covariance of what no forecast knows, of places and times with the observations."""
+        """Covariance of the unresolved variation, of places and times with the observations."""
         distance_m, _ = inverse(at_lat[:, None], at_lon[:, None], lat[None], lon[None])
         return np.asarray(sill * np.exp(-distance_m / LOCAL_M - np.abs(at_s[:, None] - time_s) / field.tau_s))
 

@@ -1,7 +1,7 @@
 """Telemetry averaged over periods: the input of wind measurements.
 
 Telemetry at 10 Hz and more is correlated, so it is averaged to one block a period first. A block is ready when the first
-sample of the next period is there, and nothing in it depends on what comes later; so a live flight, a log read in pieces
+sample of the next period arrives, and does not depend on later samples; so a live flight, a log read in pieces
 and a log read at once give the same blocks.
 """
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 MIN_SPEED_MPS = 3.0
 MIN_SPREAD_DEG = 60.0
-"""On courses that differ by less, drag and wind can be separated only by take-off and landing."""
+"""On courses that differ by less, only take-off and landing separate drag and wind."""
 MIN_HEIGHT_M = 2.0
 STUCK_S = 5.0
-"""A sensor that has given exactly the same, and not 0, for so long is stuck; held values are at most 2 s old."""
+"""A sensor that has reported exactly the same value, and not 0, for this long is stuck; held values are at most 2 s old."""
 GAP_PERIODS = 1.5
-"""Across a longer pause between samples no acceleration is taken."""
+"""Across a longer pause between samples no acceleration is computed."""
 JUMP_MPS, JUMP_MPS2, JUMP_GAP_S, JUMP_HELD_S = 5.0, 30.0, 2.0, 30.0
-"""A velocity that changes by more than what noise and three times gravity explain is that of a glitch, and is not believed
-for so long; across longer gaps nothing is said."""
+"""A velocity that changes by more than noise and three times gravity explain is a glitch, and is rejected
+for this long; across longer gaps there is no check."""
 REPEATS_SAMPLES, REPEATS_MPS = 10, 0.3
-"""Samples in motion before an airspeed is believed, and how far it must be from the ground speed (RMS)."""
+"""Samples in motion before an airspeed is accepted, and its least distance from the ground speed (RMS)."""
 _VELOCITY, _THRUST, _HEADING = slice(1, 4), slice(4, 6), slice(6, 8)
 _AIRSPEED, _AUTOPILOT, _FLAGS, _PLACE, _REPEATS = 8, slice(9, 11), slice(11, 13), slice(13, 16), slice(16, 18)
 _COLUMNS = 18
@@ -43,17 +43,17 @@ _COLUMNS = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """Telemetry averaged over periods; NaN where a period lacks something."""
+    """Telemetry averaged over periods; NaN if a period lacks a quantity."""
 
     time_s: NDArray[np.float64]
     """Shape (n,). Mean time of the samples of each period."""
     velocity: NDArray[np.float64]
     """Shape (n, 2). Over the ground, (north, east), m/s."""
     drag: NDArray[np.float64]
-    """Shape (n, 2). What the thrust gives beyond the acceleration, (north, east), m/s2."""
+    """Shape (n, 2). Specific thrust beyond the acceleration, (north, east), m/s2."""
     yaw_rad: NDArray[np.float64]
     airspeed_mps: NDArray[np.float64]
-    """Shape (n,) each. Heading, and what the sensor says, the climb taken off."""
+    """Shape (n,) each. Heading, and the sensor's airspeed, less the climb."""
     acceleration: NDArray[np.float64]
     """Shape (n, 2). Over the ground, (north, east), m/s2; NaN at the ends of the stream and beside gaps."""
     autopilot: NDArray[np.float64]
@@ -69,7 +69,7 @@ class Blocks:
 
     @property
     def turn_rad_s(self) -> NDArray[np.float64]:
-        """Turn rate of the course over the ground, clockwise, shape (n,); NaN where the acceleration is unknown."""
+        """Turn rate of the course over the ground, clockwise, shape (n,); NaN if the acceleration is unknown."""
         (north, east), change = self.velocity.T, self.acceleration
         return np.asarray((north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0))
 
@@ -100,12 +100,12 @@ def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
 
 
 def is_trusted(track: TelemetryTrack) -> NDArray[np.bool_]:
-    """Whether the vehicle does not say that its position and velocity are wrong, shape (samples,)."""
+    """Whether the vehicle does not report a wrong position or velocity, shape (samples,)."""
     return np.asarray((track["gps_ok"] != 0.0) & (track["ekf_ok"] != 0.0), dtype=np.bool_)
 
 
 class BlockMaker:
-    """Makes blocks of the telemetry of one vehicle, each of a period; how the stream is cut does not matter.
+    """Makes blocks of one period each from the telemetry of one vehicle; the chunks of the stream do not matter.
 
     Periods begin at whole multiples of `period_s`.
     """
@@ -119,7 +119,7 @@ class BlockMaker:
         self._repeats = np.zeros(2)
 
     def feed(self, track: TelemetryTrack) -> Blocks:
-        """Take samples not older than those before; return the blocks of the periods that are over."""
+        """Take samples not older than the earlier ones; return the blocks of the completed periods."""
         if not len(track):
             return _NONE()
         self._rows = np.concatenate([self._rows, self._derived(track)])
@@ -140,7 +140,7 @@ class BlockMaker:
         return tuple(name for name, watch in watched.items() if watch.now)
 
     def flush(self) -> Blocks:
-        """Return the block of the period under way, whose acceleration cannot be known; the stream has ended."""
+        """Return the block of the current period, whose acceleration cannot be known, at the end of the stream."""
         if not len(self._rows):
             return _NONE()
         found = self._blocks(self._rows, np.zeros(1, dtype=np.int64), None)
@@ -148,7 +148,7 @@ class BlockMaker:
         return found
 
     def _derived(self, track: TelemetryTrack) -> NDArray[np.float64]:
-        """Return what is averaged, of each sample, shape (samples, columns)."""
+        """Return the averaged quantities of each sample, shape (samples, columns)."""
         time_s = track.time_s
         rows = np.empty((len(track), _COLUMNS))
         rows[:, 0] = time_s
@@ -209,7 +209,7 @@ def blocks(track: TelemetryTrack, period_s: float = 1.0) -> Blocks:
 
 
 class _StuckWatch:
-    """Tells where all columns have been exactly the same, and not 0, for more than `STUCK_S`."""
+    """Returns where all columns have been exactly the same, and not 0, for more than `STUCK_S`."""
 
     def __init__(self) -> None:
         self.now = False
@@ -229,7 +229,7 @@ class _StuckWatch:
 
 
 class _JumpWatch:
-    """Tells where the velocity has jumped as no vehicle can, and for `JUMP_HELD_S` after."""
+    """Returns where the velocity has jumped impossibly, and for `JUMP_HELD_S` after."""
 
     def __init__(self) -> None:
         self._last = (-math.inf, np.full(2, np.nan))
@@ -251,7 +251,7 @@ class _JumpWatch:
 
 
 def _means(rows: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Mean of what is known in each period; NaN where less than half of it is."""
+    """Mean of the known values in each period; NaN if less than half is known."""
     known = np.isfinite(rows)
     total = np.add.reduceat(np.where(known, rows, 0.0), starts, axis=0)
     count = np.add.reduceat(known.astype(np.float64), starts, axis=0)

@@ -1,9 +1,9 @@
 """Monitor that detects a wrong drag in flight.
 
-With a wrong drag every air velocity is too long, or too short, by the same factor. While the course stays, the error hides
+With a wrong drag every air velocity is too long, or too short, by the same factor. On a constant course, the error is hidden
 in the wind; after a turn, ground velocity ``v = w + s a`` shows the factor s of the air velocity a. It is fitted over the last
-minutes together with a wind that is taken as steady: a on v, for v is the one that is known well (the other way round the
-noise of a would make s too small), with the correlation of the residuals counted in.
+minutes together with a wind assumed steady: a on v, because v is known well (the other way round the
+noise of a would make s too small), including the correlation of the residuals.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 MIN_POINTS = 30
 TOLERANCE = 0.10
-"""A factor closer to 1 than this is not worth telling."""
+"""A factor closer to 1 than this is not reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class DragCheck:
 
     factor: float
     sigma: float
-    """By which air velocities have to be multiplied, and its standard deviation; NaN where it cannot be told."""
+    """Correction factor of air velocities, and its standard deviation; NaN if it cannot be determined."""
     course_spread_deg: float
-    """How far the courses of the stretch differ."""
+    """Range of the courses of the stretch."""
 
     @property
     def wrong(self) -> bool:
@@ -57,7 +57,7 @@ class DragCheck:
 def check_drag(velocity: NDArray[np.float64], through_air: NDArray[np.float64]) -> DragCheck:
     """Compare ground and air velocities of a stretch of flight, shape (n, 2), one a second or so, in the order of time.
 
-    Those through the air are the ones that the drag in use gives.
+    Air velocities are those by the drag in use.
     """
     good = np.isfinite(velocity).all(axis=1) & np.isfinite(through_air).all(axis=1)
     velocity, through_air = velocity[good], through_air[good]

@@ -1,8 +1,8 @@
-"""Regional wind field, fused from the winds that several drones measured.
+"""Regional wind field, fused from winds measured by several drones.
 
-What was measured differs from the forecast by a residual that is alike nearby and for a while: its correlation falls as
-``exp(-distance / length) exp(-time / tau)``. The best linear estimate from all measurements at once (kriging) says
-the residual anywhere, and how uncertain it is there.
+Measurements differ from the forecast by a residual that is correlated in space and time: its correlation falls as
+``exp(-distance / length) exp(-time / tau)``. The best linear estimate from all measurements at once (kriging) gives
+the residual anywhere, with its uncertainty.
 
 Source: N. Cressie, "Statistics for Spatial Data" (1993), section 3.2 (simple kriging).
 """
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MIN_PROFILE_M = 5.0
-"""Below this height the power law means nothing."""
+"""Below this height the power law does not apply."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindObservation:
-    """A wind that a filter found, averaged over a slot of time."""
+    """A wind estimated by a filter, averaged over a slot of time."""
 
     time_s: float
     """POSIX seconds, middle of the slot."""
     lat_deg: float
     lon_deg: float
-    """Where, on average."""
+    """Mean position."""
     north_mps: float
     east_mps: float
     """TOWARDS, at the height of the forecast it is compared with (see `at_height`)."""
     variance: float
     """Of one component, m2/s2."""
     height_m: float = math.nan
-    """Above ground, where it was measured; NaN where that is unknown."""
+    """Above ground, at the measurement; NaN if unknown."""
 
     def at_height(self, height_m: float, profile_exponent: float) -> WindObservation:
-        """Return what this means at another height, by the power law; the same where its own is unknown."""
+        """Return the equivalent at another height, by the power law; the same if its own height is unknown."""
         if math.isnan(self.height_m):
             return self
         factor = height_factor(height_m, max(self.height_m, MIN_PROFILE_M), profile_exponent)
@@ -63,7 +63,7 @@ class WindObservation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualModel:
-    """How the wind differs from a forecast."""
+    """Model of the difference between the wind and a forecast."""
 
     sigma_mps: float = 2.5
     """Standard deviation of one component."""
@@ -101,10 +101,10 @@ def places(
 
 
 def noise_covariance(observations: Sequence[WindObservation]) -> NDArray[np.float64]:
-    """Covariance of what observations are off by themselves, m2/s2, shape (n, n).
+    """Covariance of the observations' own errors, m2/s2, shape (n, n).
 
-    The gusts in them are alike where they were measured soon after each other and nearby: more slots do not average them out the better
-    the shorter they are.
+    Their gusts are correlated if they were measured soon after each other and nearby: shorter slots do not average them out
+    any better.
     """
     time_s, lat, lon = places(observations)
     variance = np.array([one.variance for one in observations], dtype=np.float64)
@@ -126,8 +126,8 @@ def check_observations(observations: Sequence[WindObservation]) -> None:
 class WindField:
     """The wind of a region.
 
-    It is made of observations of any drones, one slot of one drone each, so that correlated samples are not counted
-    again and again, and of the forecast (north, east) where and when each was measured, shape (n, 2).
+    It is made of observations of any drones, one per drone and slot, so that correlated samples are not counted
+    repeatedly, and of the forecast (north, east) at the place and time of each, shape (n, 2).
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class WindField:
         self._weighted = self._inverse @ (measured - np.asarray(forecast, dtype=np.float64).reshape(-1, 2))
 
     def at(self, time_s: float, lat_deg: float, lon_deg: float, forecast: tuple[float, float]) -> WindEstimate:
-        """Wind at a place and time whose forecast (north, east) is given."""
+        """Wind at a place and time with the given forecast (north, east)."""
         point = np.array([time_s]), np.array([lat_deg]), np.array([lon_deg])
         reach = self.residual.covariance(point, self._places)
         north, east = (reach @ self._weighted)[0]

@@ -1,9 +1,9 @@
 """Kalman filter of the wind at a drone.
 
-The wind is a slow one, which wanders about the forecast, and gusts about that, whose size goes with its speed; both are
+The wind is the sum of a slow wind, which varies about the forecast, and gusts about that, whose size depends on its speed; both are
 Ornstein-Uhlenbeck processes (north, east). Over a step of any length these have an exact solution, so that irregular telemetry
-needs no small steps. Measurements are winds with a covariance, however they were come by (`models.wind.estimation.measurement`).
-The estimate is the wind as it blows now, gust included; `WindFilter.steady` is the slow part, which lasts.
+needs no small steps. Measurements are winds with a covariance, from any source (`models.wind.estimation.measurement`).
+The estimate is the present wind, gust included; `WindFilter.steady` is the slow part, which lasts.
 
 Sources: R. E. Kalman (1960); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and
 Navigation" (2001), sections 5.4 (consistency: NEES, NIS) and 2.9 (gating).
@@ -36,12 +36,12 @@ STATES = 4 + systematic.COUNT
 WIND = np.concatenate([np.eye(2), np.eye(2), np.zeros((2, systematic.COUNT))], axis=1)
 """The wind of a state: slow part and gust, shape (2, STATES)."""
 HELD_AFTER_S = 30.0
-"""An estimate to which nothing was measured for so long is called held."""
+"""An estimate without a measurement for this long is called held."""
 
 
 @dataclass(frozen=True)
 class WindFilterSettings(Parameters):
-    """How the wind wanders, and when a measurement is not believed."""
+    """Variation of the wind, and the limits for rejecting a measurement."""
 
     tau_s: float = parameter(
         600.0, "time constant with which the wind returns to the forecast", 1e-3, 1e9, unit="s"
@@ -87,9 +87,9 @@ class WindEstimate:
     var_east: float
     """Covariance, m2/s2."""
     source: str = "measured"
-    """``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast``
-    before the first measurement, ``inconsistent`` where the innovations are larger than the filter believes they are,
-    so that the numbers are not to be used."""
+    """``measured`` in the air, ``held`` after `HELD_AFTER_S` without a measurement (for example after landing), ``forecast``
+    before the first measurement, ``inconsistent`` if the innovations are larger than the filter's covariance predicts,
+    so that the values must not be used."""
 
     @property
     def speed_mps(self) -> float:
@@ -128,7 +128,7 @@ class WindFilter:
         self.settings = settings or WindFilterSettings()
         self.time_s = start_s
         self.health = ConsistencyMonitor(HEALTH_WINDOW, HEALTH_CORRELATION)
-        """Whether the innovations are as large as the filter believes they are."""
+        """Whether the innovations are as large as the filter's covariance predicts."""
         self.last_nis = math.nan
         """Normalised innovation squared of the last measurement, before the gate."""
         self._forecast = (north_mps, east_mps)
@@ -151,7 +151,7 @@ class WindFilter:
         return self.estimate
 
     def advance(self, time_s: float, forecast: tuple[float, float] | None = None) -> None:
-        """Do what `predict` does without an answer."""
+        """Do the work of `predict` without returning an estimate."""
         self._forecast = forecast or self._forecast
         step_s = max(time_s - self.time_s, 0.0)
         taus = (self.settings.tau_s, self.settings.gust_tau_s, systematic.TAU_S)
@@ -173,10 +173,10 @@ class WindFilter:
     def update(
         self, wind: tuple[float, float], noise: ArrayLike, depends: Dependence | None = None, row: int = 0
     ) -> bool:
-        """Take a measurement for the present time; returns whether it was used.
+        """Process a measurement for the present time; returns whether it was used.
 
-        The wind is (north, east) TOWARDS, m/s; a value that is not finite is ignored. `noise` is the covariance of what is new
-        in it, m2/s2, shape (2, 2) or scalar. It depends on the systematic errors as that row of `depends` says; by
+        The wind is (north, east) TOWARDS, m/s; a value that is not finite is ignored. `noise` is the covariance of its independent
+        error, m2/s2, shape (2, 2) or scalar. It depends on the systematic errors by that row of `depends`; by
         default it does not.
         """
         measured = np.array([[wind[0]], [wind[1]]])
@@ -204,7 +204,7 @@ class WindFilter:
         return True
 
     def _scale(self) -> NDArray[np.float64]:
-        """Return the matrix k R(o) by which the sensor that was used last scales and turns the wind, shape (2, 2)."""
+        """Return the matrix k R(o) by which the most recently used sensor scales and turns the wind, shape (2, 2)."""
         scale, turn = self._scaled_by
         errors = self._filter.x[4:, 0]
         size = max(1.0 + float(errors[scale]), systematic.MIN_SCALE) if scale >= 0 else 1.0
@@ -212,7 +212,7 @@ class WindFilter:
         return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
     def widen(self, variance: ArrayLike) -> None:
-        """Add to the covariance of the slow wind, (2, 2), m2/s2: its measurements so far do not explain what was found."""
+        """Add to the covariance of the slow wind, (2, 2), m2/s2: its measurements so far are not consistent with a new finding."""
         self._filter.P[:2, :2] += np.asarray(variance, dtype=np.float64)
 
     def _persuaded(self, innovation: NDArray[np.float64]) -> bool:
@@ -227,7 +227,7 @@ class WindFilter:
 
     @property
     def estimate(self) -> WindEstimate:
-        """The wind now, gust included."""
+        """The present wind, gust included."""
         return self._estimate(WIND)
 
     @property
@@ -236,7 +236,7 @@ class WindFilter:
         return self._estimate(np.eye(2, STATES))
 
     def _estimate(self, seen: NDArray[np.float64]) -> WindEstimate:
-        """Tell the wind R(-o) s / k of a part s of the state, by the derivative of which the covariance follows."""
+        """Compute the wind R(-o) s / k of a part s of the state; the covariance follows from its derivative."""
         scale, turn = self._scaled_by
         unscale = np.linalg.inv(self._scale())
         north, east = (unscale @ seen @ self._filter.x)[:, 0].tolist()
@@ -256,7 +256,7 @@ class WindFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredWind:
-    """The filter's course over a log."""
+    """The filter's estimates over a log."""
 
     time_s: NDArray[np.float64]
     """Shape (n,)."""
@@ -265,13 +265,13 @@ class FilteredWind:
     covariance: NDArray[np.float64]
     """Shape (n, 3). North-north, north-east, east-east, m2/s2."""
     nis: NDArray[np.float64]
-    """Shape (n,). Before the gate; NaN where nothing was measured."""
+    """Shape (n,). Before the gate; NaN without a measurement."""
     accepted: NDArray[np.bool_]
     """Shape (n,)."""
     forecast: NDArray[np.float64]
-    """Shape (n, 2). What it was told to expect, (north, east), m/s."""
+    """Shape (n, 2). The forecast that it was given, (north, east), m/s."""
     trusted: NDArray[np.bool_]
-    """Shape (n,). Where the filter's own health did not call the estimate inconsistent."""
+    """Shape (n,). Whether the filter's health check accepts the estimate."""
 
     def __len__(self) -> int:
         return len(self.time_s)

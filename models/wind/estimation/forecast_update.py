@@ -1,14 +1,14 @@
 """Update of a wind forecast with measured winds, counting each only once.
 
-Each member of the ensemble is taken to be the truth but for a residual of known size, correlation time and length
-(`models.wind.estimation.field.ResidualModel`). The likelihood of all observations under that weights the member; the residual that
-is then expected at a horizon h, which falls as ``exp(-h / tau)``, shifts it. The wind between the sites of a forecast is what is
-interpolated from them, so an observation there tells of the residuals of the sites through the weights of the interpolation: the
-updated forecast says at its place what was measured, however far the sites are. Observations are averages over slots: at
-10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
+Each member of the ensemble is taken to be the truth except for a residual of known size, correlation time and length
+(`models.wind.estimation.field.ResidualModel`). The likelihood of all observations under that weights the member; the expected
+residual at a horizon h, which falls as ``exp(-h / tau)``, shifts it. The wind between the sites of a forecast is
+interpolated from them, so an observation there updates the residuals of the sites through the weights of the interpolation: the
+updated forecast at its place equals the measurement, regardless of the distance of the sites. Observations are averages over slots: at
+10 Hz neighbouring samples are redundant, and counting them all would leave one member with all the weight.
 
-Between the sites the wind is not quite what is interpolated (`models.wind.field_error`). That error is estimated separately from the residuals of the
-sites by its covariance, and what is expected of it where a drone is now can be made a site of its own.
+Between the sites the wind differs from the interpolation (`models.wind.field_error`). That error is estimated separately from the residuals of the
+sites by its covariance, and its expected value at a drone's position can be added as a site of its own.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ if TYPE_CHECKING:
 SLOT_S = 600.0
 """An updated forecast has slots of this length."""
 MEASURED_S = 150.0
-"""Observations are averaged over so long: a drone flies two kilometres meanwhile, over which the wind may grow by some metres per second."""
+"""Averaging time of observations: a drone flies two kilometres meanwhile, over which the wind may grow by some metres per second."""
 REPRESENTATION_MPS = 0.2
-"""How far the wind along a track is from that which the forecast means, gusts apart. It is added to the filter's own
+"""Standard deviation of the wind along a track about the forecast, without gusts. It is added to the filter's own
 uncertainty, which an average over correlated estimates does not reduce."""
 SHORTEST_S = 20.0
-"""No wind is an average over less: the filter has its own memory."""
+"""Shortest averaging time of a wind: the filter has its own memory."""
 HALVINGS = 20
 MAX_SLOTS = 20_000
 
 
 class SlotAverages:
-    """Averages a filter's course over slots as it goes, so that no correlated estimate counts as a new observation.
+    """Averages a filter's estimates over slots, so that correlated estimates do not count as new observations.
 
     Slots begin at whole multiples of `MEASURED_S`. Gusts that a slot is too short to average out are noise (`models.wind.gusts`).
     """
@@ -64,7 +64,7 @@ class SlotAverages:
         self._ended_s: dict[int, float] = {}
 
     def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
-        """Take an estimate based on a measurement; without a place it is ignored."""
+        """Add an estimate based on a measurement; without a place it is ignored."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
             return
         slot = math.floor(now.time_s / MEASURED_S)
@@ -77,7 +77,7 @@ class SlotAverages:
             sums[place] += value
 
     def observations(self) -> tuple[WindObservation, ...]:
-        """One observation for each slot in which something was measured, the one under way included."""
+        """One observation for each slot with a measurement, the current one included."""
         found = []
         for slot in sorted(self._sums):
             count, *totals = self._sums[slot]
@@ -88,7 +88,7 @@ class SlotAverages:
 
 
 def slot_variance(speed_mps: float, duration_s: float) -> float:
-    """Variance of a component of the mean wind of a slot about that which the forecast means, m2/s2, beside what the filter does not know."""
+    """Variance of a component of the mean wind of a slot about the forecast, m2/s2, in addition to the filter's uncertainty."""
     gust = (GUST_SD * speed_mps) ** 2 * gust_mean_variance(GUST_TIME_S / max(duration_s, SHORTEST_S))
     return REPRESENTATION_MPS**2 + gust
 
@@ -116,12 +116,12 @@ def update_forecast(
     field: FieldError = EXACT_FIELD,
     here: tuple[float, float] | None = None,
 ) -> WindEnsemble:
-    """Weight and shift the members of a forecast by what was measured.
+    """Weight and shift the members of a forecast by measurements.
 
     The ensemble is at the height of the observations (`WindEnsemble.at_height`), which are averages over slots, of any
     drones. The updated forecast has slots of at most `slot_s`, and the same members and sites; without observations it
-    is the same ensemble. The weights are flattened until they are worth `least_members` equal ones: a few members that
-    fit what was measured now would else stand for all that may come in the hours after.
+    is the same ensemble. The weights are flattened until they are worth `least_members` equal ones: otherwise a few members that
+    fit the present measurements would represent all possible winds of the hours after.
 
     `field` is the error of the wind between the sites, at the height of the ensemble; it does not count between the nodes of a lattice. With it
     and a place `here`, degrees, the updated forecast has one more site there.
@@ -208,7 +208,7 @@ class _Local(NamedTuple):
         field: FieldError,
         told: NDArray[np.float64],
     ) -> _Local | None:
-        """Return the error of observations in a wind as strong as their average; None where there is no error."""
+        """Return the error of observations in a wind as strong as their average; None without an error."""
         if not field.variance > 0.0:
             return None
         lat, lon = np.append(where[1], here[0] if here else []), np.append(where[2], here[1] if here else [])
@@ -221,7 +221,7 @@ class _Local(NamedTuple):
 
 
 def _with_site(ensemble: WindEnsemble, here: tuple[float, float], more: NDArray[np.float64]) -> WindEnsemble:
-    """Return the same with one more site, where the wind is so much more than between the others; (north, east), shape (2, members, slots)."""
+    """Return the same with one more site, where the wind exceeds the interpolation by the given amount; (north, east), shape (2, members, slots)."""
     weight = ensemble.weights(*here)[0]
     north, east = (
         np.concatenate((part, (part @ weight + extra)[:, :, None]), axis=2)
@@ -232,12 +232,12 @@ def _with_site(ensemble: WindEnsemble, here: tuple[float, float], more: NDArray[
 
 
 def worth(weights: NDArray[np.float64]) -> float:
-    """Return how many equal weights some weights are worth: (sum w)^2 / sum w^2 (L. Kish, "Survey Sampling", 1965)."""
+    """Return the effective number of equal weights: (sum w)^2 / sum w^2 (L. Kish, "Survey Sampling", 1965)."""
     return float(weights.sum() ** 2 / (weights**2).sum())
 
 
 def _flattened(probability: NDArray[np.float64], likelihood: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Return the greatest power of likelihoods, at most 1, with which the members are worth at least so many."""
+    """Return the greatest power of likelihoods, at most 1, with which the effective number of members is at least the given one."""
     if worth(probability * likelihood) >= min(least, worth(probability)):
         return likelihood
     low, high = 0.0, 1.0

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 HEALTH_WINDOW, HEALTH_CORRELATION = 120, 5.0
-"""Innovations that the filter's health is judged by, and how many neighbours of them are as good as one."""
+"""Number of innovations for the health check, and of neighbouring ones that count as one independent value."""
 CALM_COUNT, CALM_MEAN = 20, 3.0
-"""After it was found wrong the filter is trusted again when the mean of this many innovations is below the second figure."""
+"""After a failure the filter is trusted again when the mean of this many innovations is below the second figure."""
 
 
 class ConsistencyMonitor:
@@ -18,7 +18,7 @@ class ConsistencyMonitor:
 
     A rejected one counts as the gate (`WindFilter`). So two seconds of a manoeuvre do not outweigh two minutes of good
     measurements, and measurements that are rejected again and again still show that the filter is wrong. `window`
-    measurements are looked at together; `correlation` neighbouring ones are as good as one, for innovations of real
+    measurements are evaluated together; `correlation` neighbouring ones count as one, since innovations of real
     logs are not independent.
     """
 
@@ -37,7 +37,7 @@ class ConsistencyMonitor:
             self._shaken = False
 
     def restart(self) -> None:
-        """Judge again, as after the filter was found wrong and followed: not trusted until the innovations are calm."""
+        """Judge again, as after a failure: not trusted until the innovations are small."""
         self._values.clear()
         self._shaken = True
 
@@ -48,7 +48,7 @@ class ConsistencyMonitor:
 
     @property
     def mean(self) -> float:
-        """Mean over the window; 2 where the filter is right, NaN before the first."""
+        """Mean over the window; 2 for a correct filter, NaN before the first."""
         return sum(self._values) / len(self._values) if self._values else math.nan
 
     @property
@@ -58,9 +58,9 @@ class ConsistencyMonitor:
 
     @property
     def verdict(self) -> str:
-        """``consistent``, ``overconfident`` (errors larger than believed), ``underconfident``, or ``unknown`` as yet.
+        """``consistent``, ``overconfident`` (errors larger than predicted), ``underconfident``, or ``unknown`` as yet.
 
-        After `restart` it is ``overconfident`` until there are values enough, and small enough, to say otherwise.
+        After `restart` it is ``overconfident`` until there are enough values, and they are small enough.
         """
         if self._shaken:
             return "overconfident"

@@ -1,6 +1,6 @@
 """Wind of one vehicle estimated from its telemetry, live or in a replay.
 
-Feed samples, read the estimate; when the forecast is to be brought up to date, hand over the observations::
+Feed samples, read the estimate; to update the forecast, pass on the observations::
 
     wind = LiveWind(drag=read_drag(path), forecast=forecast_of(ensemble), settings=settings_for(ensemble))
     for sample in telemetry:                      # models.telemetry.TelemetrySample, live or replayed
@@ -9,7 +9,7 @@ Feed samples, read the estimate; when the forecast is to be brought up to date, 
     updated = update_forecast(ensemble, wind.observations())  # models.forecast_update
 
 Several drones: one `LiveWind` each, and the observations of all of them in one list. The ensemble and the observations
-have to be for the same height (`WindEnsemble.at_height`). Nothing here knows the future: an estimate is made of what was heard
+have to be for the same height (`WindEnsemble.at_height`). An estimate depends only on samples received
 before it, and is at most one period old.
 """
 
@@ -59,20 +59,20 @@ if TYPE_CHECKING:
 _TOLD = attrgetter(*QUANTITIES)
 _HEIGHT = COLUMN["height_m"]
 NOMINAL_DRAG = DragModel(linear_per_s=0.17, relative_sigma=0.5, bias_sigma_mps2=0.15)
-"""Where no drag is known: about the middle of the multirotors that were measured (0.1 to 0.3 per second at 10 m/s), so that the true air
-velocity is half to twice the one that it gives, and a level that is off by about 1 degree."""
+"""Drag if none is known: about the middle of the measured multirotors (0.1 to 0.3 per second at 10 m/s), so that the true air
+velocity is half to twice the estimated one, and a level that is off by about 1 degree."""
 NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
-"""How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
+"""Assumed variation of the wind without a forecast: anything up to a gale, slowly changing."""
 DRAG_WINDOW = 300
-"""Blocks of flight that the drag is checked with."""
+"""Number of blocks of flight for the check of the drag."""
 
 
 def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -> Forecast:
     """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude, height): (north, east), m/s.
 
-    Where a place is unknown (NaN), the first site stands for it. The power law with `profile_exponent` carries the
-    wind to the vehicle's height above the take-off site, never below `MIN_PROFILE_M`; by default the forecast is taken
-    to be for the height that is flown.
+    If a place is unknown (NaN), the first site is used. The power law with `profile_exponent` converts the
+    wind to the vehicle's height above the take-off site, never below `MIN_PROFILE_M`; by default the forecast is assumed
+    to be for the flown height.
     """
 
     @lru_cache(maxsize=256)
@@ -93,7 +93,7 @@ def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -
 
 
 def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
-    """Return filter settings whose wind deviates from the forecast as the members do, by 1 m/s or more."""
+    """Return filter settings with the members' deviation from the forecast, at least 1 m/s."""
     weight = ensemble.probability[:, None, None]
     spread = sum(
         float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())
@@ -103,7 +103,7 @@ def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
 
 
 class LiveWind:
-    """The wind of one vehicle, estimated as its telemetry comes.
+    """The wind of one vehicle, estimated from its incoming telemetry.
 
     The drag is that of this drone (`models.drones.drag_file.read_drag`), `NOMINAL_DRAG` where it is unknown, None
     where tilt tells nothing; the airspeed model is that of a plane. The forecast takes POSIX seconds, latitude,
@@ -129,11 +129,11 @@ class LiveWind:
         self.estimate: WindEstimate | None = None
         """The filter's latest; None before the first."""
         self.expected = (math.nan, math.nan)
-        """The newest forecast it was told, (north, east), m/s."""
+        """The newest forecast that it was given, (north, east), m/s."""
         self.measured: Counter[str] = Counter()
         """Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``, ``limit``."""
         self.rejected = 0
-        """Measurements that the gate did not let pass."""
+        """Measurements rejected by the gate."""
         self._forecast = forecast or (lambda *_: (0.0, 0.0))
         self._maker = BlockMaker()
         self._every_s = every_s
@@ -146,7 +146,7 @@ class LiveWind:
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
         self.autopilot_doubt = np.zeros((2, 2))
-        """Added to the covariance of what the autopilot says of the wind."""
+        """Added to the covariance of the autopilot's wind."""
 
     def hear(self, sample: TelemetrySample, height_m: float | None = None) -> WindEstimate | None:
         """Take a sample, where wanted at another height; returns an estimate when it completes one. Older samples are ignored."""
@@ -181,8 +181,8 @@ class LiveWind:
     ) -> bool:
         """Take an external measurement of the wind at the current time; returns whether it was used.
 
-        The wind is (north, east) TOWARDS, m/s, with its covariance, at (latitude, longitude, height). `doubt` says how
-        unsure this makes what was believed by the autopilot's word, m2/s2, shape (2, 2), of whose further reports so
+        The wind is (north, east) TOWARDS, m/s, with its covariance, at (latitude, longitude, height). `doubt` is the additional
+        uncertainty of the estimate from the autopilot's reports, m2/s2, shape (2, 2), of whose further reports that
         many count as one.
         """
         if self.filter is None:
@@ -207,9 +207,9 @@ class LiveWind:
         return self._follow(self._maker.flush())
 
     def observations(self) -> tuple[WindObservation, ...]:
-        """Averages over slots of all that was measured, each counting once, for `models.wind.estimation.forecast_update.update_forecast`.
+        """Averages of all measurements over slots, each counted once, for `models.wind.estimation.forecast_update.update_forecast`.
 
-        What the filter's health has called inconsistent, and the measurements that it was judged by, are omitted.
+        Estimates rejected by the filter's health check, and the measurements behind that verdict, are omitted.
         """
         slots = deepcopy(self._slots)
         for now, place in self._pending:
@@ -266,7 +266,7 @@ class LiveWind:
         return course
 
     def _keep(self, now: WindEstimate, place: tuple[float, ...], *, accepted: bool) -> None:
-        """Keep an estimate for the averages, once no window of innovations that it lies in can be found inconsistent."""
+        """Store an estimate for the averages, once no window of innovations that contains it can become inconsistent."""
         if now.source == "inconsistent":
             self._pending.clear()
         elif accepted:

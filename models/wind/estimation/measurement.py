@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from skyway.models.wind.estimation.blocks import Blocks
 
 LAG_S = 0.3
-"""Airspeed, heading and ground velocity lag each other by so much, which tells in turns."""
+"""Lag between airspeed, heading and ground velocity, which matters in turns."""
 AUTOPILOT_SIGMA_MPS = 1.0
 AUTOPILOT_EVERY_S = 10.0
-"""The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
+"""The autopilot's estimate is filtered: it is used at this interval."""
 SAME_SENSOR_S = 30.0
-"""Where airspeed gave the wind so shortly before, the autopilot's estimate is made of the same and not taken again."""
+"""If airspeed gave the wind within this time, the autopilot's estimate is based on the same data and not used."""
 PLAIN_SENSOR = AirspeedModel(factor_sigma=0.08, heading_sigma_rad=math.radians(6.0))
 """An uncalibrated sensor."""
 MIN_AIRSPEED_MPS = 8.0
-"""Below this a plane does not fly on its wings."""
+"""Below this airspeed a plane does not fly on its wings."""
 MAX_WIND_MPS = {"tilt": 25.0, "airspeed": 60.0, "autopilot": 60.0}
-"""In more than this nothing of the kind flies: the measurement is wrong, and so may be those before it."""
+"""No such vehicle flies in a stronger wind: the measurement is wrong, and those before it may be, too."""
 MEAN_WIND_S = 60.0
-"""Winds are averaged over so long, some five gusts, for the airspeed at which errors are weighed."""
+"""Averaging time of winds, some five gusts, for the airspeed at which errors are computed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,15 +50,15 @@ class Measurements:
     yaw_rad: NDArray[np.float64]
     """Shape (n,). Heading."""
     air_velocity: NDArray[np.float64]
-    """Shape (n, 2). Through the air, (north, east), m/s: for tilt without gusts and noise, because it is what the
-    errors are weighed at."""
+    """Shape (n, 2). Through the air, (north, east), m/s: for tilt without gusts and noise, because the
+    errors are computed at it."""
 
     def __len__(self) -> int:
         return len(self.time_s)
 
 
 def tilt_air_velocity(air: Blocks, drag: DragModel) -> NDArray[np.float64]:
-    """Air velocity that explains the lean, the level's bias taken off, shape (blocks, 2)."""
+    """Air velocity that explains the lean, without the bias of the level, shape (blocks, 2)."""
     cos_yaw, sin_yaw = np.cos(air.yaw_rad), np.sin(air.yaw_rad)
     bias = np.stack(
         [
@@ -79,7 +79,7 @@ class MeanWind:
         self._heard_s = 0.0
 
     def before(self, time_s: NDArray[np.float64], wind: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean before each measurement, shape (n, 2); the first, and impossible winds, stand for themselves."""
+        """Return the mean before each measurement, shape (n, 2); for the first, and impossible winds, the measurement itself."""
         mean = wind.copy()
         believed = np.hypot(wind[:, 0], wind[:, 1]) <= MAX_WIND_MPS["tilt"]
         for row in np.flatnonzero(believed):
@@ -97,7 +97,7 @@ class MeanWind:
 def tilt_wind(air: Blocks, drag: DragModel, mean: MeanWind | None = None) -> Measurements:
     """Wind by tilt and drag: ground velocity minus the air velocity that explains the lean. Multirotors only.
 
-    `mean` goes on from the blocks before these.
+    `mean` continues from the blocks before these.
     """
     through_air = tilt_air_velocity(air, drag)
     known = air.flying & ~air.winged & np.isfinite(through_air).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
@@ -108,9 +108,9 @@ def tilt_wind(air: Blocks, drag: DragModel, mean: MeanWind | None = None) -> Mea
 
 
 def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurements:
-    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading, as the sensor's calibration reads them.
+    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading, both corrected by the calibration.
 
-    On wings only: a multirotor without a sensor reports a made-up airspeed, and one with a sensor feels the air from ahead only.
+    On wings only: a multirotor without a sensor reports an invented airspeed, and one with a sensor measures only air from ahead.
     """
     towards = air.yaw_rad + sensor.heading_offset_rad
     cos_yaw, sin_yaw = np.cos(towards), np.sin(towards)
@@ -132,9 +132,9 @@ def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurem
 
 
 def autopilot_wind(air: Blocks, after_s: float = -math.inf, told_s: NDArray[np.float64] | None = None) -> Measurements:
-    """Return the autopilot's own estimate, taken seldom because it is filtered already.
+    """Return the autopilot's own estimate, used rarely because it is already filtered.
 
-    It was taken last at `after_s`, in blocks before these; airspeed gave the wind at `told_s`, in order.
+    It was used last at `after_s`, in blocks before these; airspeed gave the wind at `told_s`, in order.
     """
     noise = np.broadcast_to(np.array([AUTOPILOT_SIGMA_MPS**2, 0.0, AUTOPILOT_SIGMA_MPS**2]), (len(air), 3))
     airspeed_s = np.concatenate([[-np.inf], np.empty(0) if told_s is None else told_s])
@@ -156,10 +156,10 @@ def measurements(
     airspeed_s: float = -math.inf,
     mean: MeanWind | None = None,
 ) -> Measurements:
-    """Every measurement of the wind that telemetry gives, in the order of time.
+    """Every measurement of the wind from telemetry, in the order of time.
 
-    Without a drag tilt tells nothing. The autopilot's estimate was taken last, and airspeed gave the wind, at
-    `autopilot_s` and `airspeed_s` in blocks before these, from which `mean` goes on.
+    Without a drag tilt is not usable. The autopilot's estimate was used last, and airspeed gave the wind, at
+    `autopilot_s` and `airspeed_s` in blocks before these, from which `mean` continues.
     """
     by_airspeed = airspeed_wind(air, sensor)
     parts = [by_airspeed, autopilot_wind(air, autopilot_s, np.append(airspeed_s, by_airspeed.time_s))]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PRIOR_COUNT = 6.0
 """Weight of the usual value, as a number of changes of one component."""
 ONE_FLIGHT_S = 2.0 * MEASURED_S
-"""Observations no further apart are of one flight."""
+"""Observations closer together than this are of one flight."""
 
 
 def roughness(observations: Sequence[WindObservation], field: FieldError) -> float:

@@ -1,19 +1,19 @@
 """Systematic errors of wind measurements, which stay constant through a flight.
 
 A drag that is 10 % off, a level that is off by half a degree, an airspeed sensor or compass with an error, the bias of the
-autopilot's own filter: each makes all its measurements wrong alike. On one course such an error looks like wind. After a turn it
+autopilot's own filter: each affects all its measurements equally. On one course such an error looks like wind. After a turn it
 does not, because it turns with the vehicle. So the filter has a state for each, with a standard deviation before the flight, and
-each measurement says how it depends on them (its *sensitivity*); the covariance of the wind then stays honest on one course, and a
-turn makes both known.
+each measurement has a *sensitivity* to them; the covariance of the wind then stays correct on one course, and a
+turn determines both.
 
 A scale k and an offset o of the heading multiply the air velocity. With g the velocity over the ground, w the wind and R(o) a turn by
-o, what is measured is ``z = g - k R(o) (g - w)``. A filter that took the air velocity from z itself would explain the noise of z by
+o, the measurement is ``z = g - k R(o) (g - w)``. A filter that took the air velocity from z itself would explain the noise of z by
 its own scale (errors in variables). With ``s = k R(o) w``, the wind as the sensor scales it, ``z = s + g - k R(o) g`` is linear in s,
-k and o, with coefficients that are known: the filter keeps s, and the wind told is ``R(-o) s / k`` with the covariance that follows.
+k and o, with known coefficients: the filter keeps s, and the reported wind is ``R(-o) s / k`` with the covariance that follows.
 
-For the same reason the level is never weighed by the airspeed of the moment. A level that is off by b looks like a wind of b times the slope of the
+For the same reason the level is never weighted by the momentary airspeed. A level that is off by b looks like a wind of b times the slope of the
 curve from drag to airspeed, which is steep where the air is slow; taken at the measured airspeed, it would be steepest in each gust from
-behind, and the filter would explain gusts by a level that slides away on a straight leg. It is taken at the airspeed without gusts
+behind, and the filter would explain gusts by a level that drifts on a straight leg. It is taken at the airspeed without gusts
 (`models.wind.estimation.measurement.MeanWind`).
 
 Source: Y. Bar-Shalom et al. (2001), section 11.9 (augmented states); S. F. Schmidt, "Application of state-space methods to navigation
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 DRAG_SCALE, LEVEL_FORWARD, LEVEL_RIGHT, AIRSPEED_SCALE, HEADING_OFFSET, AUTOPILOT_NORTH, AUTOPILOT_EAST = range(7)
 COUNT = 7
 SWAY_MPS = 1.5
-"""A drone that hovers sways with its own control, which leans with it; so slow a motion says nothing of scales."""
+"""A drone that hovers sways with its own control, which leans with it; such slow motion does not determine scales."""
 MIN_SCALE = 0.2
-"""A scale below this is no scale: air velocities five times as long as the sensor says."""
+"""A scale below this is invalid: air velocities would be five times the sensor's."""
 """Systematic errors: relative, m/s2, m/s2, relative, rad, m/s, m/s."""
 TAU_S = 3600.0
-"""They wander this slowly: the compass error with the heading, the drag with the battery's warmth and the air density."""
+"""Their rate of change: the compass error with the heading, the drag with the battery's temperature and the air density."""
 AUTOPILOT_BIAS_MPS = 1.5
 """Of an autopilot's own wind, each component: the two that were compared with the truth were 0.7 and 11 m/s off."""
 
@@ -82,7 +82,7 @@ class Dependence:
 
 
 def dependence(found: Measurements, drag: DragModel | None) -> Dependence:
-    """Return how measurements depend on the systematic errors; `drag` is the one by which the lean was read."""
+    """Return how measurements depend on the systematic errors; `drag` is the one used for the lean."""
     given = Dependence.none(len(found))
     for source in set(found.source.tolist()):
         rows = np.flatnonzero(found.source == source)

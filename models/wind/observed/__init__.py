@@ -1,1 +1,1 @@
-"""Observed winds: read as published or typed, and a forecast conditioned on them."""
+"""Observed winds: read as published or typed, and forecasts conditioned on them."""

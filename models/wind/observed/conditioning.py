@@ -1,9 +1,9 @@
 """A forecast conditioned on winds observed before the departure.
 
-It is `models.wind.estimation.forecast_update.update_forecast`, the one method of the house, with what was measured to suit the reports of
-airports (decision 83): of each station the newest report alone, its error `STATION_ERROR_MPS`, weights worth `LEAST_MEMBERS` members, and of
-these the most probable. How old a report is counts by itself: members are compared with it in the hour of the observation, and what
-is left of it has faded since.
+It uses `models.wind.estimation.forecast_update.update_forecast`, the same method as for drones, adapted to the reports of
+airports (decision 83): only the newest report of each station, its error `STATION_ERROR_MPS`, weights worth `LEAST_MEMBERS` members, and of
+these the most probable. The age of a report is accounted for: members are compared with it in the hour of the observation, and the
+residual has faded since.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from skyway.models.wind.observed.reading import ObservedWind
 
 OLDEST_S = 6 * 3600.0
-"""Before the departure. By then half of what a fresh report tells is gone."""
+"""Before the departure. By then half of the information of a fresh report is gone."""
 FUTURE_S = 60.0
 """A report this long after the departure counts as simultaneous: departures are given to the minute."""
 FAR_M = 80_000.0
-"""From the nearest wind site: two lengths over which residuals are alike."""
+"""From the nearest wind site: two correlation lengths of residuals."""
 LEAST_MEMBERS = 30.0
 SAME_S, SAME_MPS = 60.0, 0.3
 """Two winds of a station at one time that differ by no more are one report, rounded in two ways."""
@@ -42,15 +42,15 @@ DOUBT_SIGMAS = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """The observations that count for a departure."""
+    """The observations that are used for a departure."""
 
     winds: tuple[ObservedWind, ...]
     notes: tuple[str, ...]
-    """Which do not, and why."""
+    """The omitted ones, with the reason."""
 
 
 def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_s: float) -> Counted:
-    """Choose the observations that count: no look ahead, neither old nor far, of each station the newest.
+    """Choose the observations to use: none after the departure, neither old nor far, of each station the newest.
 
     An `InputError` names two winds of a station at one time that contradict each other.
     """
@@ -92,7 +92,7 @@ def _away_m(one: ObservedWind, sites: Sequence[WindSite]) -> float:
 
 
 def _newest(winds: Sequence[ObservedWind]) -> list[ObservedWind]:
-    """The newest wind of each station, its correction where there is one."""
+    """The newest wind of each station, or its correction if there is one."""
     chosen: dict[str, ObservedWind] = {}
     faults = []
     for one in sorted(winds, key=lambda one: (one.observation.time_s, one.corrected)):
@@ -122,7 +122,7 @@ def conditioned(
     residual: ResidualModel,
     members: int,
 ) -> tuple[WindEnsemble, tuple[str, ...]]:
-    """Condition a forecast on observations that count.
+    """Condition a forecast on the chosen observations.
 
     Parameters
     ----------
@@ -131,20 +131,20 @@ def conditioned(
     winds : sequence of ObservedWind
         See `counted`.
     depart, hours
-        The departure, and for how long the wind is wanted from then on.
+        The departure, and the number of hours of wind wanted from then on.
     exponent : float
         Of the wind's profile, for observations at other heights than the forecast's.
     residual : ResidualModel
-        How a wind differs from the forecast, and how long.
+        Model of the difference between wind and forecast, and its duration.
     members : int
-        So many are kept, the most probable ones.
+        Number of members kept, the most probable ones.
 
     Returns
     -------
     WindEnsemble
-        Its first slot is that of the departure. Without winds the forecast as it is.
+        Its first slot is that of the departure. Without winds the unchanged forecast.
     tuple of str
-        Observations that do not fit the others, for people; they count nevertheless.
+        Observations that are inconsistent with the others, for people; they are used nevertheless.
     """
     if not winds:
         return forecast(depart, hours), ()
@@ -172,7 +172,7 @@ def conditioned(
 
 
 def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:
-    """How many standard deviations an observation is from what an ensemble says of its place and time."""
+    """Distance of an observation from an ensemble at its place and time, in standard deviations."""
     winds = ensemble.wind_at(seen.lat_deg, seen.lon_deg, ensemble.slot_at(seen.time_s))
     worst = 0.0
     for values, value in zip(winds, (seen.north_mps, seen.east_mps), strict=True):
@@ -183,7 +183,7 @@ def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:
 
 
 def nothing_counts(given: Sequence[ObservedWind], notes: Sequence[str], depart: datetime) -> InputError:
-    """Return the error for given observations of which none counts."""
+    """Return the error for a case in which none of the given observations is usable."""
     said = "; ".join(notes) or "there are none"
     remedy = f"give winds observed within {duration(OLDEST_S)} before the departure ({iso(depart)}), or omit the option"
     problem = f"none of {len(given)} observed winds is usable: {said}" if given else f"no wind was observed: {said}"

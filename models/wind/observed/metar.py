@@ -1,6 +1,6 @@
 """METAR and SPECI reports of airports: station, time and wind.
 
-Of a report everything before ``RMK`` is read up to the wind group, and besides, by `pressures_told`, temperature and QNH: what else follows (visibility, weather, trends with
+Of a report everything before ``RMK`` is read up to the wind group, and also, by `pressures_told`, temperature and QNH: the rest (visibility, weather, trends with
 winds of their own) differs by country. Winds are means over 2 or 10 minutes at 10 m, in knots, m/s or km/h, degrees FROM true north.
 
 Source: WMO-No. 306, Manual on Codes, volume I.1, FM 15 (METAR) and FM 16 (SPECI), sections 15.2 to 15.5; Federal Meteorological
@@ -30,7 +30,7 @@ BEFORE_WIND = re.compile(r"AUTO|COR|CC[A-Z]|RTD|NIL|AMD")
 DATE = re.compile(r"\d{4}/\d{2}/\d{2} \d{2}:\d{2}")
 """First line of a file of the NWS server: the date of the report below."""
 MAX_REPORT = 5_000
-"""Characters of one report: a longer one is none."""
+"""Characters of one report: a longer text is not a report."""
 PERIOD = re.compile(r"\d{4}/\d{4}")
 """The period of a TAF."""
 QNH = re.compile(r"(?: (M?\d{2})/(?:M?\d{2}|//)?)?(?: +(?:Q(\d{4})|A(\d{4})))(?=[ =]|$)")
@@ -47,19 +47,19 @@ class MetarWind:
     time_s: float
     """POSIX seconds of the observation."""
     speed_mps: float | None
-    """Mean; None where it is missing."""
+    """Mean; None if it is missing."""
     from_deg: float | None
-    """None where it is variable or missing, and in a calm."""
+    """None if it is variable or missing, and in a calm."""
     gust_mps: float | None
     corrected: bool
     line: int
-    """Where it begins in the text."""
+    """Position of its begin in the text."""
 
 
 def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[MetarWind]:
     """Read the reports in a text, one a line; a long one may continue in indented lines, and end with ``=``.
 
-    A report says day, hour and minute only: the month is that in which it is nearest to `near_s`, POSIX seconds, or to the date in
+    A report contains only day, hour and minute: the month is that in which it is nearest to `near_s`, POSIX seconds, or to the date in
     a line of its own before it. A line that is not a report is a fault.
     """
     found = []
@@ -139,7 +139,7 @@ def _report(
 
 
 def nearest_s(day: int, hour: int, minute: int, near_s: float) -> float | None:
-    """POSIX seconds of a day of the month, hour and minute UTC, in the month in which it is nearest; None where there is none.
+    """POSIX seconds of a day of the month, hour and minute UTC, in the month in which it is nearest; None if there is none.
 
     24:00 is the end of the day.
     """
@@ -157,7 +157,7 @@ def nearest_s(day: int, hour: int, minute: int, near_s: float) -> float | None:
 
 
 def pressures_told(text: str) -> list[tuple[float, float | None]]:
-    """QNH, hPa, and temperature, degrees Celsius, of the reports in a text that tell them; of the temperature None where it is missing."""
+    """QNH, hPa, and temperature, degrees Celsius, of the reports in a text that contain them; None for a missing temperature."""
     found = []
     for report in re.split(START, " ".join(text.upper().split()))[5::5]:
         told = QNH.search(report.split(" RMK", maxsplit=1)[0])

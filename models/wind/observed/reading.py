@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from skyway.models.base.table import Chunk
 
 STATION_ERROR_MPS = 1.2
-"""How far a station's mean over 2 or 10 minutes is from the wind that a forecast means, a component: least CRPS (decision 83)."""
+"""Difference of a station's mean over 2 or 10 minutes from the wind of a forecast, a component: least CRPS (decision 83)."""
 MAX_BYTES = 4 * 1024 * 1024
 MAX_REPORTS = 20_000
 TYPED = re.compile(r"([^=@/\\]+)=([^=@]+)@([^=@]+)(?:@([^=@]+))?")
@@ -40,20 +40,20 @@ _MAY_HAVE = ("site", "lat", "lon", "height_m", "sigma_mps")
 
 @dataclass(frozen=True, slots=True)
 class ObservedWind:
-    """A wind that was observed, and where that is known from."""
+    """An observed wind, and its source."""
 
     place: str
     """The site of the record, or latitude and longitude."""
     source: str
-    """The file, or what was typed."""
+    """The file, or the typed text."""
     speed_mps: float
     from_deg: float | None
     """As reported; None is variable."""
     observation: WindObservation
     corrected: bool = False
-    """A correction of a report that was out before."""
+    """A correction of an earlier report."""
     drone: bool = False
-    """Measured by a drone on its way, averaged over a slot."""
+    """Measured by a drone in flight, averaged over a slot."""
 
     @property
     def told(self) -> str:
@@ -67,7 +67,7 @@ class Observations:
 
     winds: tuple[ObservedWind, ...] = ()
     notes: tuple[str, ...] = ()
-    """What a person should know of reports that say nothing."""
+    """Notes for a person on reports without a usable wind."""
 
     def __add__(self, other: Observations) -> Observations:
         return Observations(self.winds + other.winds, self.notes + other.notes)
@@ -79,7 +79,7 @@ def read_observed(
     """Read winds: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
 
     A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs,
-    or what ``skyway forecast --json`` printed. An `InputError` has all its faults.
+    or the output of ``skyway forecast --json``. An `InputError` has all its faults.
     """
     typed = TYPED.fullmatch(given.strip())
     if typed is not None and not os.path.isfile(given):  # noqa: PTH113  it takes any text
@@ -117,7 +117,7 @@ def _unknown(name: str, sites: Sequence[WindSite]) -> tuple[str, str]:
 def _at(
     site: WindSite, source: str, time_s: float, speed: float, degrees: float | None, height_m: float, sigma: float
 ) -> ObservedWind:
-    """Make the observation of a station; a variable wind is 0 on average, and as unsure as it is strong."""
+    """Make the observation of a station; a variable wind is 0 on average, with an uncertainty equal to its speed."""
     north, east = (0.0, 0.0) if degrees is None else map(float, vector(speed, degrees))
     variance = sigma**2 + (0.5 * speed**2 if degrees is None else 0.0)
     found = WindObservation(time_s, site.lat, site.lon, north, east, variance, height_m)
@@ -261,7 +261,7 @@ def _direction(text: str) -> float | Problem:
 
 
 class _Measured(msgspec.Struct):
-    """A wind that drones measured, as ``skyway forecast --json`` prints it."""
+    """A wind measured by drones, in the form of ``skyway forecast --json``."""
 
     t: str
     lat: float

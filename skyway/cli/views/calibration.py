@@ -67,7 +67,7 @@ class WindCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def air_report(found: Air) -> WindCalibration:
-    """Return what ``skyway calibrate wind --json`` prints."""
+    """Return the output of ``skyway calibrate wind --json``."""
     sensor, drag = found.airspeed, found.drag
     return WindCalibration(
         identified=found.known,
@@ -117,7 +117,7 @@ def tell_air(found: Air) -> None:
 
 
 class FlightFit(msgspec.Struct, frozen=True, kw_only=True):
-    """A flight: its energy, and the errors of the predictions of it."""
+    """A flight: its energy, and the errors of its predictions."""
 
     log: str
     mass_kg: float
@@ -147,7 +147,7 @@ def energy_report(
     chosen: str,
     drone: Drone,
 ) -> EnergyCalibration:
-    """Return what ``skyway calibrate energy --json`` prints."""
+    """Return the output of ``skyway calibrate energy --json``."""
     return EnergyCalibration(
         flights=[
             FlightFit(

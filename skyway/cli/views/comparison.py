@@ -29,7 +29,7 @@ class PlannerAnswer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CompareDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``skyway compare --json`` prints."""
+    """Output of ``skyway compare --json``."""
 
     schema: str = "skyway.compare/1"
     plans: list[PlannerAnswer]
@@ -50,7 +50,7 @@ def document_of(report: ComparisonReport) -> CompareDocument:
 
 
 def print_comparison(report: ComparisonReport) -> None:
-    """Print planners side by side; all but those with perfect information are counted in the same simulated deliveries."""
+    """Print planners side by side; all except those with perfect information are evaluated in the same simulated deliveries."""
     from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
     columns = [
@@ -110,7 +110,7 @@ def _about(figure: Figure) -> str:
 
 
 def _print_gains(gains: Sequence[RobustGain]) -> None:
-    """Say in plain words what the robust plan gains."""
+    """Describe the gain of the robust plan in plain words."""
     for one in gains:
         say(f"{one.other.composition.planner} against robust: {later_text(one.sooner)}; {_safer(one)}")
         say(f"  why: {_reasons(one)}")
@@ -127,7 +127,7 @@ def _safer(one: RobustGain) -> str:
 
 
 def _reasons(one: RobustGain) -> str:
-    """What the difference comes from."""
+    """Causes of the difference."""
     here, there = one.robust.composition, one.other.composition
     if one.sooner.high < 0.0 and one.robust.outcome.success.value > one.other.outcome.success.value:
         return "robust charges or waits for the wind where the other takes off with less than the flight may need"

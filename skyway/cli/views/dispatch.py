@@ -70,7 +70,7 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
 
 
 def _due(due: datetime, zone: ZoneInfo, depart: datetime) -> str:
-    """When an order is due; what was due before has its date."""
+    """Time when an order is due, with its date if it is before `depart`."""
     return clock(due, zone, depart) if due >= depart else date_clock(due, zone)
 
 

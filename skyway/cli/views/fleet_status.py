@@ -1,4 +1,4 @@
-"""The status of a fleet as tables: first what needs a person, then orders, drones and changed promises."""
+"""The status of a fleet as tables: first alarms that require a person, then orders, drones and changed promises."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ _REFRESH_HZ = 2.0
 class FlightView:
     """Shows the records of a journal as they are written, and the status between them.
 
-    `typed` returns what the operator has typed of a line so far.
+    `typed` returns the operator's input on the current line so far.
     """
 
     def __init__(self, terminal: Terminal, zone: tzinfo = UTC, typed: Callable[[], str] = lambda: "") -> None:
@@ -58,7 +58,7 @@ class FlightView:
 
     @property
     def lives(self) -> bool:
-        """Whether there is a terminal that a panel can stay on."""
+        """Whether there is a terminal for a permanent panel."""
         return self._terminal.is_terminal and not self._terminal.is_dumb_terminal
 
     @contextmanager
@@ -80,7 +80,7 @@ class FlightView:
                 self._live = None
 
     def doing(self, what: str) -> None:
-        """Return what is being done before there is a journal: connecting, finding out who answers."""
+        """Return the current activity before there is a journal: connecting, identifying the vehicle."""
         self._state, self._meaning, self._entered_s = what, "", time.monotonic()
         self.say(what)
 
@@ -149,7 +149,7 @@ class FlightView:
         return f"{zone_clock(now, self._zone)}  {self._state} ({lasts}){meaning}"
 
     def _now(self, context: Context | None) -> list[str]:
-        """What is known now, besides the table of a flight."""
+        """Current values, besides the table of a flight."""
         if context is None:
             return []
         sample, silent_s = context.observed.sample, context.vehicle.silent_s
@@ -178,7 +178,7 @@ class FlightView:
         return lines + [f"  {name}: {words.get(verdict, verdict)}: {said}" for name, (verdict, said) in wrong.items()]
 
     def table(self, record: Record) -> Table:
-        """Return what was expected beside what is, from a ``track`` record."""
+        """Return expected beside actual values, from a ``track`` record."""
         from rich.table import Table
 
         to = Tracked.read(record.data).expected.destination or (None if self._leg is None else self._leg.destination)
@@ -211,12 +211,12 @@ class FlightView:
         ]  # fmt: skip
         if expected.limited:
             rows.append(("", "", expected.limited))
-        if self._leg is None:  # on the ground nothing of a way is expected
+        if self._leg is None:  # on the ground there is no expectation of a way
             rows = [row for row in rows if row[0] in ("charge now", "wind")]
         return rows
 
     def _expected_now(self, flown_s: float | None, planned_s: float | None) -> float | None:
-        """Return the charge that the plan of the take-off has now, evenly spent over its time."""
+        """Return the expected present charge by the plan of the take-off, consumed evenly over its time."""
         first, last = (None, None) if self._leg is None else (self._leg.soc, self._leg.planned_soc)
         if first is None or last is None or flown_s is None or not planned_s:
             return None
@@ -227,7 +227,7 @@ class RecordLines(FlightView):
     """View for a program: each record of the journal is a line of JSON; messages go to standard error."""
 
     def say(self, line: str) -> None:
-        """Print a line where it does not disturb the records."""
+        """Print a line outside the records."""
         typer.echo(line, err=True)
 
     def take(self, record: Record) -> None:

@@ -23,7 +23,7 @@ SHOWN_H = (0, 1, 2, 3, 6, 12)
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True):
-    """A wind that was measured, at the height of the sites."""
+    """A measured wind, at the height of the sites."""
 
     t: str
     lat: float
@@ -78,7 +78,7 @@ class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def report_of(update: Update) -> ForecastReport:
-    """Compute the report: the winds measured, at each site now, and before and after by hour."""
+    """Compute the report: the measured winds, the wind at each site now, and before and after by hour."""
     return ForecastReport(
         depart=iso(from_posix(round(update.depart_s, 3))),
         height_m=update.before.height_m,
@@ -127,7 +127,7 @@ def _slot(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> SlotWind:
 
 
 def _field(update: Update) -> list[SiteWind]:
-    """All observations fused, and how sure that is."""
+    """All observations fused, with the uncertainty."""
     import numpy as np
 
     from skyway.models.wind.estimation.field import WindField

@@ -36,7 +36,7 @@ class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, identity: Identity) -> VehicleIdentity:
-        """Take the vehicle's report."""
+        """Make it from the vehicle's report."""
         return cls(
             system=identity.system, autopilot=identity.autopilot, type=identity.kind, version=identity.version or None,
             capabilities=identity.words, uid=f"{identity.uid:016x}" if identity.uid else None,
@@ -53,7 +53,7 @@ class PartDifference(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, kind: str, difference: Difference) -> PartDifference:
-        """Take a difference; values as the vehicle has them."""
+        """Make it from a difference; values in the vehicle's form."""
         return cls(kind=kind, item=difference.item, field=difference.field, text=on_board(difference))
 
 
@@ -65,7 +65,7 @@ class PartPlanned(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PartSent(msgspec.Struct, frozen=True, kw_only=True):
-    """How an upload ended."""
+    """Result of an upload."""
 
     kind: str
     state: str
@@ -77,7 +77,7 @@ class PartSent(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, outcome: UploadOutcome) -> PartSent:
-        """Take the outcome of a verified upload."""
+        """Make it from the outcome of a verified upload."""
         return cls(
             kind=outcome.kind.name.lower(), state=outcome.state.value, holds=outcome.holds, reason=outcome.reason or None,
             items=outcome.items, differences=[str(one) for one in outcome.differences], transfers=outcome.attempts,
@@ -85,7 +85,7 @@ class PartSent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterState(msgspec.Struct, frozen=True, kw_only=True, rename={"now": "is"}):
-    """A parameter that a mission needs: old value, new value, and the result."""
+    """A parameter that a mission requires: old value, new value, and the result."""
 
     name: str
     was: float | None
@@ -94,7 +94,7 @@ class ParameterState(msgspec.Struct, frozen=True, kw_only=True, rename={"now": "
 
 
 class UploadReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``skyway upload`` did, or would do."""
+    """Actual or planned actions of ``skyway upload``."""
 
     schema: str = "skyway.upload/1"
     ok: bool
@@ -105,7 +105,7 @@ class UploadReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DownloadReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``skyway download`` wrote."""
+    """Files written by ``skyway download``."""
 
     schema: str = "skyway.download/1"
     ok: bool = True
@@ -116,7 +116,7 @@ class DownloadReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClearReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``skyway clear`` cleared, or would clear."""
+    """Lists cleared, or to be cleared, by ``skyway clear``."""
 
     schema: str = "skyway.clear/1"
     ok: bool = True
@@ -126,7 +126,7 @@ class ClearReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class VerifyReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``skyway verify`` found."""
+    """Findings of ``skyway verify``."""
 
     schema: str = "skyway.verify/1"
     ok: bool
@@ -134,7 +134,7 @@ class VerifyReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def progress() -> Callable[[str, int, int], None] | None:
-    """Return a line that is written over, where the output is a terminal; lines where SKYWAY_PROGRESS asks for them."""
+    """Return a line that is overwritten, if the output is a terminal; lines if SKYWAY_PROGRESS requests them."""
     if os.environ.get("SKYWAY_PROGRESS"):
         return lambda what, done, total: typer.echo(f"{what} {done}/{total}", err=True)
     if not sys.stderr.isatty():
@@ -150,7 +150,7 @@ def progress() -> Callable[[str, int, int], None] | None:
 
 
 def show_plan(part: Part, differences: Sequence[Difference]) -> None:
-    """Print what would be sent, beside what the vehicle holds."""
+    """Print the planned upload, beside the vehicle's present list."""
     from skyway.link.protocol.verified import kind_of
     from skyway.missions.items.mission import Mission
 
@@ -173,14 +173,14 @@ def show_plan(part: Part, differences: Sequence[Difference]) -> None:
 
 
 def count_of(part: Part) -> int:
-    """Return how many items, areas or points it has."""
+    """Return the number of items, areas or points."""
     from skyway.missions.items.geofence import Geofence
 
     return len(part.areas) if isinstance(part, Geofence) else len(part)
 
 
 def size_of(part: Part) -> str:
-    """Return how much it is, for a person."""
+    """Return the size, for a person."""
     from skyway.missions.items.geofence import Geofence
 
     return f"{count_of(part)} {'areas' if isinstance(part, Geofence) else 'items'}"
@@ -201,7 +201,7 @@ def _on_board_of_item(found: Sequence[Difference]) -> str:
 
 
 def on_board(difference: Difference) -> str:
-    """Return what the vehicle holds otherwise than the file."""
+    """Return the vehicle's differences from the file."""
     where = difference.field if difference.item is None else f"item {difference.item} {difference.field}"
     return f"{where}: on the vehicle {_shown(difference.read)}, in the file {_shown(difference.sent)}"
 
@@ -213,7 +213,7 @@ def _shown(value: object) -> str:
 
 
 def show_outcome(outcome: UploadOutcome) -> None:
-    """Print how one upload ended."""
+    """Print the result of one upload."""
     typer.echo(str(outcome))
     for difference in outcome.differences[:_FEW]:
         typer.echo(f"  {difference}")

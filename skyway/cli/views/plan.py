@@ -70,7 +70,7 @@ def print_plan(report: PlanReport) -> None:
 
 
 def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
-    """The delivery time with the ranges of its figures, and how often the reserve and the deadline are kept."""
+    """The delivery time with the ranges of its figures, and the probabilities of keeping reserve and deadline."""
     from skyway.planner.uncertainties import record_days
 
     c, a = result.composition, result.composition.arrival
@@ -123,7 +123,7 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
 
 
 def _add_flights(sheet: Sheet, c: Composition, zone: ZoneInfo, day: datetime) -> None:
-    """Add the legs of a plan, each after the stop before it; times of another day than one say so."""
+    """Add the legs of a plan, each after the stop before it; times on another day include the date."""
     stops = {stop.station: stop for stop in c.stops}
     runs = c.arrival.runs
     for leg in c.services:
@@ -222,7 +222,7 @@ def _print_totals(report: PlanReport, zone: ZoneInfo) -> None:
 
 
 def _print_choices(answer: RobustAnswer, report: PlanReport) -> None:
-    """What the plan would do otherwise, and how far it may be from the best."""
+    """Alternatives to the plan, and its distance from the optimum."""
     from skyway.planner.explain import stop_names
     from skyway.planner.schedule.outcome import later
 

@@ -99,7 +99,7 @@ def _print_reasons(result: PlanResult, reasons: Sequence[StopReason]) -> None:
 
 
 def _print_basis(found: Sequence[Uncertainty], not_counted: Sequence[str]) -> None:
-    """What the promise rests on, and what would gain most."""
+    """Assumptions of the promise, and the changes with the greatest gain."""
     say("")
     say("The forecast of this delivery rests on:")
     sheet = Sheet(

@@ -27,7 +27,7 @@ COLUMNS = (
 
 
 def print_recharge(summary: RechargeSummary) -> None:
-    """Print the flights as a table, and what follows from them."""
+    """Print the flights as a table, and the results."""
     sheet = Sheet(list(COLUMNS))
     for flight in summary.flights:
         stay = flight.stay
@@ -66,14 +66,14 @@ def print_recharge(summary: RechargeSummary) -> None:
 
 
 def _pictures(audit: PictureAudit) -> str:
-    """Say whether the written missions take the pictures of the one that was cut."""
+    """Report whether the written missions take the pictures of the original one."""
     return (
         f"{audit.before} pictures, none lost, none twice, at most {with_unit(audit.off_m, 'm', 2)} from where they were"
     )
 
 
 def _order(told: OrderTold) -> str:
-    """Say what another order of the parts brings, and how much any could."""
+    """Report the gain of another order of the parts, and its upper bound."""
     if not told.moved:
         first = f"{told.units} parts in the order of the mission"
         instead = ": no earlier end was found"

@@ -27,7 +27,7 @@ PADS = (
 
 
 def print_drones(summary: DronesSummary) -> None:
-    """Print the drones and the pads as tables, and what follows from them."""
+    """Print the drones and the pads as tables, and the results."""
     sheet = Sheet(list(DRONES))
     for one in summary.drones:
         told = one.summary

@@ -1,4 +1,4 @@
-"""Tables that never lose text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
+"""Tables that never lose text: as wide as the terminal, otherwise one paragraph per row; complete in a pipe."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rich.cells import cell_len
 from skyway.models.base.formatting import UNKNOWN
 
 NUMBERS = re.compile(r"(?:[-+0-9.,<>%±°() ]|to|nan|inf)+")
-"""A cell of figures and nothing else."""
+"""A cell that contains only figures."""
 NO_NUMBER = re.compile(r"[-+]?(?:nan|inf)\b")
 GAP = 2
 """Blanks between columns."""
@@ -28,12 +28,12 @@ class Column:
     """A column of a table."""
 
     head: str
-    """What stands above it."""
+    """Its head."""
     unit: str = ""
     """Below the head."""
     justify: Literal["left", "right"] = "right"
     words: str | None = None
-    """How a value is said where a row is a paragraph, such as ``charge {} %``; None is head, value, unit."""
+    """Text of a value in a paragraph, such as ``charge {} %``; None is head, value, unit."""
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Sheet:
 
     columns: list[Column]
     names: int = 1
-    """So many of the first columns name a row: where a row is a paragraph they stand before it."""
+    """Number of the first columns that name a row: in a paragraph they come before it."""
     rows: list[tuple[str, ...] | str] = field(default_factory=list)
     """Cells, or a line between rows."""
 
@@ -105,7 +105,7 @@ class Sheet:
 
 
 def width() -> int | None:
-    """Columns of the terminal, or of ``COLUMNS``; None in a pipe, where nothing is broken or cut."""
+    """Columns of the terminal, or of ``COLUMNS``; None in a pipe, where lines are not broken or cut."""
     asked = os.environ.get("COLUMNS", "")
     if asked.isdigit() and int(asked) > 0:
         return max(int(asked), MIN_WIDTH)
@@ -123,5 +123,5 @@ def wrapped(text: str, wide: int | None) -> list[str]:
 
 
 def say(text: str) -> None:
-    """Print a line, broken where the terminal ends."""
+    """Print a line, broken at the width of the terminal."""
     typer.echo("\n".join(wrapped(text, width())))

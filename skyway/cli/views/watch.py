@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 WIDE = 110
-"""Columns from which on the table has a row for each vehicle."""
+"""Number of columns from which on the table has a row for each vehicle."""
 _SILENT_S = 5.0
 _TABLE_NOTES, _LINE_NOTES = 5, 200
-"""So many of the newest notes about other ground stations are shown."""
+"""Number of the newest notes about other ground stations that are shown."""
 _UNKNOWN = "unknown"
 
 
@@ -98,7 +98,7 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
 
 
 def _radios(connection: Connection) -> list[str]:
-    """Each radio with its quality, the one in use first."""
+    """Each radio with its quality, the active one first."""
     return [str(one) for one in connection.qualities]
 
 
@@ -145,7 +145,7 @@ def _cells(row: VehicleRow) -> list[str]:
 
 
 class Watched:
-    """All vehicles on a connection, met as they come; nothing here waits for an answer."""
+    """All vehicles on a connection, added as they appear; this never waits for an answer."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -159,7 +159,7 @@ class Watched:
         self._told: dict[int, float] = {}
 
     def run_for(self, duration_s: float) -> None:
-        """Take what comes, and ask those for telemetry that give none."""
+        """Process received data, and request telemetry from vehicles that send none."""
         self.connection.run_for(duration_s)
         now = self.connection.clock.now_s()
         for system, peer in list(self.connection.peers.items()):
@@ -208,14 +208,14 @@ class Watched:
         return said
 
     def news(self) -> list[str]:
-        """Findings on other stations, radios and aircraft since the last call."""
+        """Events of other stations, radios and aircraft since the last call."""
         self._collect()
         found = list(self._news)
         self._news.clear()
         return found
 
     def lately(self) -> list[str]:
-        """The last few of all such notes."""
+        """The latest of all such notes."""
         self._collect()
         return list(self._lately)
 
@@ -232,7 +232,7 @@ class Watched:
 
 
 def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LINE_EVERY_S) -> None:
-    """Show the vehicles until a time: as a live table on a terminal, else line by line.
+    """Show the vehicles until a time: as a live table on a terminal, otherwise line by line.
 
     Line by line each vehicle is printed once a second; with a smaller `every_s` its changes are printed at that interval as well.
     """
@@ -267,7 +267,7 @@ def _table(watched: Watched) -> Table:
 
     rows = watched.rows()
     table = Table(caption="\n".join([*watched.remarks(), *watched.lately()]) or None, caption_style="bold red")
-    if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, nothing broken within words
+    if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, broken only between words
         table.add_column("vehicle")
         for row in rows:
             table.add_column(_cells(row)[0], overflow="fold")

@@ -60,12 +60,12 @@ class IssueReport:
     others: tuple[str, ...]
     notes: tuple[str, ...]
     unusable: str | None
-    """Why no wind can be planned with; None: it can."""
+    """Reason why it cannot be used for planning; None: it can."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherReport:
-    """What weather files hold."""
+    """Contents of weather files."""
 
     schema: str = "skyway.weather/1"
     issues: tuple[IssueReport, ...]
@@ -73,7 +73,7 @@ class WeatherReport:
 
 
 def weather_report(weathers: Sequence[Weather]) -> WeatherReport:
-    """Make the report of what was read."""
+    """Make the report of the files read."""
     return WeatherReport(issues=tuple(_issue(one) for one in weathers), lags=tuple(lags(weathers)))
 
 
@@ -124,7 +124,7 @@ def _field(one: Weather, key: FieldKey) -> FieldReport:
 
 
 def print_weather(weathers: Sequence[Weather], report: WeatherReport) -> None:
-    """Print what was read for people."""
+    """Print the files read, for people."""
     for one, told in zip(weathers, report.issues, strict=True):
         issued = "issue time unknown" if told.issued is None else f"issued {_stamp(one.issued_s)}"
         kind = "observed" if told.observed else issued

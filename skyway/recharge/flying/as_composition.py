@@ -73,7 +73,7 @@ def composition_of(
 
 
 def _wind(found: Recharged) -> Wind:
-    """Summarise the winds in the midst of the work, when it begins."""
+    """Summarise the winds in the middle of the work, at its beginning."""
     import numpy as np
 
     weather = found.problem.options.conditions.weather

@@ -51,7 +51,7 @@ class SetPlanner:
     Attributes
     ----------
     found : Recharged
-        The mission as it was cut.
+        The mission after cutting.
     document : MissionDocument
         The mission that was cut, with its fence and rally points.
     places : WorkPlaces
@@ -81,14 +81,14 @@ class SetPlanner:
         """Ground speed of ways to pads."""
         return self.found.problem.options.transit.speed_mps
 
-    # Asked by the supervisor
+    # Called by the supervisor
 
     def pad_of(self, station: str | None) -> int | None:
         """Return the pad at a station."""
         return self.places.pad_of(station)
 
     def point_at(self, done: Done | None) -> int:
-        """Return the last point that may be left and is done."""
+        """Return the last completed point at which the work may be left."""
         if done is None:
             return 0
         points = self.found.problem.work.points
@@ -112,7 +112,7 @@ class SetPlanner:
         return done >= (point.step, point.share - rest.AHEAD)
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Plan what is left."""
+        """Plan the remaining work."""
         problem = rest.with_known(self.found.problem, self._options(known))
         options = problem.options
         belief = known.belief.next_flight()
@@ -137,7 +137,7 @@ class SetPlanner:
         return self._told(family, problem, begin, planned, known)
 
     def as_cut(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Return what is left as it was cut before the first take-off."""
+        """Return the remaining work as cut before the first take-off."""
         spans = spans_of(self.found.cuts)
         number = next((k for k, span in enumerate(spans) if span.begin == begin), None)
         if number is None:
@@ -161,7 +161,7 @@ class SetPlanner:
         return self._told(family, problem, begin, planned, known)
 
     def flight(self, family: Family, span: Span, known: Known) -> WorkFlight:
-        """Make the mission of a flight, with what it takes by what is known."""
+        """Make the mission of a flight, with its time and energy by present knowledge."""
         made, leg = self._mission(family, span)
         conditions = self._conditions(known)
         mission = made.mission.document.mission
@@ -170,9 +170,7 @@ class SetPlanner:
         )
         weight = np.where(flown.flyable, conditions.weather.probability, 0.0)
         if not weight.sum() > 0.0:
-            weight = np.asarray(
-                conditions.weather.probability
-            )  # nobody takes off in such a wind: the list before says so
+            weight = np.asarray(conditions.weather.probability)  # no take-off in such a wind: the checklist prevents it
         weight = weight / weight.sum()
         soc = np.where(flown.flyable, flown.energy_j, 0.0) / conditions.drone.battery_j
         seconds = np.where(flown.flyable, flown.time_s, 0.0)
@@ -188,7 +186,7 @@ class SetPlanner:
         return self._judge(family, aloft, aloft.span)
 
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
-        """Return the flight that leaves the work early enough to keep the reserve; the best available where none does."""
+        """Return the flight that leaves the work early enough to keep the reserve; the best available if none does."""
         options = self._options(aloft)
         problem = rest.with_known(self.found.problem, options)
         first = self._next_point(aloft)
@@ -217,7 +215,7 @@ class SetPlanner:
         return best
 
     def refuge(self, aloft: Aloft) -> tuple[str, Judgement] | None:
-        """Return the pad that takes least charge to reach from here: straight, as from the last point of the work."""
+        """Return the pad with the lowest charge to reach from here: straight, as from the last point of the work."""
         conditions, ways = self._conditions(aloft), self.found.problem.ways
         transit = self.found.problem.options.transit
         power = FlightPower.of(conditions.drone, conditions.payload_kg)
@@ -225,7 +223,7 @@ class SetPlanner:
         behind = ways.level_m[at]
         best: tuple[str, Judgement] | None = None
         for number, pad in enumerate(ways.pads):
-            if not math.isfinite(behind[number]) or (at, number) in ways.via:  # it is flown to straight
+            if not math.isfinite(behind[number]) or (at, number) in ways.via:  # the way is straight
                 continue
             own = 0.0 if aloft.span.begin is None else ways.ground_m[aloft.span.begin[1]]
             descent_s = max(aloft.height_m + own - ways.ground_m[number], 0.0) / conditions.descent_rate_mps
@@ -237,12 +235,12 @@ class SetPlanner:
                 best = pad.id, Judgement(left_s=level_s + descent_s, left_soc=soc, soc_land=land, p_below=p_below)
         return best
 
-    # What they are made of
+    # Helpers
 
     def _nearest(
         self, family: Family, problem: RechargeProblem, aloft: Aloft, first: int
     ) -> tuple[Span, Judgement] | None:
-        """Return the flight to the pad that takes least from the first place ahead at which the work may be left."""
+        """Return the flight to the pad with the lowest charge from the first place ahead at which the work may be left."""
         points = problem.work.points
         ahead = next((k for k in range(first, len(points)) if points[k].hinders is None), None)
         if ahead is None or not np.isfinite(problem.hops.to_s[0, ahead]).any():
@@ -252,7 +250,7 @@ class SetPlanner:
         return span, self._judge(family, aloft, span)
 
     def _next_point(self, aloft: Aloft) -> int | None:
-        """Return the first point ahead at which something of the work is done; None where there is none."""
+        """Return the first point ahead with a part of the work done; None if there is none."""
         points = self.found.problem.work.points
         begin = 0 if aloft.span.begin is None else aloft.span.begin[0]
         least = points[begin].step, points[begin].share
@@ -303,7 +301,7 @@ class SetPlanner:
         )
 
     def _mission(self, family: Family, span: Span) -> tuple[WorkFlight, RouteLeg]:
-        """Make a flight; the same one is made once."""
+        """Make a flight; cached."""
         key = family.name, span
         if key not in self._made:
             problem = self.found.problem
@@ -330,7 +328,7 @@ class SetPlanner:
         return self._made[key]
 
     def _diverts(self, span: Span) -> tuple[str, ...]:
-        """Return the pads that can be flown to from every point of a flight, but for the one that it ends on."""
+        """Return the pads that can be reached from every point of a flight, except for its destination."""
         ways = self.found.problem.ways
         first = 0 if span.begin is None else span.begin[0]
         last = len(ways.level_m) if span.end is None else span.end[0] + 1
@@ -348,7 +346,7 @@ class SetPlanner:
         return replace(options, conditions=self._conditions(known), queues=None, windows=windows)
 
     def _conditions(self, known: Known) -> FlightConditions:
-        """Return what is flown in: the winds as they are known now, and what is believed of the drone."""
+        """Return the conditions of flight: the present winds, and the beliefs about the drone."""
         conditions = self.found.problem.options.conditions
         return replace(
             conditions,
@@ -360,7 +358,7 @@ class SetPlanner:
     def _checked(
         self, family: Family, problem: RechargeProblem, begin: tuple[int, int] | None, planned: RestPlan
     ) -> tuple[Flight, ...]:
-        """Check the flights that are left as they are written."""
+        """Check the remaining flights as written."""
         conditions = replace(problem.options.conditions, soc_start=planned.soc_leave)
         problem = replace(problem, options=replace(problem.options, conditions=conditions))
         plan = replace(planned.plan, depart_s=planned.depart_s)
@@ -401,7 +399,7 @@ class SetPlanner:
         )
 
     def _handled_s(self, begin: tuple[int, int] | None, before: float, after: float) -> float:
-        """Return how long it takes on the pad where it stands, by the plan: charging, and what comes before a take-off."""
+        """Return the duration of the stay on the present pad, by the plan: charging, and the preparation of the take-off."""
         problem = self.found.problem
         if begin is None:
             return 0.0
@@ -413,7 +411,7 @@ class SetPlanner:
 
 
 def _below(budget_soc: float, cost: np.ndarray, belief: EnergyBelief) -> np.ndarray:
-    """Probability of landing below a charge in each wind, by what is believed of this flight and how well the charge is known."""
+    """Probability of landing below a charge in each wind, by the belief about this flight and the uncertainty of the charge."""
     from scipy.special import ndtr
 
     spread = np.maximum(np.hypot(cost * belief.sd_between, SOC_SD), 1e-9)

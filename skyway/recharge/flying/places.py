@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from skyway.recharge.cutting import Recharged
 
 SAME_M = 10.0
-"""A start or an end so near to a pad is at that pad."""
+"""A start or an end this close to a pad is at that pad."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -28,14 +28,14 @@ class WorkPlaces:
     pads: tuple[Station, ...]
     start: Station
     end: Station
-    """The same as `start`, or a pad, where it is there."""
+    """The same as `start`, or a pad, if it is there."""
 
     def of(self, pad: int | None, *, end: bool) -> str:
-        """Return the id of the station of a pad, else of the end or the start."""
+        """Return the id of the station of a pad, otherwise of the end or the start."""
         return self.pads[pad].id if pad is not None else self.end.id if end else self.start.id
 
     def pad_of(self, station: str | None) -> int | None:
-        """Return the pad at a station; None where it has none."""
+        """Return the pad at a station; None if it has none."""
         return next((number for number, pad in enumerate(self.pads) if pad.id == station), None)
 
     @property
@@ -57,7 +57,7 @@ def places_of(found: Recharged) -> WorkPlaces:
 
 
 def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
-    """Return the start of each of several drones that share a mission, each at a different station, however near they are."""
+    """Return the start of each of several drones that share a mission, each at a different station, regardless of their distance."""
     starts = []
     for number, found in enumerate(drones, start=1):
         home = found.problem.work.mission.home
@@ -69,7 +69,7 @@ def starts_of(drones: Sequence[Recharged]) -> tuple[Station, ...]:
 
 
 def _station(name: str, place: tuple[float, float], ground_m: float | None, known: Sequence[Station]) -> Station:
-    """Return the station at a place, one that is known where it is there."""
+    """Return the station at a place, a known one if it is there."""
     away, _ = geodesy.inverse(*place, [one.lat for one in known], [one.lon for one in known])
     nearest = int(np.argmin(away))
     if float(away[nearest]) <= SAME_M:
@@ -81,7 +81,7 @@ def _station(name: str, place: tuple[float, float], ground_m: float | None, know
 
 
 def region_with(found: Recharged, places: WorkPlaces, region: Scenario | None) -> Scenario:
-    """Return the region of a cut mission: all its stations, its drone, and its usual height as that of the cruise."""
+    """Return the region of a cut mission: all its stations, its drone, and its usual height as cruise height."""
     from skyway.building import build_scenario
     from skyway.models.network.sources import network_of
 

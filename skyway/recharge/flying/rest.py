@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions, RechargeProblem
 
 NEVER_SOC = 10.0
-"""No battery holds it: a way that must not be flown."""
+"""More than any battery: a way that must not be flown."""
 AHEAD = 1e-6
-"""Points of the work closer than this share of a leg are passed already."""
+"""Points of the work closer than this share of a leg count as passed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class RestPlan:
     """On the clock of the problem."""
     soc_leave: float
     plan: ChargingPlan
-    """Stops that follow; positions are points of the work."""
+    """The following stops; positions are points of the work."""
 
 
 def with_known(problem: RechargeProblem, options: RechargeOptions) -> RechargeProblem:
@@ -45,9 +45,9 @@ def with_known(problem: RechargeProblem, options: RechargeOptions) -> RechargePr
 def from_pad(
     problem: RechargeProblem, begin: tuple[int, int], soc: float, ratios: tuple[float, float]
 ) -> RestPlan | None:
-    """Plan from a pad, with the work done as far as a point; None where no stops let it end.
+    """Plan from a pad, with the work done up to a point; None if no stops let it end.
 
-    It may charge there first. `ratios`: what flights take on average, and surely, over what the model says.
+    It may charge there first. `ratios`: mean and required charge of flights, over the model's.
     """
     point, pad = begin[0], _usable_now(problem, begin[1])
     if pad is None:
@@ -57,7 +57,7 @@ def from_pad(
     pads = hops.to_s.shape[2]
 
     def shut(values: NDArray[np.float64], none: float) -> NDArray[np.float64]:
-        """Put a position first that only this pad belongs to."""
+        """Put a position first that is connected only to this pad."""
         row = np.full((len(values), 1, pads), none)
         row[:, 0, pad] = 0.0
         return np.ascontiguousarray(np.concatenate((row, values[:, point:]), axis=1))
@@ -100,7 +100,7 @@ def from_pad(
 
 
 def from_start(problem: RechargeProblem, soc: float, ratios: tuple[float, float]) -> RestPlan | None:
-    """Plan the whole rest with the present charge."""
+    """Plan the complete rest with the present charge."""
     plan = charging_stops(replace(problem.route(ratios[1]), soc_start=soc, mean_ratio=ratios[0]))
     if plan is None:
         return None
@@ -111,7 +111,7 @@ def from_start(problem: RechargeProblem, soc: float, ratios: tuple[float, float]
 def in_air(
     problem: RechargeProblem, following: int, left: tuple[float, float], soc: float, ratios: tuple[float, float]
 ) -> RestPlan | None:
-    """Plan from the air: where the work is left by this flight; None where no pad is reached with the reserve.
+    """Plan from the air: where this flight leaves the work; None if no pad is reached with the reserve.
 
     `following`: the next point of the work; `left`: seconds and charge, by the model, from here to there.
     """
@@ -144,7 +144,7 @@ def in_air(
 
 
 def _usable_now(problem: RechargeProblem, pad: int) -> int | None:
-    """Return the number of a pad in the route, in the window that is open now; None where it has none."""
+    """Return the number of a pad in the route, in the window that is open now; None if it has none."""
     return next(
         (row for row, (number, (begin, end)) in enumerate(problem.usable) if number == pad and begin <= 0.0 <= end),
         None,
@@ -152,7 +152,7 @@ def _usable_now(problem: RechargeProblem, pad: int) -> int | None:
 
 
 def next_point(work: Work, done: Done) -> int | None:
-    """Return the first point of the work that is still ahead; None where there is none."""
+    """Return the first point of the work that is still ahead; None if there is none."""
     for number, point in enumerate(work.points):
         if (point.step, point.share) > (done[0], done[1] + AHEAD):
             return number

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 MULTIROTORS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE of what hovers on its rotors."""
+"""MAV_TYPE of vehicles that hover on rotors."""
 
 
 def job_of(
@@ -48,9 +48,9 @@ def job_of(
     zero_s: float | None = None,
     **how: Any,
 ) -> DeliveryJob:
-    """Return the job of flying a cut mission from `time_s`, POSIX seconds, on; `how` as `DeliveryJob` takes it.
+    """Return the job of flying a cut mission from `time_s`, POSIX seconds, on; `how` as in `DeliveryJob`.
 
-    Windows of pads count from `zero_s`; without it from the departure that it was cut for, or else from now.
+    Windows of pads count from `zero_s`; without it from the departure for which it was cut, otherwise from now.
     """
     places = places_of(found)
     joined = region_with(found, places, region)
@@ -90,9 +90,9 @@ class WorkAsked:
 
 
 def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: WorkAsked) -> DeliveryJob:
-    """Return the job of flying a set with the vehicle that is connected, from now on.
+    """Return the job of flying a set with the connected vehicle, from now on.
 
-    Raises an `InputError` if the set was not cut for its autopilot, or for its kind.
+    Raises an `InputError` if the set was not cut for its autopilot, or for its kind of vehicle.
     """
     family = vehicle.family
     found = opened_set.found
@@ -145,5 +145,5 @@ def work_of_set(opened_set: OpenedSet, vehicle: Vehicle, now: datetime, asked: W
 
 
 def multirotor(kind: int | None) -> bool:
-    """Whether a MAV_TYPE is that of a multirotor, or not known."""
+    """Whether a MAV_TYPE is that of a multirotor, or unknown."""
     return kind is None or kind in MULTIROTORS

@@ -1,1 +1,1 @@
-"""The order of a mission's independent parts: what may be moved, which order ends first, and where its pictures are."""
+"""The order of a mission's independent parts: movable parts, the order that ends first, and the places of its pictures."""

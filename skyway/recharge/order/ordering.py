@@ -42,19 +42,19 @@ class OrderTold:
     Attributes
     ----------
     units : int
-        Parts of the mission that stay as they are.
+        Parts of the mission that stay unchanged.
     moved : int
-        How many of them are not where they were, or are flown from their end.
+        Number of them that are in another place, or are flown from their end.
     end_s : float
         When the mission ends by the plan.
     before_s : float or None
-        When it ends in its own order; None where that cannot be flown.
+        End of the mission in its original order; None if that cannot be flown.
     bound_s : float
-        No order ends before.
+        No order ends before this.
     looked_at, planned : int
         Orders that were bounded, and planned exactly.
     pictures_off_m : float
-        The farthest that a picture is from where it was by the order alone.
+        The largest displacement of a picture by the order alone.
     """
 
     units: int
@@ -68,9 +68,9 @@ class OrderTold:
 
 
 def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: int | None = None) -> Recharged:
-    """Cut a mission whose independent parts may be put in another order, and flown from their ends; the better of that and its own order.
+    """Cut a mission whose independent parts may be reordered, and flown from their ends; the better of the result and the original order.
 
-    Where nothing may be moved the order is kept, and a note says why. An `InputError` says why neither can be cut.
+    If nothing may be moved the order is kept, and a note gives the reason. An `InputError` gives the reasons if neither can be cut.
     """
     own: Recharged | None = None
     refusal: InputError | None = None
@@ -111,14 +111,14 @@ def with_best_order(ready: Prepared, options: RechargeOptions, *, iterations: in
 
 
 def _may_help(refusal: InputError | None) -> bool:
-    """Whether another order may be cut where the own one is not: the way to a pad may be shorter."""
+    """Whether another order may be possible if the original one is not: the way to a pad may be shorter."""
     return refusal is not None and any("no pad in reach" in fault.problem for fault in refusal.faults)
 
 
 def _better(
     ready: Prepared, options: RechargeOptions, tables: OrderTables, tour: Sequence[int], own: Recharged | None
 ) -> tuple[Recharged | None, float, tuple[str, ...]]:
-    """Cut the mission in an order; return that or its own, how far pictures are from where they were, and what hindered it."""
+    """Cut the mission in an order; return that or its original, the displacement of pictures, and the obstacle."""
     if list(tour) == [2 * number for number in range(tables.free.units)]:
         return own, 0.0, ()
     try:
@@ -140,14 +140,14 @@ def in_order(ready: Prepared, tables: OrderTables, tour: Sequence[int]) -> Prepa
 
 
 def told(tables: OrderTables | None) -> tuple[str, ...]:
-    """Return why the order is not freer, in a few lines."""
+    """Return the reasons why the order is not freer, in a few lines."""
     kept = () if tables is None else tables.division.kept
     more = (f"order kept: {len(kept) - MOST_TOLD} more reasons of these kinds",) if len(kept) > MOST_TOLD else ()
     return (*kept[:MOST_TOLD], *more)
 
 
 def pictures_off_m(before: Work, after: Sequence[Work]) -> float:
-    """Return the largest distance of a picture from its original place, in any order; infinite where one is lost, or taken twice."""
+    """Return the largest distance of a picture from its original place, in any order; infinite if one is lost, or taken twice."""
     if len(before.pictures) != sum(len(work.pictures) for work in after):
         return math.inf
     if not before.pictures:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from skyway.recharge.cutting import Recharged
 
 MOST_OFF_M = 1.0
-"""Farther from where it was no picture of a set that is written may be."""
+"""Largest displacement of a picture in a set that is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +24,13 @@ class PictureAudit:
 
     before: int
     after: int
-    """The worst of all autopilots."""
+    """Maximum over all autopilots."""
     off_m: float
-    """Infinite where their numbers differ."""
+    """Infinite if their numbers differ."""
 
 
 def audited(found: Recharged) -> PictureAudit:
-    """Read every flight as it is written, one after the other, and compare where pictures are taken."""
+    """Read every written flight, one after the other, and compare the places of pictures."""
     before = found.problem.work.pictures
     moved_m = 0.0 if found.order is None else found.order.pictures_off_m
     worst = PictureAudit(len(before), len(before), moved_m)
@@ -50,7 +50,7 @@ def audited(found: Recharged) -> PictureAudit:
 
 
 def kept_pictures(found: Recharged) -> PictureAudit:
-    """Return the audit; an `InputError` refuses flights that would lose a picture, take one twice, or one elsewhere."""
+    """Return the audit; an `InputError` refuses flights that would lose a picture, take one twice, or displace one."""
     audit = audited(found)
     if audit.off_m <= MOST_OFF_M:
         return audit

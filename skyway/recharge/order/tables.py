@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from skyway.recharge.problem import RechargeOptions, RechargeProblem
 
 MAX_UNITS = 400
-"""More are not put in another order: their ways are too many to be computed."""
+"""More units are not reordered: their ways are too many to be computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,7 +45,7 @@ class OrderTables:
 
 
 class _Levels:
-    """How high ways are flown that a mission does not have: as ways to pads."""
+    """Height of ways that a mission does not have: that of ways to pads."""
 
     def __init__(self, ready: Prepared, options: RechargeOptions, highest_m: float) -> None:
         home = ready.document.mission.home
@@ -53,7 +53,7 @@ class _Levels:
         self.floor_m, self.over = max(highest_m, options.transit.height_m or 0.0), options.transit.over
 
     def table(self, ends: Sequence[Spot], begins: Sequence[Spot]) -> NDArray[np.float64]:
-        """Heights above home of the ways from each spot to each other one; NaN where the ground is unknown."""
+        """Heights above home of the ways from each spot to each other one; NaN if the ground is unknown."""
         to = np.array(begins)
         level = np.maximum(np.maximum(np.array(ends)[:, None, 2], to[None, :, 2]), self.floor_m)
         if self.over is None:
@@ -69,7 +69,7 @@ class _Levels:
 
 
 def tables_of(ready: Prepared, options: RechargeOptions, sure_ratio: float, *, drones: int = 1) -> OrderTables | None:
-    """Compute the units of a mission and what they take; None where it has none, or more than can be looked through."""
+    """Compute the units of a mission with their time and charge; None if it has none, or more than the limit."""
     work = ready.work(options)
     division = divided(work)
     if not division.units or len(division.units) > MAX_UNITS:
@@ -108,7 +108,7 @@ def tables_of(ready: Prepared, options: RechargeOptions, sure_ratio: float, *, d
 
 
 class _Flown:
-    """A mission in one order: its hops, and which of its points are those of each turn, head and tail."""
+    """A mission in one order: its hops, and the points of each turn, head and tail."""
 
     def __init__(self, ready: Prepared, options: RechargeOptions, written: Reordered) -> None:
         self.work = work_of(written.mission, ready.by, only=ready.only)
@@ -118,7 +118,7 @@ class _Flown:
         self.range: list[tuple[int, int]] = []
         for number, (begin, until) in enumerate(written.items):
             own = [one for one, item in enumerate(item_of) if begin <= item < until]
-            if number and own:  # the way to it is no part of it
+            if number and own:  # the way to it is not part of it
                 first = self.work.points[own[0]].step
                 own = [one for one in own if self.work.points[one].step > first or self.work.points[one].share == 1.0]
             self.range.append((own[0], own[-1] + 1))
@@ -138,7 +138,7 @@ class _Flown:
         )
 
     def hold_s(self, number: int) -> float:
-        """Time that is spent where a stretch begins."""
+        """Time spent where a stretch begins."""
         return self.work.steps[self.work.points[self.range[number][0]].step].hold_s
 
     def way(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -151,7 +151,7 @@ class _Flown:
 def _ways(
     ready: Prepared, options: RechargeOptions, writer: Reorderer, forwards: _Flown, levels: _Levels
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Time and charge of the ways between all turns, shape (slots, turns + 1, turns + 1); infinite where none may be flown."""
+    """Time and charge of the ways between all turns, shape (slots, turns + 1, turns + 1); infinite if a way is not allowed."""
     units = writer.division.units
     turns = [Turn(number, reverse) for number in range(len(units)) for reverse in (False, True)]
     there_is = np.array([not turn.reverse or units[turn.unit].reversible for turn in turns])
@@ -180,7 +180,7 @@ def _ways(
     times, charges = (
         one.reshape(len(at_s), size, size) for one in times_and_charges(hops, kg, options.conditions, at_s)
     )
-    # how the mission lands is in the way to its tail that it has itself
+    # the landing of the mission is in the original way to its tail
     own_s, own_soc = forwards.way(len(units))
     before = 2 * (len(units) - 1)
     times[:, :-1, -1] += np.maximum(own_s - times[:, before, -1], 0.0)[:, None]
@@ -192,7 +192,7 @@ def _ways(
     shut[:, :-1] |= ~there_is[None, :]
     times[:, shut] = math.inf
     charges[:, shut] = 0.0
-    for number in range(len(units) + 1):  # ways that the mission has itself
+    for number in range(len(units) + 1):  # ways of the mission itself
         one = size - 1 if number == 0 else 2 * (number - 1)
         other = size - 1 if number == len(units) else 2 * number
         times[:, one, other], charges[:, one, other] = forwards.way(number)
@@ -207,7 +207,7 @@ def _shut(
     to_lat: NDArray[np.float64],
     to_lon: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Whether straight ways leave the fence or come into a zone."""
+    """Whether straight ways leave the fence or enter a zone."""
     ends = np.stack((np.column_stack((lon, lat)), np.column_stack((to_lon, to_lat))), axis=1)
     shut = np.zeros(len(lat), dtype=bool)
     for every in {family.within_every_inclusion_area for family in ready.families}:
@@ -222,7 +222,7 @@ def _shut(
 def _visit(
     options: RechargeOptions, writer: Reorderer, problem: RechargeProblem, floor_m: float
 ) -> tuple[float, float]:
-    """Least time and charge of leaving the work for a pad and coming back, from any place between the units."""
+    """Minimum time and charge of leaving the work for a pad and coming back, from any place between the units."""
     import shapely
 
     conditions, speed = (
@@ -237,7 +237,7 @@ def _visit(
     best = (math.inf, math.inf)
     for pad, ground in zip(problem.ways.pads, problem.ways.ground_m, strict=True):
         pad_north, pad_east = geodesy.local_offsets_m(pad.lat, pad.lon, lat0, lon0)
-        # a plane is a little off where places are far away
+        # a plane is inaccurate for distant places
         away_s = 2.0 * 0.99 * float(hull.distance(shapely.Point(float(pad_east), float(pad_north)))) / speed
         up = max(floor_m, ground + LOWEST_M) - ground
         climb_s, descent_s = up / conditions.climb_rate_mps, up / conditions.descent_rate_mps

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 LISTENS_S = 30.0
-"""So long a simulation may take to start."""
+"""Longest time for a simulation to start."""
 
 
 async def begin_once(site: Site) -> None:
-    """Start it unless one is under way; it departs automatically."""
+    """Start it unless one is in progress; it departs automatically."""
     under_way = (live for live in site.flights.known().values() if not live.ended)
     if not any(word.endswith(demonstration.PLANNED) for live in under_way for word in live.words):
         try:

@@ -1,6 +1,6 @@
 """Vehicles on the link: one watch process for each connection, and one digest of all of them.
 
-Nothing is commanded here. Supervised flights are processes of their own, too: see `skyway.web.live.flights`.
+No commands are sent here. Supervised flights are processes of their own, too: see `skyway.web.live.flights`.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 MOST_WATCHES = 16
 RECORDINGS = "recordings"
-"""Folder of the work folder with what was heard."""
+"""Subfolder of the work folder for recordings of received messages."""
 GONE_S = 300.0
-"""A vehicle that was heard no later is left out of the digest."""
+"""A vehicle that has been silent for this long is left out of the digest."""
 EVERY_S = 0.1
-"""A watch tells what is new so often."""
+"""Interval of updates from a watch."""
 SAME_S = 0.4
-"""A digest holds for so long."""
+"""Lifetime of a digest."""
 BATCH_S, LONGEST_S = 0.08, 5.0
-"""News of positions are gathered for so long before they go to a browser, which asks again after so long without any."""
+"""Updates of positions are collected for this long before they go to a browser, which repeats its request after this long without any."""
 FRESH_S = 900.0
-"""A journal written to within so long belongs to a flight under way."""
+"""A journal written to within this time belongs to a flight in progress."""
 
 
 class Fleet:
-    """All that is heard, on all connections."""
+    """All received vehicles, on all connections."""
 
     def __init__(self, site: Site) -> None:
         self.site = site
@@ -48,7 +48,7 @@ class Fleet:
         self._deliveries: tuple[float, list[dict[str, Any]]] = (0.0, [])
 
     def watch(self, connection: str) -> None:
-        """Listen on a connection, until told to stop or nothing more can be heard."""
+        """Listen on a connection, until stopped or until the connection ends."""
         if not connection or connection.startswith("-") or len(connection) > 200:
             raise InputError(
                 "is not a connection", field="--connect", value=connection, remedy="such as udpin:127.0.0.1:14550"
@@ -76,7 +76,7 @@ class Fleet:
         self._tasks[connection] = asyncio.ensure_future(run.finished())
 
     def stop(self, connection: str) -> None:
-        """Stop to listen."""
+        """Stop listening."""
         run = self.runs.pop(connection, None)
         if run is not None:
             run.stop()
@@ -88,7 +88,7 @@ class Fleet:
             self.stop(connection)
 
     def heard(self, connection: str, line: str) -> None:
-        """Take a line of ``skyway watch --json``."""
+        """Process a line of ``skyway watch --json``."""
         with contextlib.suppress(ValueError, TypeError, AttributeError):
             told = json.loads(line)
             rows = told.get("vehicles", [told]) if isinstance(told, dict) else told
@@ -107,7 +107,7 @@ class Fleet:
         self._vehicles[key] = row | {"heard_s": time.monotonic(), "version": version}
 
     async def positions(self, since: int) -> dict[str, Any]:
-        """Return where those vehicles are that have moved since a version; waits until there are any, for a while."""
+        """Return the positions of the vehicles that have moved since a version; waits for some time until there are any."""
         if since >= self._version:
             self._news.clear()
             with contextlib.suppress(TimeoutError):
@@ -121,7 +121,7 @@ class Fleet:
         return {"version": self._version, "rows": rows}
 
     async def document(self) -> bytes:
-        """Return the digest as JSON; made once for all browsers that ask within a moment."""
+        """Return the digest as JSON; made once for all browsers whose requests are close together."""
         made_s, known = self._document
         if time.monotonic() < made_s + SAME_S:
             return known
@@ -154,7 +154,7 @@ class Fleet:
         }
 
     async def _under_way(self, now_s: float) -> list[dict[str, Any]]:
-        """Deliveries whose journal is being written; checked once a second, however many browsers ask."""
+        """Deliveries whose journal is being written; checked once a second, for any number of browsers."""
         asked_s, known = self._deliveries
         if now_s - asked_s < 1.0:
             return known

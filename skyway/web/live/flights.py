@@ -1,6 +1,6 @@
-"""Flights under way in separate processes: found by their files in the work folder, shown, commanded, started.
+"""Flights in separate processes: found by their files in the work folder, shown, commanded, started.
 
-What is known here is only what the files say. A page that was killed and started again knows the same.
+All state here comes from the files. A page that was killed and restarted has the same state.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from skyway.web.folder import Folder
 
 KEPT_S = 3600.0
-"""A flight that has ended is shown for so long."""
+"""A flight that has ended is shown for this long."""
 SILENT_S = 10.0
-"""A flight whose program has told nothing for so long may have lost it."""
+"""A flight whose program has written nothing for this long may have lost it."""
 LOOK_S = 0.4
 MOST = 64
 _DRAWN = ("lat", "lon", "course_deg", "silent_s")
 _TAIL = 40
-"""Lines of a program's output that are shown when it has failed."""
+"""Number of output lines of a failed program that are shown."""
 
 
 class Flights:
@@ -48,10 +48,10 @@ class Flights:
         self._tails: dict[str, JournalTail] = {}
         self._started: list[subprocess.Popen[bytes]] = []
 
-    # What is known
+    # State
 
     def known(self) -> dict[str, Live]:
-        """Return the flights under way, and those that have ended lately, by the name of their journal without its ending."""
+        """Return the flights in progress, and those that have ended recently, by the name of their journal without its suffix."""
         now_s = time.monotonic()
         if now_s >= self._looked_s + LOOK_S:
             self._looked_s = now_s
@@ -59,7 +59,7 @@ class Flights:
         return {name: live for name, (_, live) in self._known.items()}
 
     def _look(self) -> None:
-        self._started = [one for one in self._started if one.poll() is None]  # else they stay as zombies
+        self._started = [one for one in self._started if one.poll() is None]  # otherwise they stay as zombies
         found: dict[str, tuple[float, Live]] = {}
         try:
             with os.scandir(self.folder.root) as entries:
@@ -107,7 +107,7 @@ class Flights:
         return tail
 
     def told(self, name: str, seen: int, session: str) -> dict[str, Any]:
-        """Return all that is known of a flight now, and its journal's entries since a given record."""
+        """Return all known data of a flight, and its journal's entries since a given record."""
         live = self.known().get(name)
         if live is None:
             raise InputError("no such flight in the work folder", field="flight", value=name[:100])
@@ -127,10 +127,10 @@ class Flights:
             return ""
         return "\n".join(text.splitlines()[-_TAIL:])
 
-    # What is done
+    # Actions
 
     def order(self, name: str, asked: Request) -> None:
-        """Order something of a flight; its supervisor decides whether it is taken, and answers in the journal."""
+        """Send a command to a flight; its supervisor decides whether it is accepted, and answers in the journal."""
         live = self.known().get(name)
         if live is None or live.ended:
             raise InputError("is not a flight under way", field="flight", value=name[:100])
@@ -138,7 +138,7 @@ class Flights:
         request(orders, asked)
 
     def begin(self, options: starting.FlightOptions, origin: str, destination: str) -> str:
-        """Start a flight; returns its name. It asks before it takes off."""
+        """Start a flight; returns its name. It requires a confirmation before the take-off."""
         words = options.words()
         wanted = journal_name(origin, destination, datetime.now(UTC))
         journal = self.folder.path(self.folder.free_name(wanted))
@@ -146,7 +146,7 @@ class Flights:
         return journal.stem
 
     def resume(self, name: str) -> None:
-        """Continue a flight whose program has ended before its delivery did."""
+        """Continue a flight whose program has ended before its delivery was complete."""
         live = self.known().get(name)
         if live is None or (not live.ended and _runs(live.pid)):
             raise InputError("is under way, or was never started", field="flight", value=name[:100])
@@ -157,7 +157,7 @@ class Flights:
         _, live, output = starting.files_of(journal)
         process = starting.start(words, output)
         self._started.append(process)
-        if not live.exists():  # until it tells of itself
+        if not live.exists():  # until it reports its state
             write_atomically(live, _first(process.pid, words, journal), force=True)
         self._looked_s = -1.0
 
@@ -167,7 +167,7 @@ def _number(value: object) -> float | None:
 
 
 def _places(way: object) -> list[list[float]]:
-    """Return the places of a way that are some: the map draws all flights, and one file that lies is not to hinder that."""
+    """Return the valid places of a way: the map draws all flights, and one damaged file must not prevent that."""
     pairs = [one for one in (way if isinstance(way, list) else []) if isinstance(one, list) and len(one) == 2]
     return [one for one in pairs if None not in map(_number, one)]
 
@@ -182,7 +182,7 @@ def _first(pid: int, words: Sequence[str], journal: Path) -> bytes:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process is there; one that has ended and is not yet waited for counts as gone."""
+    """Whether a process exists; one that has ended but was not yet waited for counts as gone."""
     try:
         os.kill(pid, 0)
         return " Z " not in Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[-1][:4]

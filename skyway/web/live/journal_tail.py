@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PIECE = 4 * 1024 * 1024
-"""Bytes that are read at once: more follow at the next look."""
+"""Bytes that are read at once: the rest is read next time."""
 LONGEST = 1024 * 1024
-"""Bytes of a line; of a longer one no record is made."""
+"""Bytes of a line; longer ones are not records."""
 MOST_POINTS, MOST_KEPT = 200_000, 50_000
-"""Points of the track, and rows, that are kept: of two days at one point a second."""
+"""Number of points of the track, and of rows, that are kept: two days at one point a second."""
 COURSE = 600
 """Points of the track on the map of all flights."""
 MOST_ROWS = 4000
 SHOWN = frozenset({"state", "decision", "text", "order", "turn", "landed", "link", "reboot", "change", "upload", "gauge", "pad", "traffic", "give-way", "remote-id", "client", "proof", "operator", "limit", "waits", "energy", "parameter", "end"})  # fmt: skip
-"""Events that a person sees."""
+"""Events shown to a person."""
 _DECODER = msgspec.json.Decoder(Record)
 
 
 class JournalTail:
-    """One journal, read on from where it was read before. A line that is no record is passed over: the supervisor is the judge of journals."""
+    """One journal, read from the position of the previous read. Invalid lines are skipped: the supervisor checks journals."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -41,9 +41,9 @@ class JournalTail:
         self.last = 0
 
     def read(self) -> None:
-        """Take what was written since the last time."""
+        """Process the data written since the last call."""
         try:
-            if self._path.stat().st_size < self._at:  # another file of that name
+            if self._path.stat().st_size < self._at:  # another file of the same name
                 self.__init__(self._path)  # type: ignore[misc]
             with self._path.open("rb") as file:
                 file.seek(self._at)
@@ -52,7 +52,7 @@ class JournalTail:
             return
         self._at += len(found)
         *lines, rest = (self._rest + found).split(b"\n")
-        self._rest = rest[:LONGEST]  # no more of it: what it is the beginning of is no record
+        self._rest = rest[:LONGEST]  # no more is needed: a longer line is not a record
         for line in lines:
             if len(line) > LONGEST:
                 continue
@@ -88,7 +88,7 @@ class JournalTail:
 
 
 def _more(record: Record) -> dict[str, Any]:
-    """What is shown of an event besides its sentence."""
+    """Data shown of an event besides its sentence."""
     if (ordered := record.entry(Ordered)) is not None:
         return {"id": ordered.id, "done": ordered.done, "word": ordered.word, "name": ordered.name}
     if (heard := record.entry(TextHeard)) is not None:
@@ -99,7 +99,7 @@ def _more(record: Record) -> dict[str, Any]:
 
 
 def _steps(plan: dict[str, Any]) -> dict[str, Any]:
-    """What is left of the delivery by a plan: flights and stops, each with its time and charge."""
+    """The rest of the delivery in a plan: flights and stops, each with its time and charge."""
     legs = [
         {
             "from": of.text(one, "from"), "to": of.text(one, "to"), "depart_s": of.instant_s(of.text(one, "depart")),

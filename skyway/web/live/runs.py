@@ -1,6 +1,6 @@
 """Commands of skyway that the page runs in separate processes: an upload, a watch. The page only reads their output.
 
-What such a process does goes on when the page ends or is restarted; so will the supervisor of a flight, whose journal the page reads.
+Such a process continues when the page ends or is restarted, like the supervisor of a flight, whose journal the page reads.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 KEPT = 400
-"""Lines of a run that are kept."""
+"""Number of lines of a run that are kept."""
 LONGEST = 64 * 1024
 """Bytes of a line."""
 FOLLOW_S = 0.1
-"""Between looks at what a command has printed."""
+"""Interval between reads of a command's output."""
 PROGRESS = "SKYWAY_PROGRESS"
-"""Set, a command tells its progress line by line though its output is no terminal."""
+"""If set, a command prints its progress line by line although its output is not a terminal."""
 
 
 @dataclass(slots=True)
 class Run:
-    """A command that runs.
+    """A running command.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Run:
     told : callable
         Called with each line of its output.
     outlives : bool
-        It goes on when the page is killed, as an upload must: it prints into a file. Else it ends then: it prints into a pipe.
+        Whether it continues when the page is killed, as an upload must: then it prints to a file. Otherwise it ends then: it prints to a pipe.
     lines : deque of str
         The newest lines.
     code : int or None
@@ -54,7 +54,7 @@ class Run:
     _process: asyncio.subprocess.Process | None = None
 
     async def finished(self) -> int:
-        """Run it to its end; returns the exit code."""
+        """Run it until its end; returns the exit code."""
         if self.outlives:
             with tempfile.TemporaryFile() as output:
                 return await self._run(output.fileno(), output)
@@ -76,7 +76,7 @@ class Run:
         return self.code
 
     async def _follow(self, process: asyncio.subprocess.Process, output: IO[bytes]) -> None:
-        """Read what is added to a file until the process has ended; the process writes through a position of its own."""
+        """Read the additions to a file until the process has ended; the process writes through a position of its own."""
         at, rest, ended = 0, b"", False
         while not ended:
             ended = process.returncode is not None
@@ -98,7 +98,7 @@ class Run:
         self.told(text)
 
     def stop(self) -> None:
-        """Ask it to end, as Ctrl-C does."""
+        """Request its end, as Ctrl-C does."""
         if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
                 self._process.send_signal(signal.SIGINT)

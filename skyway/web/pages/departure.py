@@ -24,11 +24,11 @@ class DepartureForm:
     Parameters
     ----------
     site : Site
-        Whose work folder has the plans.
+        The site whose work folder has the plans.
     begun : callable
-        Called with the name of a flight that was started.
+        Called with the name of a started flight.
     shown : callable
-        Called with the route of the plan that is chosen: pairs of latitude and longitude.
+        Called with the route of the chosen plan: pairs of latitude and longitude.
     """
 
     def __init__(self, site: Site, begun: Callable[[str], None], shown: Callable[[list[list[float]]], None]) -> None:
@@ -65,7 +65,7 @@ class DepartureForm:
         self.command = CommandShown("fly", "skyway fly PLAN --connect CONNECTION")
 
     async def read(self) -> None:
-        """Offer the plans, and the drags, of the folder."""
+        """Offer the plans, and the drag files, of the folder."""
         files = self.site.folder.files(".json")
         names = [(one.name, one.modified_s, one.size) for one in files]
         try:
@@ -98,7 +98,7 @@ class DepartureForm:
         return take
 
     def start(self) -> None:
-        """Start the program of a flight; it asks before it takes off."""
+        """Start the program of a flight; it requires a confirmation before the take-off."""
         plan = self.plans.get(self.options.plan)
         try:
             if plan is None:

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
 
 PARTS = ("head", "alarms", "drones-when", "pads-when", "orders", "drones", "changes")
-"""Of the page, from the top."""
+"""Parts of the page, from the top."""
 ROW = 18.0
 """Height of a row of a chart."""
 LONGEST_S = 24 * 3600.0
-"""That a chart shows, from now on."""
+"""Time shown in a chart, from now on."""
 BEFORE_S = 1800.0
-"""Shown of what was before."""
+"""Time shown before now."""
 LEGEND = (
     '<ul class="legend"><li><i class="fly"></i>fly</li><li><i class="charge"></i>pad (thin: when nine of ten come and leave)</li>'
     '<li><i class="hold"></i>out of order</li><li>upright line: now</li></ul>'
@@ -70,7 +70,7 @@ def _alarms(found: dict[str, Any], wanted: Preferences) -> str:
 
 
 def _chart(title: str, rows: Sequence[dict[str, Any]], found: dict[str, Any], zone: tzinfo) -> str:
-    """Return rows of bars on one axis of time, with a line at now."""
+    """Return rows of bars on one axis of time, with a line at the present time."""
     now_s = float(found["now_s"])
     all_bars = [bar for row in rows for bar in row["bars"] if bar["end_s"] > now_s - BEFORE_S]
     if not all_bars:

@@ -1,6 +1,6 @@
 """The fly page: departures, flights under way, and vehicles on the link.
 
-Each delivery is flown by a supervisor in a separate process (``skyway fly``). This page starts it, shows what its files tell, and writes orders into one of them.
+Each delivery is flown by a supervisor in a separate process (``skyway fly``). This page starts it, shows the contents of its files, and writes commands to one of them.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 ACTIONS = [{"action": "divert", "words": "Land here instead", "station": True, "listed": "refuges"}]
-"""What can be ordered at a station of the map."""
+"""Commands at a station of the map."""
 
 
 def watch_words(connection: str) -> list[str]:
-    """Return the command that watches as the page does."""
+    """Return the command equivalent to the watch of the page."""
     return ["skyway", "watch", "--connect", connection, "--record", RECORDINGS]
 
 
@@ -66,7 +66,7 @@ class FlyPage:
                 self.panel = FlightPanel(wanted, client.request.query_params.get("flight", "")[:300])
                 self.panel.on("resume", self._resume)
                 if not flown:
-                    self._demonstration()  # where who comes for the first time looks
+                    self._demonstration()  # the part that new users see first
         self._list()
         ui.timer(0.01, self._begin, once=True)
 
@@ -119,7 +119,7 @@ class FlyPage:
             self.status.tell(str(error), wrong=True)
 
     async def demonstrate(self) -> None:
-        """Fly the demonstration, from the click on."""
+        """Fly the demonstration, started by one click."""
         self.planned.tell("Planning the demonstration: a few seconds …")
         try:
             name = await demonstration.begin(self.site)
@@ -136,7 +136,7 @@ class FlyPage:
         self.watching.show(shlex.join(watch_words(self.connection or "CONNECTION")))
 
     def watch(self) -> None:
-        """Listen on the connection that was typed."""
+        """Listen on the typed connection."""
         try:
             self.site.fleet.watch(self.connection)
         except SkywayError as error:
@@ -146,7 +146,7 @@ class FlyPage:
         self._list()
 
     def stop(self, connection: str) -> None:
-        """Stop to listen on a connection."""
+        """Stop listening on a connection."""
         self.site.fleet.stop(connection)
         self._list()
 

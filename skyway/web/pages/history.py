@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 AT_ONCE = 50
-"""Journals that are read before they are shown."""
+"""Number of journals that are read before they are shown."""
 
 
 def add(site: Site) -> None:
@@ -56,7 +56,7 @@ class HistoryPage:
         self.at_work.begin(self._read())
 
     async def _read(self) -> None:
-        """Read the folder, the newest journals first; what was read is shown while the rest is."""
+        """Read the folder, the newest journals first; results are shown while the rest is read."""
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
         pages = [one.name for one in self.site.folder.files(*REPORTS)]
         root = str(self.site.folder.root.resolve())
@@ -80,7 +80,7 @@ class HistoryPage:
         self._draw()
 
     def seek(self, words: Any) -> None:
-        """Show those that have all words."""
+        """Show the rows that contain all words."""
         self.sought = str(words)
         self._draw()
 
@@ -122,13 +122,13 @@ class HistoryPage:
 
 
 def _with(rows: list[dict[str, Any]], sought: str) -> list[dict[str, Any]]:
-    """Return the rows that have all words."""
+    """Return the rows that contain all words."""
     words = sought.casefold().split()
     return [row for row in rows if all(word in " ".join(map(str, row.values())).casefold() for word in words)]
 
 
 def _reports(found: list[dict[str, Any]]) -> str:
-    """Reports that lie in the folder; each is downloaded, not shown as a page of ours."""
+    """Reports in the folder; each is downloaded, not shown as a page of ours."""
     rows = "".join(
         f"<tr><td>{safe(one['title'])}</td><td><a href='/api/report?file={quote(one['file'])}' download>{safe(one['file'])}</a></td></tr>"
         for one in found
@@ -138,7 +138,7 @@ def _reports(found: list[dict[str, Any]]) -> str:
 
 
 def _share(found: list[dict[str, Any]], name: str) -> str:
-    """How many of the promises that were given were kept, to be set against the share that was promised."""
+    """Number of kept promises, for comparison with the promised share."""
     known = [row[name] for row in found if row[name] is not None]
     return f"{sum(known)} of {len(known)} ({percent(sum(known) / len(known))})" if known else "none given"
 

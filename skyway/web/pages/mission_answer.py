@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def differences(found: list[dict[str, Any]], wanted: Preferences) -> str:
-    """Differences between the vehicle's mission and the file; a button for each shows where it is."""
+    """Differences between the vehicle's mission and the file; a button for each shows its place."""
     rows = []
     for one in found:
         where = safe(one["kind"]) if one["item"] is None else _place(one["item"])
@@ -32,7 +32,7 @@ def _place(item: int) -> str:
 
 
 def bounds(found: dict[str, Any]) -> list[float] | None:
-    """Return the box around a mission, degrees: west, south, east, north; None where nothing is placed."""
+    """Return the box around a mission, degrees: west, south, east, north; None if nothing has a place."""
     points = (
         [at for leg in found["legs"] for at in leg["points"]]
         + found["rally"]
@@ -45,7 +45,7 @@ def bounds(found: dict[str, Any]) -> list[float] | None:
 
 
 def findings(found: list[dict[str, Any]], wanted: Preferences) -> str:
-    """Findings of the check; a button of each shows where it is."""
+    """Findings of the check; a button of each shows its place."""
     if not found:
         return "<p class='good'>Nothing was found.</p>"
     rows = []

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _STEP = re.compile(r"^(.*?) (\d+)/(\d+)$")
 """A line of progress."""
 ENDS = {0: "done: both are equal", 1: "they differ", 2: "not done: see below", 3: "failed: the vehicle or the link"}
-"""By the exit code of a command."""
+"""Text by the exit code of a command."""
 
 
 class Transfer:
@@ -32,13 +32,13 @@ class Transfer:
     Parameters
     ----------
     site : Site
-        With the work folder.
+        The site with the work folder.
     client : Client
-        Whose page it is.
+        The browser's page.
     file : callable
-        Returns the name of the mission that is shown.
+        Returns the name of the shown mission.
     differ : callable
-        Called with the differences between the file and what the vehicle holds.
+        Called with the differences between the file and the vehicle's mission.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Transfer:
         self.output = text("pre", "", "output")
 
     async def compare(self) -> None:
-        """Compare the file with what the vehicle holds."""
+        """Compare the file with the vehicle's mission."""
         self._differ([])
         if await self._told("verify", "--json"):
             self._differ(_report(list(self.run.lines if self.run is not None else ())).get("differences", []))
@@ -83,7 +83,7 @@ class Transfer:
         await self._told("upload", "--yes")
 
     async def _told(self, command: str, *more: str) -> bool:
-        """Run a command of the link in its own process, and show what it prints; False where it could not be started."""
+        """Run a command of the link in its own process, and show its output; False if it could not be started."""
         try:
             path = self.site.folder.existing(self._file())
         except SkywayError as error:
@@ -115,7 +115,7 @@ class Transfer:
 
 
 def _report(lines: list[str]) -> dict[str, Any]:
-    """Return what a command told for machines, in the last of its lines; nothing where it told something else."""
+    """Return a command's machine-readable result, from the last of its lines; empty if there is none."""
     for line in reversed(lines):
         if line.startswith("{"):
             try:

@@ -139,14 +139,14 @@ class MissionsPage:
         await self._show()
 
     async def uploaded(self, name: str) -> None:
-        """Show a file that has come."""
+        """Show an uploaded file."""
         self.file = name
         self._differ([])
         self._list()
         await self._show()
 
     async def _show(self) -> None:
-        """Read and check the file, in place of what was being read, and show what was found."""
+        """Read and check the file, replacing any current reading, and show the findings."""
         await asyncio.wait({self.at_work.begin(self._checked())})
 
     async def _checked(self) -> None:
@@ -219,11 +219,11 @@ class MissionsPage:
         self.command.show(shlex.join(words_))
 
     def _differ(self, found: list[dict[str, Any]]) -> None:
-        """Show what the vehicle holds otherwise."""
+        """Show the vehicle's differences."""
         self.differences.set_content(mission_answer.differences(found, self.wanted))
 
     def at_item(self, event: Any) -> None:
-        """Show where an item is."""
+        """Show the place of an item."""
         place = (self.found or {"places": {}})["places"].get(str(event.args))
         if place:
             self.map.put(centre=place)

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 FRESH_S = 60.0
-"""So long an answer is shown again, without being computed again, when a person turns back to its question."""
+"""A result younger than this is shown again, without a new computation, when a person returns to its request."""
 LAYERS = {"wind": "wind", "zones": "zones", "terrain": "ground"}
-"""What can be left out of the map: as it is called, and its name there."""
+"""Layers that can be hidden on the map: label, and name there."""
 
 
 def add(site: Site) -> None:
@@ -105,7 +105,7 @@ class PlanPage:
                 self.command = CommandShown("plan")
 
     async def _begin(self) -> None:
-        """Fill the page: the map fetches the region by itself, the form needs it here."""
+        """Fill the page: the map fetches the region itself, the form needs it here."""
         self.map.put(actions=list(plan_on_map.ACTIONS))
         try:
             self.region = await self.site.region()
@@ -127,14 +127,14 @@ class PlanPage:
         """IANA name of the region's local time."""
         return "UTC" if self.region is None else str(self.region["timezone"])
 
-    # what is asked
+    # the request
 
     def changed(self, **values: Any) -> None:
-        """Take what a person has entered."""
+        """Process a person's input."""
         self.ask(msgspec.structs.replace(self.question, **values))
 
     def ask(self, question: Question) -> None:
-        """Ask a new question; earlier ones remain available."""
+        """Make a new request; earlier ones remain available."""
         if question != self.question:
             self.undos.leave(self.question)
             self._turn_to(question)
@@ -146,7 +146,7 @@ class PlanPage:
         self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:
-        """Take a place of the map."""
+        """Use a place of the map."""
         self.ask(plan_on_map.chosen_there(self.question, chosen))
 
     def dragged(self, moved: dict[str, Any]) -> None:
@@ -154,24 +154,24 @@ class PlanPage:
         made = self.plans[self.chosen]["stops"] if self.plans else []
         self.ask(plan_on_map.stop_moved(self.question, made, str(moved["from"]), str(moved["to"])))
 
-    # the answer
+    # the result
 
     def _begin_answer(self) -> None:
         self.at_work.begin(self._answer())
 
     def _cancelled(self) -> str:
-        """What stands on the page when a person has cancelled what was under way."""
+        """Text on the page after a person has cancelled the computation."""
         if self.is_current:
             return "Reasons and other routes are not shown."
         return "Below is the plan of the previous request." if self.plans else ""
 
     @property
     def is_current(self) -> bool:
-        """Whether the plan that is shown answers what is asked now."""
+        """Whether the shown plan belongs to the current request."""
         return self.answered is not None and self.answered[0] == self.question
 
     async def _answer(self) -> None:
-        """Plan, and show the answer as it comes: first the plan, then what is told beside it."""
+        """Plan, and show results as they arrive: first the plan, then the extras."""
         with self.client:
             self._show_ends()
             self._show_kept()
@@ -205,7 +205,7 @@ class PlanPage:
             self.status.tell("")
 
     def _answered(self, found: dict[str, Any] | None) -> None:
-        """Keep the answer to what is asked now, or that there is none."""
+        """Store the result of the current request, or the lack of one."""
         self.answer, self.more, self.chosen = found, None, 0
         self.answered = None if found is None else (self.question, time.monotonic())
         if found is None:
@@ -220,7 +220,7 @@ class PlanPage:
         except SkywayError:
             found = {"hours": []}
         if conditions != self.question.conditions():
-            return  # other hours are requested by now
+            return  # other hours have been requested meanwhile
         self.winds = found
         if not found["hours"]:
             return
@@ -248,7 +248,7 @@ class PlanPage:
 
     @property
     def plans(self) -> list[dict[str, Any]]:
-        """All that stand beside each other."""
+        """All plans that are shown side by side."""
         if self.answer is None:
             return []
         others = [] if self.more is None else self.more["alternatives"]
@@ -256,11 +256,11 @@ class PlanPage:
         return [first, *planners, *others][:MOST_PLANS]
 
     def _shown_plan(self) -> dict[str, Any] | None:
-        """The plan that is shown, as its file has it; None where it is not of what is asked."""
+        """The shown plan in the form of its file; None if it does not belong to the request."""
         return self.plans[self.chosen]["composition"] if self.plans and self.is_current else None
 
     def show(self, number: int) -> None:
-        """Show another plan of those beside each other."""
+        """Show another of the plans side by side."""
         if 0 <= number < len(self.plans):
             self.chosen = number
             self._draw()
@@ -286,7 +286,7 @@ class PlanPage:
         self.command.show(self.question.command(self.site.scenario, plan["planner"]))
 
     def _show_kept(self) -> None:
-        """What was asked of the route, each with a button that takes it back."""
+        """Constraints on the route, each with a button that removes it."""
         self.kept.clear()
         with self.kept:
             for name, words in (("stop_at", "stop at"), ("avoid", "avoid"), ("others", "compare with")):

@@ -1,4 +1,4 @@
-"""The answer to a question of the plan page, as HTML; every text is escaped."""
+"""The result of a request of the plan page, as HTML; every text is escaped."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def figures(plan: dict[str, Any], wanted: Preferences) -> str:
 
 
 def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo, wanted: Preferences) -> str:
-    """The bars of all plans; arrival, charge, and heights over terrain of the one that is chosen."""
+    """The bars of all plans; arrival, charge, and heights over terrain of the chosen one."""
     plan = plans[chosen]
     back = " (way back: dashed)" if any(leg["back"] for leg in plan["charge"]["legs"]) else ""
     names = [label(one, number) for number, one in enumerate(plans)]
@@ -58,17 +58,17 @@ def pictures(plans: Sequence[dict[str, Any]], chosen: int, zone: tzinfo, wanted:
 
 
 def _titled(title: str, drawing: str) -> str:
-    """A chart with its title; nothing where there is nothing to draw."""
+    """A chart with its title; empty if there is nothing to draw."""
     return f"<h2>{title}</h2>{drawing}" if drawing else ""
 
 
 def label(plan: dict[str, Any], number: int) -> str:
-    """Short name of a plan: its number, and its planner where that is another."""
+    """Short name of a plan: its number, and its planner if that differs."""
     return f"{number + 1} {plan['planner']}"
 
 
 def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[str, str]]) -> str:
-    """Return the plans beside each other; a button of each shows it."""
+    """Return the plans side by side; a button of each shows it."""
     if len(plans) < 2 and not without:
         return ""
     rows = []
@@ -93,7 +93,7 @@ def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[
 
 
 def explained(found: dict[str, Any], wanted: Preferences) -> str:
-    """Why the stops are made, what the promise rests on, and what would gain most."""
+    """Reasons for the stops, the assumptions of the promise, and the changes with the greatest gain."""
     parts = []
     if found["reasons"]:
         lines = [
@@ -122,7 +122,7 @@ def explained(found: dict[str, Any], wanted: Preferences) -> str:
 
 
 def notes(plan: dict[str, Any], answer: dict[str, Any], wanted: Preferences) -> str:
-    """Notes, departures tried, drones not chosen."""
+    """Notes, departures tried, other drones."""
     parts = []
     if answer["departures"]:
         rows = [

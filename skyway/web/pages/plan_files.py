@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 SHOWN = 200
-"""Plan files that are offered."""
+"""Number of plan files that are offered."""
 
 
 class PlanFiles:
@@ -29,11 +29,11 @@ class PlanFiles:
     Parameters
     ----------
     site : Site
-        With the work folder.
+        The site with the work folder.
     shown : callable
-        Returns the plan that is shown, as a document; None where there is none.
+        Returns the shown plan, as a document; None if there is none.
     ask : callable
-        Asks a question.
+        Makes a request.
     """
 
     def __init__(self, site: Site, shown: Callable[[], dict[str, Any] | None], ask: Callable[[Question], None]) -> None:
@@ -90,7 +90,7 @@ class PlanFiles:
         return found
 
     async def download(self) -> None:
-        """Hand the files to the browser."""
+        """Send the files to the browser."""
         try:
             for name, content in await self._made():
                 ui.download.content(content, name)
@@ -100,7 +100,7 @@ class PlanFiles:
             self.told.tell("")
 
     async def save(self) -> None:
-        """Write the files into the work folder, under names that are free."""
+        """Write the files into the work folder, under unused names."""
         try:
             made = await self._made()
             names = self.site.folder.free_names([name for name, _ in made])

@@ -36,9 +36,9 @@ class PlanForm:
     Parameters
     ----------
     question : Question
-        What they show at first.
+        The initial request.
     changed : callable
-        Called with fields of the question.
+        Called with fields of the request.
     """
 
     def __init__(self, question: Question, changed: Callable[..., None]) -> None:
@@ -112,7 +112,7 @@ class PlanForm:
                 )
 
     def offer(self, region: dict[str, Any], zone: tzinfo) -> None:
-        """Offer what the region has."""
+        """Offer the choices of the region."""
         self._zone = zone
         for field in (self.depart, self.deadline, self.not_before):
             field.measure("UTC" if zone is UTC else f"{str(zone).rpartition('/')[2].replace('_', ' ')} time")
@@ -128,7 +128,7 @@ class PlanForm:
         self.if_undelivered.offer([("back", "to where it came from"), *stations])
 
     def show(self, question: Question) -> None:
-        """Show a question."""
+        """Show a request."""
         for name in ("start", "to", "payload", "drone", "window", "planner", "aim", "reserve", "soc", "wind", *AFTER):
             getattr(self, name).show(getattr(question, name))
         self.others.show("")
@@ -154,7 +154,7 @@ class PlanForm:
         return take
 
     def _takes_other(self, value: Any) -> None:
-        """Put one more planner beside; it stands below the form, where it can be taken back."""
+        """Add a planner for comparison; it is listed below the form, where it can be removed."""
         self.others.keep(str(value))
         if value:
             self._changed(others=tuple(dict.fromkeys((*self._others, str(value))))[-MAX_OTHERS:])

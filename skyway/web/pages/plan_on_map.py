@@ -21,11 +21,11 @@ ACTIONS = (
     {"name": "avoid", "words": "Do not land here", "station": True, "unlisted": "avoid"},
     {"name": "not_avoid", "words": "Landing here is fine again", "station": True, "listed": "avoid"},
 )
-"""What the menu of a place offers."""
+"""Menu of a place."""
 
 
 def chosen_there(q: Question, chosen: dict[str, Any]) -> Question:
-    """Return the question with what was chosen in the menu of a place."""
+    """Return the request with a choice from the menu of a place."""
     place = chosen.get("station") or f"{float(chosen['lat']):.5f},{float(chosen['lon']):.5f}"
     action = str(chosen.get("action"))
     if action in {"start", "to"}:
@@ -41,7 +41,7 @@ def chosen_there(q: Question, chosen: dict[str, Any]) -> Question:
 
 
 def stop_moved(q: Question, made: Sequence[str], old: str, new: str) -> Question:
-    """Return the question with a stop moved: the drone stops there, and does not land where it did; `made` are the stops of the plan."""
+    """Return the request with a stop moved: the drone stops there, and does not land at the old place; `made` are the stops of the plan."""
     stops = [new if one == old else one for one in q.stop_at]
     if new not in stops:
         stops = [new if one == old else one for one in made if one == old or one in q.stop_at]

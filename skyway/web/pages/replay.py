@@ -85,13 +85,13 @@ class ReplayPage:
         self._open()
 
     def uploaded(self, name: str) -> None:
-        """Show a log that has come."""
+        """Show an uploaded log."""
         self.files[0] = name
         self._list()
         self._open()
 
     def refused(self, why: str) -> None:
-        """Show why a file was refused."""
+        """Show the reason why a file was refused."""
         self.status.tell(why, wrong=True)
 
     def _open(self) -> None:

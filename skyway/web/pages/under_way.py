@@ -19,13 +19,13 @@ class UnderWay:
     Parameters
     ----------
     client : Client
-        Whose page it is; what is under way ends with it.
+        The browser's page; the calculation ends with it.
     again : callable
-        Begins again what was cancelled.
+        Starts the cancelled calculation again.
     words : str
-        Of the button that does so.
+        Text of its button.
     cancelled : callable
-        Returns what is told when a person has cancelled it.
+        Returns the text shown after a cancellation.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class UnderWay:
         client.on_delete(self.end)
 
     def begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        """Begin something; what was under way before ends, and can show nothing any more."""
+        """Start a calculation; the previous one ends, and can show nothing any more."""
         self.end()
         self._task = task = asyncio.create_task(work)
         task.add_done_callback(self._ended)
@@ -51,14 +51,14 @@ class UnderWay:
         self._offer("Cancel", self.cancel, data_keys="escape", title="Esc")
 
     def cancel(self) -> None:
-        """End it on the person's request; it can be started again."""
+        """End it at the person's request; it can be started again."""
         if self._task is not None:
             self.end()
             self.status.tell(f"Cancelled. {self._cancelled()}".strip())
             self._offer(self._words, self._again)
 
     def end(self) -> None:
-        """End it, and what works for it."""
+        """End it, and its workers."""
         task, self._task = self._task, None
         self._place.clear()
         if task is not None:

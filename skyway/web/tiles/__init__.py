@@ -1,1 +1,1 @@
-"""Base maps beneath the network: MBTiles, PMTiles, or a tile server that the operator names."""
+"""Base maps beneath the network: MBTiles, PMTiles, or a tile server named by the operator."""

@@ -37,7 +37,7 @@ class BaseMap:
     server : str or None
         Address of tiles on another host, with ``{z}``, ``{x}`` and ``{y}``. Browsers ask it by themselves.
     attribution : str
-        Who made it; empty is what the file says, or the name of the server.
+        Attribution; empty means that of the file, or the name of the server.
     """
 
     file: Path | None = None
@@ -53,7 +53,7 @@ class BaseMap:
 
     @property
     def origin(self) -> str | None:
-        """The other host that browsers may ask, as a content security policy names it; None where there is none."""
+        """The other host that browsers may contact, in the form of a content security policy; None if there is none."""
         if self.server is None:
             return None
         address = _address(self.server)
@@ -61,11 +61,11 @@ class BaseMap:
 
     @property
     def kind(self) -> str:
-        """``pictures`` or ``vectors``; empty where there is not a base map."""
+        """``pictures`` or ``vectors``; empty without a base map."""
         return str(self.about().get("kind", ""))
 
     def about(self) -> dict[str, Any]:
-        """Return what it covers: `low` and `high` zoom, `kind`, `url` of its tiles, and who made it; nothing where there is none."""
+        """Return its extent: `low` and `high` zoom, `kind`, `url` of its tiles, and attribution; empty if there is none."""
         if self.server is not None:
             address = _address(self.server)
             kind = VECTORS if address.path.lower().endswith(VECTOR_ENDINGS) else PICTURES
@@ -80,14 +80,14 @@ class BaseMap:
         return {"low": found.low, "high": found.high, "attribution": told, "kind": kind, "url": OWN}
 
     def tile(self, zoom: int, column: int, row: int) -> Tile | None:
-        """Return a tile of the file, rows counted from the north; None where there is none."""
+        """Return a tile of the file, rows counted from the north; None if there is none."""
         return (
             None if self.file is None or not on_map(zoom, column, row) else _opened(self.file).tile(zoom, column, row)
         )
 
 
 def _address(server: str) -> Any:
-    """Return the parts of a server's address; an `InputError` says what is wrong with it."""
+    """Return the parts of a server's address; an `InputError` describes its problem."""
     remedy = "such as https://tiles.example.org/{z}/{x}/{y}.png"
     try:
         address = urlsplit(server)

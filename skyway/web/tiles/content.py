@@ -6,23 +6,23 @@ from dataclasses import dataclass
 
 MAX_ZOOM = 24
 MAX_BYTES = 2 * 2**20
-"""Of one tile, as it is kept."""
+"""Size limit of a stored tile."""
 PICTURES, VECTORS = "pictures", "vectors"
 _PICTURES = ((b"\x89PNG", "image/png"), (b"\xff\xd8\xff", "image/jpeg"), (b"RIFF", "image/webp"))
-"""How a picture begins."""
+"""First bytes of a picture."""
 _GZIP = b"\x1f\x8b"
 _LAYER = 0x1A
-"""How vectors begin that are not compressed: field 3, a layer."""
+"""First byte of uncompressed vectors: field 3, a layer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A tile as a browser gets it."""
+    """A tile in the form for a browser."""
 
     media_type: str
     content: bytes
     encoding: str | None = None
-    """Of HTTP, where it is compressed."""
+    """Content encoding of HTTP, if it is compressed."""
 
     @property
     def kind(self) -> str:
@@ -31,7 +31,7 @@ class Tile:
 
 
 def recognized(content: object) -> Tile | None:
-    """Return a tile from what a file holds; None where it is neither a picture nor vectors, or too large."""
+    """Return a tile from the contents of a file; None if it is neither a picture nor vectors, or too large."""
     if not isinstance(content, bytes) or not content or len(content) > MAX_BYTES:
         return None
     picture = next((kind for begin, kind in _PICTURES if content.startswith(begin)), None)
@@ -44,5 +44,5 @@ def recognized(content: object) -> Tile | None:
 
 
 def on_map(zoom: int, column: int, row: int) -> bool:
-    """Whether there is such a tile in the world."""
+    """Whether such a tile exists in the world."""
     return 0 <= zoom <= MAX_ZOOM and 0 <= column < 1 << zoom and 0 <= row < 1 << zoom

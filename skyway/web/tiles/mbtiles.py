@@ -20,7 +20,7 @@ class MBTiles:
     low, high : int
         Least and greatest zoom.
     attribution : str
-        Who made it.
+        Attribution.
     first : Tile or None
         Any of its tiles.
     """
@@ -45,7 +45,7 @@ class MBTiles:
         self.first = recognized(some[0])
 
     def tile(self, zoom: int, column: int, row: int) -> Tile | None:
-        """Return a tile, rows counted from the north; None where there is none."""
+        """Return a tile, rows counted from the north; None if there is none."""
         wanted = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         try:  # rows count from the south there
             found = self._base.execute(wanted, (zoom, column, (1 << zoom) - 1 - row)).fetchone()

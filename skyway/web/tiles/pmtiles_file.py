@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 HEADER_BYTES = 127
 MAX_DIRECTORY = 4 * 2**20
-"""Bytes of a directory, unpacked; the format wants some 16 KiB packed."""
+"""Bytes of an unpacked directory; the format requires about 16 KiB packed."""
 DEEPEST = 4
 """Directories within directories."""
 
@@ -29,7 +29,7 @@ class PMTiles:
     low, high : int
         Least and greatest zoom.
     attribution : str
-        Who made it.
+        Attribution.
     first : Tile or None
         Any of its tiles.
     """
@@ -48,7 +48,7 @@ class PMTiles:
             told = json.loads(self._unpacked(self._header["metadata_offset"], self._header["metadata_length"]) or "{}")
             self.attribution = str(told.get("attribution", ""))[:300] if isinstance(told, dict) else ""
             self.first = self._any()
-        except Exception as error:  # the package raises what it happens to meet in a damaged file
+        except Exception as error:  # the package raises various errors for a damaged file
             remedy = "a file of PMTiles version 3, compressed with gzip"
             raise InputError(f"is not a PMTiles file: {error}", str(path), field="--map", remedy=remedy) from error
         if self._header["tile_compression"] not in {Compression.NONE, Compression.GZIP}:
@@ -58,7 +58,7 @@ class PMTiles:
             )
 
     def tile(self, zoom: int, column: int, row: int) -> Tile | None:
-        """Return a tile, rows counted from the north; None where there is none."""
+        """Return a tile, rows counted from the north; None if there is none."""
         from pmtiles.tile import find_tile, zxy_to_tileid
 
         wanted = zxy_to_tileid(zoom, column, row)
@@ -96,7 +96,7 @@ class PMTiles:
         return deserialize_directory(self._content[offset : offset + length])
 
     def _unpacked(self, offset: int, length: int) -> bytes:
-        """Return what is packed somewhere; refused where it grows beyond what a directory may have."""
+        """Return unpacked data; refused if they exceed the limit of a directory."""
         unpacking = zlib.decompressobj(wbits=31)
         found = unpacking.decompress(self._content[offset : offset + min(length, MAX_DIRECTORY)], MAX_DIRECTORY)
         if not unpacking.eof:

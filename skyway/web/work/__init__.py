@@ -1,1 +1,1 @@
-"""Calculations for the pages, in separate processes: no module here knows NiceGUI."""
+"""Calculations for the pages, in separate processes: no module here depends on NiceGUI."""

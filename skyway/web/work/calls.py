@@ -12,26 +12,26 @@ from skyway.web.work.weather_and_zones import Given, give
 
 
 def begin(what: Given) -> None:
-    """Begin a process: it knows what the page was started with, and leaves Ctrl-C to the server, which ends it. It ends with the server, too."""
+    """Start a process: it gets the options of the page, and leaves Ctrl-C to the server, which ends it. It ends with the server, too."""
     begin_worker()
     give(what)
 
 
 def prepare(scenario: str | None) -> None:
-    """Load what the map and planning need, before anybody waits for it."""
+    """Load the data of the map and of planning before the first request."""
     from skyway.web.work.region import region
 
     try:
         region(scenario)
         import_module("skyway.web.work.planned")
     except SkywayError:
-        return  # who asks for it is told
+        return  # the request that needs it reports the error
 
 
 def call(name: str, arguments: tuple[Any, ...]) -> Any:
-    """Return what ``module.function`` of this room answers; a `SkywayError` as a value, since not all can be sent as errors.
+    """Return the result of ``module.function`` of this room; a `SkywayError` as a value, since not all can be sent as errors.
 
-    What nobody foresaw is told so, too: one file that does so takes nothing else with it.
+    Unexpected errors are returned, too: a file that causes one does not affect anything else.
     """
     module, _, function = name.partition(".")
     try:

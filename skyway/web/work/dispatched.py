@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 MOST_ROWS = 200
-"""Drones and pads that are drawn; all are in the tables."""
+"""Number of drones and pads that are drawn; all are in the tables."""
 LATE_S = 60.0
 """A flight that is later behind its plan is an alarm."""
 SHOWN = 1.645
@@ -28,7 +28,7 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
     with open_ledger(ledger) as book:
         status = status_of(Desk(book, holder))
     document = document_of(status)
-    for one in document["drones"]:  # a drone that stands is where its station is
+    for one in document["drones"]:  # a standing drone is at its station
         if one["lat"] is None:
             one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
     return document | {
@@ -54,7 +54,7 @@ def _places(scenario: str | None) -> dict[str, tuple[float | None, float | None]
 
 
 def _alarms(status: Status) -> list[str]:
-    """What needs a person, the worst first."""
+    """Alarms that require a person, the worst first."""
     running = status.state != "ended"
     found = ["no dispatcher runs: start it again with the same ledger"] if running and not status.led else []
     found += [
@@ -85,7 +85,7 @@ def _bars(steps: tuple[PlanStep, ...], what: str, state: str) -> list[dict[str, 
 
 
 def _doing(status: Status) -> list[dict[str, Any]]:
-    """What each drone does when: the flight under way, and what is planned after it."""
+    """Timeline of each drone: the current flight, and the planned ones after it."""
     rows = []
     for name, (state, drone) in list(status.drones.items())[:MOST_ROWS]:
         flight = status.flights.get(drone.flight or "")
@@ -97,7 +97,7 @@ def _doing(status: Status) -> list[dict[str, Any]]:
 
 
 def _booked(status: Status) -> list[dict[str, Any]]:
-    """From when until when each pad is held, and by whom; with the time in which nine of ten drones come and leave."""
+    """Intervals in which each pad is held, and the holder; with the time in which nine of ten drones arrive and leave."""
     rows: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for hold in status.holds:
         one = hold.window

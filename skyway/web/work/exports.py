@@ -70,7 +70,7 @@ def export(
 
 
 def opened(path: str) -> dict[str, Any]:
-    """Read a plan file: the plan, and what was asked as fields of a question."""
+    """Read a plan file: the plan, and its request as fields of a question."""
     from skyway.models.composition.file import load, to_json
 
     composition = load(path)

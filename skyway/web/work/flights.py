@@ -9,7 +9,7 @@ from typing import Any
 from skyway.models.base.errors import SkywayError
 
 LINES = 12
-"""Of a journal that are shown, the newest."""
+"""Number of entries of a journal that are shown, the newest."""
 
 
 def standing(root: str, names: list[tuple[str, float, int]]) -> list[dict[str, Any]]:

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from skyway.report.flight_report import Result
 
 HEAD = 4096
-"""Bytes of a page that tell what wrote it, and its title."""
+"""Bytes of a page with its generator and its title."""
 _WRITTEN = '<meta name="generator" content="skyway report">'
 _TITLE = re.compile(r"<title>([^<]*)</title>")
 GAP_S = 60.0
-"""Samples further apart in time do not tell the way between them."""
+"""The way between samples further apart in time is unknown."""
 
 
 def told(root: str, names: list[tuple[str, float]]) -> list[dict[str, Any]]:
@@ -74,7 +74,7 @@ def reports(root: str, names: list[str]) -> list[dict[str, str]]:
 
 
 def _kept(promised_s: float | None, arrived_s: float | None, outcome: Result) -> bool | None:
-    """Whether a promise was kept; one that was given and not delivered was not, one under way is not known yet."""
+    """Whether a promise was kept; not if the delivery failed, unknown while it is in progress."""
     if promised_s is None or not outcome.ended:
         return None
     return outcome.delivered and arrived_s is not None and arrived_s <= promised_s
@@ -97,7 +97,7 @@ def flown(track: dict[str, list[Any]]) -> tuple[float, float, float]:
 
 
 def report(path: str, scenario: str | None) -> bytes:
-    """Return the report of a journal as ``skyway report`` writes it: a page of HTML that needs nothing else."""
+    """Return the report of a journal, as ``skyway report`` writes it: a self-contained HTML page."""
     from skyway.report.report import write_report
     from skyway.web.work.region import loaded
 
@@ -108,6 +108,6 @@ def report(path: str, scenario: str | None) -> bytes:
 
 
 def energy_per_km(rows: list[dict[str, Any]]) -> float | None:
-    """Return Wh per km flown, where the power is known."""
+    """Return Wh per km flown, if the power is known."""
     way_km = sum(row["measured_m"] for row in rows) / 1000.0
     return sum(row["energy_j"] for row in rows) / J_PER_WH / way_km if way_km > 0.0 else None

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
 
 MOST_ITEMS = 2000
-"""Items that are listed."""
+"""Number of items that are listed."""
 CIRCLE = 48
-"""Corners that a circle is drawn with."""
+"""Number of corners of a drawn circle."""
 
 
 def shown(path: str, scenario: str | None, asked: dict[str, str]) -> dict[str, Any]:
-    """Return a mission and what `skyway check` finds of it; `asked` has drone, autopilot, wind, payload, soc, reserve, and whether in the scenario."""
+    """Return a mission and the findings of `skyway check`; `asked` has drone, autopilot, wind, payload, soc, reserve, and whether in the scenario."""
     document = read(Path(path))
     report = _report(document, scenario, asked)
     route = fly(document.mission)
@@ -119,7 +119,7 @@ def _area(area: Any) -> dict[str, Any]:
 
 
 def converted(path: str, suffix: str, asked: dict[str, str] | None, scenario: str | None) -> dict[str, Any]:
-    """Return a mission in a format: its files, and what that cannot contain; with `asked` the certain findings are fixed first."""
+    """Return a mission in a format: its files, and the losses of that format; with `asked` the certain findings are fixed first."""
     document = read(Path(path))
     told: tuple[str, ...] = ()
     if asked is not None:

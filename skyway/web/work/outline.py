@@ -1,4 +1,4 @@
-"""The outline under the network: coast, water and streets, from a GeoJSON that the operator gives."""
+"""The outline under the network: coast, water and streets, from a GeoJSON file given by the operator."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from skyway.models.network.geojson import features, read_geojson
 
 MAX_POINTS = 400_000
 WATER = ("water", "sea", "ocean", "lake", "river", "bay", "coastline")
-"""Words that make a shape water, in any of its `PROPERTIES`."""
+"""Words that mark a shape as water, in any of its `PROPERTIES`."""
 PROPERTIES = ("kind", "natural", "class", "type", "water", "waterway")
 STREETS = ("highway", "class", "kind", "type")
-"""Properties that say what a street is: motorway, primary, path."""
+"""Properties with the kind of a street: motorway, primary, path."""
 DEEPEST = 20
 """Collections within collections."""
 
 
 def shapes(path: str) -> dict[str, Any]:
-    """Return the shapes of a file: ``kind`` (water, land or street), ``words`` that say which street, ``closed``, and ``rings`` of longitude and latitude.
+    """Return the shapes of a file: ``kind`` (water, land or street), ``words`` with the kind of street, ``closed``, and ``rings`` of longitude and latitude.
 
-    It is read again where it has changed.
+    It is read again if it has changed.
     """
     return _shapes(path, Path(path).stat().st_mtime_ns if Path(path).is_file() else 0)
 

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from skyway.planner.result import PlanResult
 
 TIME_LIMIT_S = 60.0
-"""Of planners that look for the best, as of the command: a shorter one would give another plan on a busy machine."""
+"""Time limit of planners that search for the best, as in the command: a shorter one would give another plan on a busy machine."""
 BINS = 48
-"""Of the distribution of the arrival."""
+"""Number of bars of the distribution of the arrival."""
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Quantiles of the charge."""
 
@@ -52,7 +52,7 @@ LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 def plan(scenario: str | None, asked: dict[str, Any], timezone: str | None = None) -> dict[str, Any]:
     """Return the plan for a question as a document, and those of other planners. Raises a `SkywayError` with the reason if there is none.
 
-    A planner beside it that has none says why in ``without``. Times are told in a zone, or in the region's own.
+    The failure of a planner for comparison is in ``without``. Times are shown in a zone, or in the region's own.
     """
     question = msgspec.convert(asked, Question)
     world = loaded(scenario)
@@ -115,7 +115,7 @@ def _solved(
 
 
 def _spending(c: Composition) -> list[dict[str, str]]:
-    """Cost of a delivery in words; nothing where the scenario has no prices."""
+    """Cost of a delivery in words; empty if the scenario has no prices."""
     if c.costs is None:
         return []
     parts = (("energy", c.costs.energy), ("pads", c.costs.pad_fees), ("refill", c.costs.refill), ("wear", c.costs.wear))
@@ -181,7 +181,7 @@ def _path(result: PlanResult) -> list[list[list[float]]]:
 
 
 def _bars(result: PlanResult) -> list[dict[str, Any]]:
-    """What the drone does in the typical schedule, one after the other: fly, wait, charge, hold; POSIX seconds."""
+    """Actions of the drone in the typical schedule, in order: fly, wait, charge, hold; POSIX seconds."""
     c = result.composition.there_and_back
     stops = list(c.stops)
     found: list[dict[str, Any]] = []
@@ -205,7 +205,7 @@ def _bars(result: PlanResult) -> list[dict[str, Any]]:
 
 
 def _arrivals(result: PlanResult) -> dict[str, Any] | None:
-    """Share of the simulated deliveries by arrival; the last twentieth of a percent is left out of the picture."""
+    """Share of the simulated deliveries by arrival; the last twentieth of a percent is not drawn."""
     outcome = result.outcome
     if not len(outcome.weight) or float(np.ptp(outcome.arrival_s)) < 1.0:
         return None
@@ -228,7 +228,7 @@ def _arrivals(result: PlanResult) -> dict[str, Any] | None:
 def _charge(result: PlanResult) -> dict[str, Any]:
     """Charge at the take-off and the landing of each leg, the way back too: in the typical schedule, and quantiles of the simulated deliveries.
 
-    They end with the delivery: of the way back there is the schedule alone.
+    The quantiles end with the delivery: of the way back there is only the schedule.
     """
     legs = result.composition.there_and_back.services
     fan = charge_by_leg(result, LEVELS)
@@ -247,7 +247,7 @@ def _charge(result: PlanResult) -> dict[str, Any]:
 
 
 def _heights(composition: Composition) -> list[dict[str, Any]]:
-    """Heights of the legs over terrain; nothing where the ground is unknown below them."""
+    """Heights of the legs over terrain; empty if the ground is unknown below them."""
     found = []
     for leg in composition.there_and_back.services:
         if leg.heights is not None:

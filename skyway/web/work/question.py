@@ -16,11 +16,11 @@ ROBUST = "robust"
 OF_SCENARIO = "scenario"
 """Pads of the scenario that the page was started with."""
 MOST_PLANS = 4
-"""Plans beside each other."""
+"""Number of plans side by side."""
 
 
 class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A delivery to be planned; every value as it is typed."""
+    """A delivery to be planned; every value as typed."""
 
     start: str = ""
     to: str = ""
@@ -31,16 +31,16 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     window: str = ""
     """Choose the best departure within this time: 90min, 2h."""
     deadline: str = ""
-    """With UTC offset: the plan is the one most probably on time; empty is the soonest on average."""
+    """With UTC offset: optimise the probability of arrival by then; empty optimises the mean arrival."""
     not_before: str = ""
-    """With UTC offset: the package does not arrive before; empty is at any time."""
+    """With UTC offset: earliest arrival of the package; empty means any time."""
     aim: str = ""
-    """Objective as it is typed on a command line; a deadline goes before it. Empty is the soonest on average."""
+    """Objective as on a command line; a deadline has precedence. Empty optimises the mean arrival."""
     drone: str = ""
-    """Empty lets the planner choose."""
+    """Empty leaves the choice to the planner."""
     planner: str = ROBUST
     others: tuple[str, ...] = ()
-    """Planners whose plans are shown beside it; the first three."""
+    """Planners for comparison; the first three."""
     alternatives: int = 3
     """Largest number of plans by `robust`, the best one included."""
     reserve: str = "20"
@@ -55,7 +55,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     dwell: str = ""
     """Time at the target: 5min."""
     if_undelivered: str = ""
-    """Where the package goes that cannot be delivered: back, a station; empty keeps nothing for it."""
+    """Destination of a package that cannot be delivered: back, a station; empty keeps no reserve for it."""
     avoid: tuple[str, ...] = ()
     """Stations not to land at, and segments, as FROM:TO, not to fly."""
     stop_at: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     @classmethod
     def of_address(cls, query: dict[str, str]) -> Question:
-        """Return what the address of the page asks; what it does not know counts as not asked."""
+        """Return the request in the address of the page; unknown fields are ignored."""
         usual = msgspec.to_builtins(cls())
         found: dict[str, Any] = {}
         for name, value in query.items():
@@ -78,7 +78,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return msgspec.convert(found, cls)
 
     def address(self) -> str:
-        """Return an address of the page that asks the same: it can be kept and sent."""
+        """Return an address of the page with the same request: it can be stored and sent."""
         usual = Question()
         given = {
             name: " ".join(value) if isinstance(value, tuple) else value
@@ -102,16 +102,16 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         )  # fmt: skip
 
     def conditions(self) -> dict[str, Any]:
-        """Return when and in which wind: fields of `skyway.planning.Conditions`."""
+        """Return departure and wind: fields of `skyway.planning.Conditions`."""
         return {"depart": self.depart.strip() or None, "wind": self.wind.strip() or None, "avoid": list(self.avoid)}
 
     @property
     def objective(self) -> str:
-        """As ``--objective`` takes it."""
+        """In the form of ``--objective``."""
         return f"on-time {self.deadline.strip()}" if self.deadline.strip() else self.aim.strip() or "mean"
 
     def command(self, scenario: str | None, planner: str | None = None) -> str:
-        """Return the command that plans the same, for a shell."""
+        """Return the equivalent planning command, for a shell."""
         words = ["skyway", "plan", *([] if scenario is None else [scenario])]
         words += ["--from", self.start.strip(), "--to", self.to.strip(), "--payload", _point(self.payload)]
         named = {
@@ -136,7 +136,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Put(msgspec.Struct, frozen=True):
-    """A pad where a person has put it."""
+    """A pad at a place chosen by a person."""
 
     id: str
     lat: float
@@ -144,7 +144,7 @@ class Put(msgspec.Struct, frozen=True):
 
 
 class Cut(msgspec.Struct, frozen=True, kw_only=True):
-    """A mission to be cut; every value as it is typed, files by their paths."""
+    """A mission to be cut; every value as typed, files by their paths."""
 
     mission: str = ""
     pads: str = ""
@@ -169,7 +169,7 @@ class Cut(msgspec.Struct, frozen=True, kw_only=True):
     reorder: bool = False
 
     def command(self, scenario: str | None, pads: str, folder: str) -> str:
-        """Return the command that does the same; `pads` is the file that the pads are saved in."""
+        """Return the equivalent command; `pads` is the file in which the pads are saved."""
         words = ["skyway", "recharge", self.mission]
         named = {
             "--pads": (scenario or "newyork") if pads == OF_SCENARIO else pads, "--vans": self.vans, "--drone": self.drone,
@@ -197,17 +197,17 @@ def number(text: str, option: str) -> float:
 
 
 def _point(text: str) -> str:
-    """Return a number as the command line takes it: with a point."""
+    """Return a number in the form of the command line: with a point."""
     return text.strip().replace(",", ".")
 
 
 def pads() -> Pads:
-    """Known state of the pads: given on the page, else by the scenario."""
+    """Known state of the pads: given on the page, otherwise by the scenario."""
     return Pads(pads=given().pads or None)
 
 
 def conditions(question: Question, scenario: str | None) -> Conditions:
-    """Return when, where and in which wind."""
+    """Return time, place and wind."""
     from pathlib import Path
 
     return Conditions(

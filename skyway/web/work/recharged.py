@@ -35,7 +35,7 @@ MOST_PADS = 2000
 
 
 def _asked(question: Cut, scenario: str | None, pads: Path | None) -> Asked:
-    """Return it as ``skyway recharge`` has it."""
+    """Return the form of ``skyway recharge``."""
     return Asked(
         pads=Path(scenario or "newyork") if question.pads == OF_SCENARIO else pads,
         vans=Path(question.vans) if question.vans else None,
@@ -67,7 +67,7 @@ def _whole(text: str, option: str) -> int:
 
 
 def places(scenario: str | None, told: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the pads of a question for the map, those that were put somewhere too."""
+    """Return the pads of a request for the map, including moved and new ones."""
     question = msgspec.convert(told, Cut)
     if question.pads == OF_SCENARIO:
         region = region_of(_asked(question, scenario, None))
@@ -82,7 +82,7 @@ def places(scenario: str | None, told: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _stations(question: Cut) -> tuple[Station, ...]:
-    """Return the pads of a file, moved as they were, and new ones; of a place that was chosen the height of the ground is unknown."""
+    """Return the pads of a file with their moves, and new ones; at a chosen place the height of the ground is unknown."""
     if question.pads == OF_SCENARIO:
         raise InputError("the pads of a scenario stay where they are", field="--pads", remedy="take a file of stations")
     known = {one.id: one for one in read_stations(Path(question.pads))} if question.pads else {}
@@ -103,7 +103,7 @@ def shown(scenario: str | None, told: dict[str, Any]) -> dict[str, Any]:
 
 
 def saved(scenario: str | None, told: dict[str, Any], root: str, folder: str, pads: str) -> list[str]:
-    """Write the folder of a cut mission into another, and the file of its pads where any was moved; return what was written."""
+    """Write the folder of a cut mission into another, and the file of its pads if any was moved; return the written files."""
     question = msgspec.convert(told, Cut)
     written = []
     if question.put:
@@ -127,7 +127,7 @@ def packed(scenario: str | None, told: dict[str, Any], name: str) -> bytes:
 
 
 def _pads_file(question: Cut, folder: Path) -> Path | None:
-    """Return the file that the pads are read from: the one that is named, or one with those that were moved."""
+    """Return the file of the pads: the named one, or one with the moved pads."""
     if not question.put:
         return Path(question.pads) if question.pads else None
     path = folder / "pads.csv"
@@ -152,7 +152,7 @@ def _made(
 
 
 def _document(found: Recharged, summary: RechargeSummary) -> dict[str, Any]:
-    """Flights as lines, bars and charge, beside what ``skyway recharge`` tells."""
+    """Flights as lines, bars and charge, in addition to the output of ``skyway recharge``."""
     bars, legs, lines = [], [], []
     for flight, made in zip(summary.flights, found.told, strict=True):
         steps = fly(made.document.mission, autopilot=family_named(next(iter(found.flights)))).steps

@@ -32,7 +32,7 @@ ARROWS = 8
 HEIGHTS = 240
 """Heights of the ground across the region, each way."""
 HOURS = 24
-"""Of wind and queues that the page shows."""
+"""Number of hours of wind and queues on the page."""
 
 
 def loaded(scenario: str | None) -> Scenario:
@@ -85,7 +85,7 @@ def region(scenario: str | None) -> dict[str, Any]:
 def ground(scenario: str | None) -> dict[str, Any]:
     """Return heights of the ground over the region, rows from the north at equal distances on a Mercator map; nothing without terrain.
 
-    Heights are metres above mean sea level, None where the model has none.
+    Heights are metres above mean sea level, None if the model has none.
     """
     world = loaded(scenario)
     if world.network.over is None:
@@ -131,7 +131,7 @@ def _zones(network: Network, middle: float, top_m: float) -> list[dict[str, Any]
 
 
 def _highest_m(scenario: str | None, network: Network) -> float:
-    """Highest ground of the region as far as it is known; infinite where that of a station is not."""
+    """Highest ground of the region as far as known; infinite if that of a station is unknown."""
     heights = [math.inf if one.elevation_m is None else one.elevation_m for one in network.stations]
     known: list[float] = [one for one in ground(scenario).get("heights_m", ()) if one is not None]
     return max([*heights, *known])
@@ -207,7 +207,7 @@ def _grid(network: Network) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def queues(scenario: str | None, conditions: dict[str, Any], hours: int = HOURS) -> dict[str, Any]:
-    """Return what a drone meets at each station with pads, hour by hour: expected wait, s, and probability of a free pad."""
+    """Return the queue at each station with pads, hour by hour: expected wait, s, and probability of a free pad."""
     world = loaded(scenario)
     start_s = Conditions(**conditions).instant.timestamp()
     stations = [i for i, one in enumerate(world.network.stations) if one.pads > 0]

@@ -19,7 +19,7 @@ MOST_ROWS = 20_000
 """Rows that a browser gets; of longer logs each second, third … row."""
 MOST_EVENTS = 2_000
 FIRST_S, LAST_S = 0.0, 253_370_764_800.0
-"""POSIX seconds of 1970 and of 9999: what a log dates otherwise has no date."""
+"""POSIX seconds of 1970 and of 9999: times of a log outside these have no date."""
 NAMES = (
     "time_s",
     "lat",
@@ -33,7 +33,7 @@ NAMES = (
     "wind_sigma_mps",
     "health",
 )
-"""Columns of the document. Winds blow TO; `health` is 1 where the wind filter is consistent, 0 where not."""
+"""Columns of the document. Winds blow TO; `health` is 1 if the wind filter is consistent, 0 if not."""
 
 
 def shown(path: str) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def shown(path: str) -> dict[str, Any]:
 
 
 def _log(file: Path) -> dict[str, Any]:
-    """Go through a log as ``skyway replay`` does."""
+    """Process a log as ``skyway replay`` does."""
     from skyway.link.logs.reader import open_log
     from skyway.link.replay.replay import replay
 
@@ -116,7 +116,7 @@ def _document(
 ) -> dict[str, Any]:
     count = len(columns["time_s"])
     begin_s = float(columns["time_s"][0])
-    dated = absolute and all(FIRST_S <= float(columns["time_s"][at]) < LAST_S for at in (0, -1))  # else a clock lies
+    dated = absolute and all(FIRST_S <= float(columns["time_s"][at]) < LAST_S for at in (0, -1))  # else: wrong clock
     rows = {
         name: _plain(columns.get(name, np.full(count, np.nan)), 7 if name in {"lat", "lon"} else 3) for name in NAMES
     }

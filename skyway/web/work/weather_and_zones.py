@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 _FILES = ("forecast", "zones")
-"""What is a path, and no text, for `skyway.planning.Conditions`."""
+"""Fields of `skyway.planning.Conditions` that are paths, not texts."""
 
 
 class Given(msgspec.Struct, frozen=True, kw_only=True):
@@ -24,7 +24,7 @@ class Given(msgspec.Struct, frozen=True, kw_only=True):
     authorized: tuple[str, ...] = ()
 
     def words(self, command: str = "plan") -> list[str]:
-        """Return the equivalent options of a command; `fly` takes its forecast error, its pads and its authorizations otherwise."""
+        """Return the equivalent options of a command; `fly` has different options for forecast error, pads and authorizations."""
         names = ("forecast", "observed", "terrain", "obstacles", "zones")
         found = [word for name in names for one in getattr(self, name) for word in (f"--{name}", one)]
         if command == "plan":
@@ -34,11 +34,11 @@ class Given(msgspec.Struct, frozen=True, kw_only=True):
         return found
 
     def region(self) -> dict[str, Any]:
-        """Return those that belong to the scenario, as fields of `skyway.planning.Conditions`."""
+        """Return those of the scenario, as fields of `skyway.planning.Conditions`."""
         return self._fields("terrain", "obstacles", "zones", "authorized")
 
     def weather(self) -> dict[str, Any]:
-        """Return those that say which wind blows, likewise."""
+        """Return those of the wind, likewise."""
         error = {"forecast_error": Path(self.forecast_error)} if self.forecast_error else {}
         return self._fields("forecast", "observed") | error
 
@@ -56,5 +56,5 @@ def given() -> Given:
 
 
 def give(what: Given) -> None:
-    """Give them to this process, at its start."""
+    """Set them for this process, at its start."""
     _now[0] = what

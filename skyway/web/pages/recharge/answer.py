@@ -55,7 +55,7 @@ def pictures(found: dict[str, Any]) -> str:
 
 
 def flights(found: dict[str, Any]) -> str:
-    """Each flight: how far the work is done, where it lands, how long it charges; a button of each shows where the work is left."""
+    """Each flight: progress of the work, landing pad, charging time; a button of each shows where the work is left."""
     rows = []
     for one in found["summary"]["flights"]:
         left, stay = one["left_at"], one["stay"]
@@ -92,7 +92,7 @@ def flights(found: dict[str, Any]) -> str:
 
 
 def notes(found: dict[str, Any]) -> str:
-    """Gain from the order of the parts, decisions on the way, and notes."""
+    """Gain from the order of the parts, decisions in flight, and notes."""
     told = found["summary"]
     said = [f"skyway fly decides {line}" for line in told["decided_on_the_way"]] + list(told["notes"])
     return f"<h2>Notes</h2><ul class='notes'>{''.join(f'<li>{safe(one)}</li>' for one in said)}</ul>" if said else ""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from skyway.web.work.question import Cut
 
 PADS = (".csv", ".geojson")
-"""Endings of files of pads."""
+"""Suffixes of pad files."""
 
 
 class CutForm:
@@ -30,17 +30,17 @@ class CutForm:
     Parameters
     ----------
     folder : Folder
-        Whose files are offered.
+        The folder whose files are offered.
     asked : Cut
-        What they show at first.
+        The initial request.
     changed : callable
-        Called with fields of the question.
+        Called with fields of the request.
     put : callable
-        Called with the name of a pad, empty for a new one, and where it was put: latitude and longitude.
+        Called with the name of a pad, empty for a new one, and its new place: latitude and longitude.
     wrong : callable
-        Told what cannot be taken.
+        Called with errors of the input.
     undos : Undo
-        Its buttons stand here.
+        Its buttons are here.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class CutForm:
         self._changed(**{name: value if isinstance(value, bool) else str(value)[:300]})
 
     def uploaded(self, name: str) -> None:
-        """Take a file that has come: a mission, or pads."""
+        """Use an uploaded file: a mission, or pads."""
         self.offer_files()
         self._changed(**{"pads" if name.lower().endswith(PADS) else "mission": name})
 
     def put(self) -> None:
-        """Put a pad where it was typed."""
+        """Put a pad at the typed place."""
         place = parse_position(str(self._place).strip()[:200])
         if place is None:
             self._wrong("A place is written lat,lon: 47.3978,8.545")
@@ -109,7 +109,7 @@ class CutForm:
             self._put(str(self._pad)[:200], *place)
 
     def show(self, asked: Cut) -> None:
-        """Show a question."""
+        """Show a request."""
         self._asked = asked
         for name, field in self._fields.items():
             field.show(getattr(asked, name))
@@ -130,5 +130,5 @@ class CutForm:
         self._fields["drone"].offer([("", "assume M200 V2"), *((one, one) for one in names)])
 
     def offer_pads(self, names: Sequence[str]) -> None:
-        """Offer the pads that can be put elsewhere."""
+        """Offer the pads that can be moved."""
         self._which.offer([("", "a new one"), *((one, one) for one in names)])

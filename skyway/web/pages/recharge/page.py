@@ -103,10 +103,10 @@ class RechargePage:
     def _wrong(self, why: str) -> None:
         self.status.tell(why, wrong=True)
 
-    # what is asked
+    # the request
 
     def changed(self, **values: Any) -> None:
-        """Ask a new question; earlier ones remain available."""
+        """Make a new request; earlier ones remain available."""
         asked = msgspec.structs.replace(self.asked, **values)
         if asked.pads != self.asked.pads:
             asked = msgspec.structs.replace(asked, put=())
@@ -120,7 +120,7 @@ class RechargePage:
         self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:
-        """Take what was chosen on the map."""
+        """Use a choice on the map."""
         if chosen.get("action") == "pad":
             self._put("", float(chosen["lat"]), float(chosen["lon"]))
         elif chosen.get("action") == "back":
@@ -140,22 +140,22 @@ class RechargePage:
         self.changed(put=(*others, Put(name, round(lat, 7), round(lon, 7))))
 
     def take_back(self, name: str) -> None:
-        """Put a pad back to where its file has it; one that was new goes."""
+        """Return a pad to its place in the file; a new one is removed."""
         self.changed(put=tuple(one for one in self.asked.put if one.id != name))
 
-    # the answer
+    # the result
 
     def _begin_answer(self) -> None:
         self.at_work.begin(self._answer())
 
     def _cancelled(self) -> str:
-        """Show nothing of what was cut before: it is not what is asked."""
+        """Clear the previous result: it does not belong to the request."""
         self.found = None
         self._draw()
         return ""
 
     def _builtins(self) -> dict[str, Any]:
-        """What is asked as a worker wants it: with the paths of files."""
+        """The request in the form for a worker: with the paths of files."""
         asked: dict[str, Any] = msgspec.to_builtins(self.asked)
         for name in ("mission", "pads", "vans"):
             if asked[name] and asked[name] != OF_SCENARIO:
@@ -198,13 +198,13 @@ class RechargePage:
             self._draw()
 
     async def _show_mission(self, asked: dict[str, Any]) -> None:
-        """Show the mission as it is where it could not be cut: pads are put beside it."""
+        """Show the original mission if it could not be cut, so that pads can be added."""
         if not asked["mission"]:
             return
         try:
             plain = await self.site.workers.ask("missions.shown", asked["mission"], self.site.scenario, {})
         except SkywayError:
-            return  # what hinders it was told
+            return  # the reason was already reported
         lines = [leg["points"] for leg in plain["legs"]]
         self._on_map(lines, plain["home"], [])
 
@@ -260,17 +260,17 @@ class RechargePage:
             if str(one["number"]) == str(event.args) and one["left_at"]:
                 self.map.put(centre=[one["left_at"]["lat"], one["left_at"]["lon"]])
 
-    # what is saved
+    # saving
 
     def _folder_name(self) -> str:
         return safe_name(self.folder or f"{Path(self.asked.mission).stem}-batteries")
 
     def _pads_name(self) -> str:
-        """Name of the file that the pads are in, or will be saved in where any was moved."""
+        """Name of the file of the pads, or of the file in which they will be saved if any was moved."""
         return f"{self._folder_name()}-pads.csv" if self.asked.put else self.asked.pads
 
     async def save(self) -> None:
-        """Write the folder, and the pads where any was moved."""
+        """Write the folder, and the pads if any was moved."""
         wanted = self._folder_name()
         try:
             folder, pads = self.site.folder.free_names([wanted, f"{wanted}-pads.csv"])
@@ -285,7 +285,7 @@ class RechargePage:
         self.kept.tell(f"saved {', '.join(made)}; flown by: skyway fly {folder} --connect CONNECTION")
 
     async def download(self) -> None:
-        """Hand the folder to the browser, as a ZIP file."""
+        """Send the folder to the browser, as a ZIP file."""
         name = self._folder_name()
         try:
             content = await self.site.workers.ask("recharged.packed", self.site.scenario, self._builtins(), name)
