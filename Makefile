@@ -13,7 +13,7 @@ $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	@echo "compiling the modules and the kernels, once: about a minute"
+	@echo "compiling the modules and the kernels, once: two to five minutes"
 	@$(BIN)/python -m compileall -q link missions models planner sim_stub skyway
 	@$(BIN)/python build_kernels.py models/jit > $(VENV)/kernels.log 2>&1 \
 		|| echo "no library of kernels (no C compiler? see $(VENV)/kernels.log): each is compiled when it is first called"
