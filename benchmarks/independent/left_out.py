@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.information import LEVELS
-from benchmarks.independent.product import planning
+from benchmarks.independent.product import planning, promise
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days
 from benchmarks.independent.study import Study, orders
@@ -56,7 +56,7 @@ def flown(study: Study, order: Order, chosen: Sequence[World], longest_s: float)
         if world.kept_back not in simulated:
             plan = planning.planned(study.city, order, (), world.kept_back)
             short = plan is not None and plan.promise.mean_s <= longest_s
-            simulated[world.kept_back] = planning.simulated(plan, study.days) if plan is not None and short else None
+            simulated[world.kept_back] = promise.simulated(plan, study.days) if plan is not None and short else None
         promised = simulated[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "flown": promised is not None}
         if promised is not None:

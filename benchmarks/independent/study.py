@@ -15,6 +15,7 @@ from benchmarks.independent.build import setting_for
 from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.information import Order
 from benchmarks.independent.product import planning, policies
+from benchmarks.independent.product.promise import promised
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.screening import chosen
 from benchmarks.independent.telling import reports
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from benchmarks.independent.information import Policy
+    from benchmarks.independent.product.promise import Promise
     from benchmarks.independent.worlds import World
 
 PLANNERS: dict[str, Callable[[planning.Planned], Policy]] = {
@@ -90,7 +92,7 @@ def written(text: str) -> Order:
 def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
     """Fly one order in several worlds; plans for the same sites are made once. JSON documents: one a world, or one a world and day."""
     days = planning.days_for(study.city, order, study.days, study.seed)
-    plans: dict[str, tuple[planning.Planned, planning.Promise] | None] = {}
+    plans: dict[str, tuple[planning.Planned, Promise] | None] = {}
     of_run = [day for day in days for _ in range(study.runs)]
     shift = np.array([planning.shift_s(study.city, order, day) for day in of_run])
     seeds: list[tuple[int, ...]] = [
@@ -105,7 +107,7 @@ def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[d
     for world in worlds:
         if world.kept_back not in plans:
             plan = planning.planned(study.city, order, days, world.kept_back)
-            plans[world.kept_back] = None if plan is None else (plan, planning.promised(plan, study.flown_runs))
+            plans[world.kept_back] = None if plan is None else (plan, promised(plan, study.flown_runs))
         found = plans[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
         if found is not None:
@@ -128,7 +130,7 @@ def _flown_now(
     document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": plan is not None}
     if plan is None:
         return document
-    promise = planning.promised(plan, study.flown_runs)
+    promise = promised(plan, study.flown_runs)
     return document | _flown(study, world, order, plan, promise, drawn)
 
 
@@ -137,7 +139,7 @@ def _flown(
     world: World,
     order: Order,
     plan: planning.Planned,
-    promise: planning.Promise,
+    promise: Promise,
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
 ) -> dict[str, Any]:
     of_run, shift, seeds = drawn

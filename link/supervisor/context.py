@@ -191,7 +191,7 @@ class Context:
         """Telemetry is requested again from a vehicle that has restarted."""
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
-            self.link.slowed = False
+            self.link.restarted()
             self.note(
                 Rebooted(), "the drone has restarted: it is identified, checked and uploaded again before it takes off"
             )

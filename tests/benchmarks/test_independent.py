@@ -15,7 +15,7 @@ from benchmarks.independent.weather import profile, reports, series, turbulence,
 
 FOLDER = Path(craft.__file__).parents[1]
 DOOR = "product"
-RUNNERS = {"study.py", "verdict.py", "__main__.py"}
+RUNNERS = {"study.py", "verdict.py", "left_out.py", "__main__.py"}
 SHEET = energy.DataSheet(4.69, 1.45, 349.3 * 3600.0, 2280.0, 1440.0, 8064.0, 20.0, 20.0)
 HOW = craft.Flying(20.0, 20.0, 5.0, 3.0, 60.0)
 

@@ -19,7 +19,7 @@ from benchmarks.cases.melbourne import melbourne as melbourne_scenario
 from benchmarks.cases.networks import new_york as new_york_scenario
 from benchmarks.independent.build import City
 from benchmarks.independent.ground import Ground, Plane
-from benchmarks.independent.information import LEVELS
+from benchmarks.independent.product.promise import Promise, promise_of
 from benchmarks.independent.vehicle.craft import Flying
 from benchmarks.independent.vehicle.energy import DataSheet, Tabulated
 from benchmarks.independent.weather import reports
@@ -33,7 +33,7 @@ from skyway.models.wind.observed.conditioning import conditioned, counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, ObservedWind
 from skyway.models.wind.triangle import speed_from
 from skyway.planner.between_sites import between_sites
-from skyway.planner.evaluation.as_flown import as_flown, thrifty
+from skyway.planner.evaluation.as_flown import thrifty
 from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.result import PlanResult
-    from skyway.planner.schedule.outcome import Outcome
 
 GRAVITY = 9.806_65
 CITIES = {"new-york": new_york_scenario, "melbourne": melbourne_scenario, "london": london_scenario}
@@ -64,25 +63,6 @@ REPORTS: dict[str, Callable[[], tuple[Site, ...]]] = {
 DRONES = {"new-york": "m200", "melbourne": "m200-v2", "london": "m200"}
 LEAVING_UTC_H = {"new-york": (13, 26), "melbourne": (-2, 11), "london": (8, 21)}
 """Orders leave between 8 and 21 o'clock local time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Promise:
-    """What a plan says of a delivery: seconds after the departure.
-
-    Attributes
-    ----------
-    mean_s : float
-    quantile_s, promised : tuple of float
-        At `LEVELS`, and the probability promised to arrive by then (the level, or more where many arrivals fall on one moment).
-    reserve : float
-        Probability that every landing keeps the reserve.
-    """
-
-    mean_s: float
-    quantile_s: tuple[float, ...]
-    promised: tuple[float, ...]
-    reserve: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,33 +220,7 @@ def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> 
         result = plan(scenario, request, planner="robust", forecast=forecast)
     except InfeasibleError:
         return None
-    return Planned(scenario, request, forecast, result, _promise(result.outcome))
-
-
-def promised(plan: Planned, flown_runs: int) -> Promise:
-    """What is promised: of the fixed route, or with `flown_runs` as that many deliveries simulated as `fly` decides them say (`plan --as-flown`)."""
-    return _promise(as_flown(plan.result, flown_runs).outcome) if flown_runs else plan.promise
-
-
-def simulated(plan: Planned, days: int) -> dict[date, float]:
-    """Simulate one delivery, decided as `fly` decides, on each of some days of the plan's forecast, evenly; how long it takes, s, infinite where it is not delivered."""
-    outcome, forecast = as_flown(plan.result, days).outcome, plan.result.problem.forecast
-    of_run = np.searchsorted(np.cumsum(forecast.probability), (np.arange(days) + 0.5) / days)
-    time_s = np.full(days, math.inf)
-    assert outcome.crossed is not None
-    time_s[outcome.crossed.queue] = outcome.arrival_s - outcome.start_s
-    assert np.array_equal(of_run[outcome.crossed.queue], outcome.crossed.day)
-    return {date.fromisoformat(forecast.labels[k]): one for k, one in zip(of_run, time_s.tolist(), strict=True)}
-
-
-def _promise(outcome: Outcome) -> Promise:
-    due = [outcome.quantile_s(level) for level in LEVELS]
-    return Promise(
-        outcome.mean_s - outcome.start_s,
-        tuple(one - outcome.start_s for one in due),
-        tuple(outcome.p_by(one) for one in due),
-        outcome.p_success,
-    )
+    return Planned(scenario, request, forecast, result, promise_of(result.outcome))
 
 
 def _now(

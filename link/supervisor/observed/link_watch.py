@@ -50,6 +50,10 @@ class LinkWatch:
         new, self._told = missing != self._told, missing
         return new
 
+    def restarted(self) -> None:
+        """Forget what the vehicle was asked to send less of: after a restart it sends its usual messages."""
+        self.slowed = False
+
     def found_again(self) -> None:
         """Forget what was missing: the link is back."""
         self._told = ""
