@@ -287,7 +287,7 @@ class Ledger(ABC):
         if any(one.epsilon for one in windows):  # epsilon already spent on other bookings counts, too
             begin, end = min(opens for _, opens, _ in times), max(closes for _, _, closes in times)
             where, values = self._touching([(key, begin, end) for key in keys.values()])
-            sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE state <> 'released' AND ({where})"
+            sql = f"SELECT MIN(opens), MAX(closes) FROM booking WHERE {where}"
             (first, last), = self.rows(sql, values)  # fmt: skip
             if first is not None:
                 begin, end = min(begin, first), max(end, last)
@@ -295,7 +295,7 @@ class Ledger(ABC):
         where, values = self._touching(times)
         sql = (
             f"SELECT {HELD}, id, state = 'tentative' AND NOT EXISTS (SELECT 1 FROM lease WHERE lease.holder = booking.holder "
-            f"AND lease.expires > {self.NOW}) FROM booking WHERE state <> 'released' AND ({where})"
+            f"AND lease.expires > {self.NOW}) FROM booking WHERE {where}"
         )
         rows = self.rows(sql, values)
         return [self._hold(row) for row in rows if not row[-1]], [int(row[-2]) for row in rows if row[-1]]
