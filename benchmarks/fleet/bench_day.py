@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from benchmarks.fleet.cut_network import CutNetwork
-from benchmarks.fleet.day_faults import KINDS, Faults, schedule
-from benchmarks.fleet.day_operator import Operator
+from benchmarks.fleet.day.cut_network import CutNetwork
+from benchmarks.fleet.day.faults import KINDS, Faults, schedule
+from benchmarks.fleet.day.operators import Operator
 from benchmarks.fleet.invariants import judge
 from benchmarks.fleet.ledger_load import postgresql_server
 from skyway.dispatch.records import Board, DroneRecord
@@ -70,7 +70,7 @@ class Day:
             one = Operator(
                 name, self.folder / name, ledger, uri, begin, 100 * given.seed + number, given.workers, words
             )
-            count = one.draw(scenario, given.drones // len(NAMES), given.rate / len(NAMES), given.hours)
+            count = one.draw(given.drones // len(NAMES), given.rate / len(NAMES), given.hours)
             print(f"{name}: {given.drones // len(NAMES)} drones, {count} orders in {given.hours:g} h", flush=True)
             due = [
                 each
@@ -121,7 +121,7 @@ class Day:
             for kind in ("worker", "world"):
                 for pid in one.pids(kind):
                     with contextlib.suppress(ProcessLookupError):
-                        os.kill(pid, 9)
+                        os.kill(pid, signal.SIGKILL)
 
     def tell(self) -> None:
         """Write how far the day is."""

@@ -37,7 +37,7 @@ class DataQuality:
         self._soc_changed_s = -math.inf
 
     def forget(self) -> None:
-        """Start anew, as after a restart of the vehicle."""
+        """Start again, as after a restart of the vehicle."""
         for part in (self.words, self._known, self._until_s, self._still):
             part.clear()
         self._soc_changed_s = -math.inf

@@ -36,7 +36,7 @@ class Plausible:
         self.forget()
 
     def forget(self) -> None:
-        """Start anew, as after a restart of the vehicle."""
+        """Start again, as after a restart of the vehicle."""
         self._place: tuple[float, ...] = ()
         self._place_s = self._speed_s = math.nan
         self._speed: tuple[float, ...] = ()
@@ -101,7 +101,7 @@ class Plausible:
         if math.hypot(off_north, off_east) > PLACE_OFF_M + way:
             return True
         if not self._flies:
-            return False  # if home moves, heights start anew
+            return False  # if home moves, heights start again
         climbed = max(abs(place[k] - self._place[k] + down * passed_s) for k in (2, 3))
         return climbed > CLIMB_OFF_M + PLACE_OFF_SHARE * passed_s * max(abs(down), 1.0)
 

@@ -106,7 +106,7 @@ def unseen(
     hours : (hour_of_week, first)
         Hours of the week one after the other, and the index of that which is asked for.
     into_s : float
-        Seconds of that hour, to be lived through as well.
+        Seconds of that hour, to be simulated as well.
 
     Returns
     -------

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
@@ -43,6 +43,10 @@ URGENT = 0.2
 """Share of the orders that have priority 1."""
 
 
+def _begin() -> datetime:
+    return datetime.combine(DAY, HOUR, ZoneInfo(load_scenario(None).timezone))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetDemo:
     """Options of the demonstration."""
@@ -54,11 +58,8 @@ class FleetDemo:
     """For so long orders come, at this rate."""
     workers: int = 2
     seed: int = 1
-
-    @property
-    def begin(self) -> datetime:
-        """When it begins: an hour of the demonstration of one delivery."""
-        return datetime.combine(DAY, HOUR, ZoneInfo(load_scenario(None).timezone))
+    begin: datetime = field(default_factory=_begin)
+    """By default the hour of the demonstration of one delivery."""
 
 
 def draw(demo: FleetDemo) -> tuple[str, str]:

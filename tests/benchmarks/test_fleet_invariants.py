@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from benchmarks.fleet.day_faults import KINDS, schedule
+from benchmarks.fleet.day.faults import KINDS, schedule
 from benchmarks.fleet.invariants import judge
 
 

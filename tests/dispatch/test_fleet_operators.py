@@ -6,7 +6,7 @@ import warnings
 import pytest
 from fleet_runs import FleetRun, flying, nothing_is_forgotten, order_line
 
-from benchmarks.fleet.cut_network import CutNetwork
+from benchmarks.fleet.day.cut_network import CutNetwork
 from skyway.models.ledger import postgresql
 from skyway.models.ledger.ledger import LedgerError
 from skyway.models.ledger.opening import open_ledger

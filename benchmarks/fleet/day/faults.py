@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from benchmarks.fleet.cut_network import CutNetwork
-    from benchmarks.fleet.day_operator import Operator
+    from benchmarks.fleet.day.cut_network import CutNetwork
+    from benchmarks.fleet.day.operators import Operator
     from skyway.models.scenario.scenario import Scenario
 
 KINDS = ("drone lost", "pad dead", "worker killed", "dispatcher killed", "database restarted", "network cut")

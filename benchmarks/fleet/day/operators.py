@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import os
 import re
 import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
-from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from skyway.demo import DRONE
+from skyway.dispatch.demonstration import FLEET, NOTICE_MIN, ORDERS, FleetDemo, draw
 from skyway.dispatch.simulation import ADDRESS, EVENTS
 from skyway.models.base.errors import LinkLostError
-from skyway.planner.capacity.demand import Demand, drones_of, orders_of
+from skyway.models.base.files import write_atomically
 from skyway.sim_stub.transports.lockstep_client import LockstepClient
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from skyway.models.scenario.scenario import Scenario
-
-DUE_MIN = (90.0, 120.0, 150.0)
-URGENT = 0.2
-NOTICE_MIN = 10.0
 _EVENT = re.compile(r"\s*([\d.]+) s\s+vehicle (\d+)\s+(in the air|landed|crashed)")
 
 
@@ -58,34 +49,20 @@ class Operator:
         """When its day begins, POSIX seconds."""
         return self.begin.timestamp()
 
-    def draw(self, scenario: Scenario, drones: int, rate_per_h: float, hours: float) -> int:
-        """Write its files of drones and of orders; returns the number of orders."""
+    def draw(self, drones: int, rate_per_h: float, hours: float) -> int:
+        """Write its files of drones and of orders, those of the demonstration; returns the number of orders."""
+        demo = FleetDemo(folder=self.folder, drones=drones, rate_per_h=rate_per_h, hours=hours, seed=self.seed, begin=self.begin)  # fmt: skip
+        fleet, orders = draw(demo)
         self.folder.mkdir(parents=True, exist_ok=True)
-        vehicles = drones_of(scenario, DRONE, drones, self.seed, 0)
-        demand = Demand(most_per_h=rate_per_h, hours=hours)
-        heaviest_kg = scenario.drone(DRONE).max_payload_kg
-        ordered = orders_of(scenario, demand, rate_per_h, 0.0, self.begin, self.seed, 0, heaviest_kg)
-        luck = np.random.default_rng(self.seed)
-        with (self.folder / "fleet.csv").open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(("id", "type", "home", "charge_percent"))
-            rows.writerows((one.id, one.type, one.home, round(100.0 * one.soc)) for one in vehicles)
-        with (self.folder / "orders.csv").open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(("id", "from", "to", "mass_kg", "ready", "due", "priority"))
-            for one in ordered:
-                due = one.ready + timedelta(minutes=float(luck.choice(DUE_MIN)))
-                urgent = int(luck.random() < URGENT)
-                rows.writerow(
-                    (one.id, one.origin, one.destination, one.mass_kg, one.ready.isoformat(), due.isoformat(), urgent)
-                )
-        return len(ordered)
+        write_atomically(self.folder / FLEET, fleet)
+        write_atomically(self.folder / ORDERS, orders)
+        return orders.count("\n") - 1
 
     def start(self, environment: dict[str, str]) -> None:
         """Start its service, or start it again."""
         words = [
             "dispatch", "run", "--simulate", "--ledger", self.ledger, "--holder", self.name, "--folder", str(self.folder / "flights"),
-            "--orders", str(self.folder / "orders.csv"), "--fleet", str(self.folder / "fleet.csv"), "--depart", self.begin.isoformat(),
+            "--orders", str(self.folder / ORDERS), "--fleet", str(self.folder / FLEET), "--depart", self.begin.isoformat(),
             "--actual-wind", self.begin.date().isoformat(), "--notice", f"{NOTICE_MIN:g}", "--workers", str(self.workers),
             "--seed", str(self.seed), *self.words,
         ]  # fmt: skip
