@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 SCHEMES = ("postgresql://", "postgres://")
 
 
-def open_ledger(name: str) -> Ledger:
+def open_ledger(name: str, *, create: bool = True) -> Ledger:
     """Open a ledger, created if there is none; an older one is migrated.
 
-    An `InputError` refuses a file that is not a ledger, one from a newer skyway and a database whose clock is off; a `LedgerError` means that
-    the database cannot be reached.
+    An `InputError` refuses a file that is not a ledger, one from a newer skyway, a database whose clock is off and, without `create`,
+    a file that does not exist; a `LedgerError` means that the database cannot be reached.
     """
     if name.startswith(SCHEMES):
         from skyway.models.ledger.postgresql import PostgresqlLedger
@@ -28,4 +28,6 @@ def open_ledger(name: str) -> Ledger:
         raise InputError("is not a ledger", field="--ledger", value=name, remedy=remedy)
     from skyway.models.ledger.sqlite import SqliteLedger
 
+    if not create and not Path(name).exists():
+        raise InputError("no such file", name, remedy="name the ledger of a running dispatcher")
     return SqliteLedger(Path(name))

@@ -25,7 +25,7 @@ SHOWN = 1.645
 
 def told(ledger: str, holder: str) -> dict[str, Any]:
     """Return the status of a fleet. Raises an `InputError` if the file is not a ledger, or has no service."""
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         status = status_of(Desk(book, holder))
     document = document_of(status)
     for one in document["drones"]:  # a standing drone is at its station

@@ -95,6 +95,15 @@ def test_every_version_of_one_store_is_one_of_the_other():
     assert len(scripts("sqlite")) == len(scripts("postgresql")) > 0
 
 
+def test_reading_a_ledger_that_does_not_exist_creates_none(tmp_path):
+    missing = tmp_path / "ledgre.db"
+    with pytest.raises(InputError, match=r"ledgre\.db: no such file"):
+        open_ledger(str(missing), create=False)
+    assert list(tmp_path.iterdir()) == []
+    open_ledger(str(missing)).close()
+    open_ledger(str(missing), create=False).close()
+
+
 def test_what_is_no_ledger_is_refused(tmp_path):
     (tmp_path / "text.db").write_text("no database, but long enough to be looked at " * 10)
     with sqlite3.connect(tmp_path / "other.db") as other:

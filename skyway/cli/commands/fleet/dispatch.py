@@ -330,7 +330,7 @@ def status(
 
     if as_json and as_prometheus:
         raise InputError("--json and --prometheus exclude each other", remedy="give one of them")
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         found = status_of(Desk(book, holder))
     if as_json:
         typer.echo(json_text(document_of(found), indent=1))
@@ -362,7 +362,7 @@ def close(
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
         network = Region(status_of(desk).service).base.network
         found = network.stations[network.find(station)]

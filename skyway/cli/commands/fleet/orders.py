@@ -60,7 +60,7 @@ def add(
         found: tuple[Order, ...] = (order_of(values, "the order"),)
     else:
         found = read_orders(file)
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
         if desk.get("service", "service") is None:
             remedy = "start it first: skyway dispatch run"
@@ -89,7 +89,7 @@ def list_orders(ledger: LedgerName, holder: Holder = "dispatch", as_json: option
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         status = status_of(Desk(book, holder))
     if as_json:
         typer.echo(
