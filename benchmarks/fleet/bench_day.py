@@ -1,7 +1,7 @@
 """A day of a fleet, flown in simulation with faults: nothing booked twice, nothing lost, no drone stranded, no order forgotten.
 
-Two operators share one PostgreSQL ledger, each with half of the drones, a dispatcher, workers and a simulated world of its own; other drones use
-the pads as well. The wind is that of a day of the record that no forecast knows. Drones fall, pads are dead, workers and dispatchers are killed,
+Two operators share one PostgreSQL ledger, each with half of the drones, a dispatcher, workers and a simulated world of its own, whose times
+differ by a minute at most; other drones use the pads as well. The wind is that of a day of the record that no forecast knows. Drones fall, pads are dead, workers and dispatchers are killed,
 the database is killed and started again, and the network of one operator is cut. What is found is written as it goes: a line a minute into
 ``progress.jsonl``, each fault into ``faults.jsonl``, and at the end each order into ``orders.csv``.
 
@@ -30,6 +30,7 @@ from zoneinfo import ZoneInfo
 from benchmarks.fleet.day.cut_network import CutNetwork
 from benchmarks.fleet.day.faults import KINDS, Faults, schedule
 from benchmarks.fleet.day.operators import Operator
+from benchmarks.fleet.day.pace import Pace
 from benchmarks.fleet.invariants import judge
 from benchmarks.fleet.ledger_load import postgresql_server
 from skyway.dispatch.records import Board, DroneRecord
@@ -85,12 +86,15 @@ class Day:
                 )
             )  # fmt: skip
 
+        self.pace = Pace({one.name: one.address for one in self.operators})
+
     def run(self) -> bool:
         """Fly the day; returns whether both operators came to its end."""
         with lifeline() as environment:
             environment |= {"OPENBLAS_NUM_THREADS": "1"}
             for one in self.operators:
                 one.start(environment)
+            self.pace.start()
             end_s = time.monotonic() + 60.0 * self.given.minutes
             told_s = -TELL_WALL_S
             while time.monotonic() < end_s and not self.told_to_end:
@@ -116,6 +120,7 @@ class Day:
 
     def stop(self) -> None:
         """Stop all processes of a day that is not over, so that the ledger stands still while it is judged."""
+        self.pace.stop()
         for one in self.operators:
             one.kill()
             for kind in ("worker", "world"):

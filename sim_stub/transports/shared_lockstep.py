@@ -37,6 +37,8 @@ UNANSWERED = frozenset((0, 252))
 """Messages that no vehicle answers: HEARTBEAT, NAMED_VALUE_INT."""
 ABSENT_WALL_S = 90.0
 """So long, of the wall's time, the world waits for somebody in the place of one that was killed."""
+HELD_WALL_S = 0.05
+"""How often, of the wall's time, participants with the name of one that is waited for are answered: they try to take its place."""
 IDLE_WALL_S = 600.0
 """A world in which nobody takes part for so long ends."""
 AWAITED_WALL_S = 300.0
@@ -94,7 +96,8 @@ class SharedLockstep:
                 self._hear(IDLE_WALL_S)
                 self.ended = self.ended or not self._all
             elif not self._advance():
-                self._hear(0.05)  # held for somebody in the place of one that was killed
+                self._wake_stand_ins()
+                self._hear(HELD_WALL_S)  # held for somebody in the place of one that was killed
             else:
                 self._hear(0.0)
         for one in list(self._all.values()):
@@ -129,6 +132,12 @@ class SharedLockstep:
             elif one.until_s is not None and one.until_s <= now + 1e-9:
                 self._answer(one, self._bytes_of(one.lane) if one.reads and one.lane is not None else b"")
         return True
+
+    def _wake_stand_ins(self) -> None:
+        """Answer those who wait for an instant under the name of one that was killed: time stands still until they take its place."""
+        names = {one.name for one in self._absent if self.now_s >= one.until_s}
+        for one in [one for one in self._all.values() if one.name in names and one.until_s is not None]:
+            self._answer(one, self._bytes_of(one.lane) if one.reads and one.lane is not None else b"")
 
     @staticmethod
     def _bytes_of(lane: Lane) -> bytes:

@@ -138,6 +138,7 @@ class Worker:
         try:
             if self.leases.kept(self.name) is None and not self._flights:
                 self._take(self.name)
+                self._stand_in(self.name)
         except (FencedError, SkywayError):
             pass  # another process has it: wait for its end
         with self._lock:
@@ -172,7 +173,11 @@ class Worker:
                 self._take(keeper)
             except (FencedError, SkywayError):
                 continue
-            LockstepClient(self.service.world, keeper).close()  # the world need not wait for it any more
+            self._stand_in(keeper)
+
+    def _stand_in(self, holder: str) -> None:
+        """Tell the world that this process is in the place of a holder that was killed, so that it need not wait for it any more."""
+        LockstepClient(self.service.world, holder).close()
 
     def _take(self, holder: str) -> None:
         """Take a lease; who had it before may not know yet that it has lost it, and speak with the same vehicles: the world stands still until it does."""

@@ -21,6 +21,8 @@ from skyway.sim_stub.transports.lockstep_client import LockstepClient
 if TYPE_CHECKING:
     from datetime import datetime
 
+AWAY = 3
+"""Exit code of a service whose database cannot be reached when it starts."""
 _EVENT = re.compile(r"\s*([\d.]+) s\s+vehicle (\d+)\s+(in the air|landed|crashed)")
 
 
@@ -83,13 +85,16 @@ class Operator:
             self.process.wait()
 
     def ended(self, environment: dict[str, str]) -> bool:
-        """Whether its day is over; a service that was killed is started again. Raises a `RuntimeError` where it ended with a fault."""
+        """Whether its day is over; a service that was killed, or met a database that was away, is started again, as by a service manager.
+
+        Raises a `RuntimeError` where it ended with another fault.
+        """
         if self.process is None:
             return True
         code = self.process.poll()
         if code is None:
             return False
-        if code == -signal.SIGKILL:
+        if code in (-signal.SIGKILL, AWAY):
             self.start(environment)
             return False
         if code:
@@ -112,10 +117,13 @@ class Operator:
                     found.append(int(folder.name))
         return found
 
+    def address(self) -> str:
+        """Where its world can be reached; an `OSError` before there is one."""
+        return (self.folder / "flights" / ADDRESS).read_text(encoding="ascii").strip()
+
     def order(self, do: str, **what: Any) -> tuple[float, dict[str, Any]]:
         """Have something done to its world; returns the time there, seconds after the beginning, and the answer."""
-        address = (self.folder / "flights" / ADDRESS).read_text(encoding="ascii").strip()
-        with contextlib.closing(LockstepClient(address, "bench")) as world:
+        with contextlib.closing(LockstepClient(self.address(), "bench")) as world:
             answer = world.order(do, **what)
             return world.now_s(), answer
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.dispatcher.windows import apart
@@ -69,11 +70,12 @@ class Bookings:
             raise problem
 
     def _mark_begun(self, lease: Lease, now_s: float) -> None:
-        """Mark windows that have begun as used; one pad has one at a time."""
+        """Mark windows that have begun as used. One pad has one at a time: while another holder still uses it beyond its window, ours stays firm."""
         now = from_posix(now_s)
         for one in self._ledger.holds(begin=now, end=now):
             if one.holder == self._holder and one.state == "firm" and one.window.start <= now < one.window.end:
-                self._ledger.mark(lease, one.itinerary, "in use", number=one.number)
+                with suppress(TakenError):
+                    self._ledger.mark(lease, one.itinerary, "in use", number=one.number)
 
 
 def _same(held: Sequence[Window], wanted: Sequence[Window]) -> bool:
