@@ -17,7 +17,7 @@ NOON = datetime(2026, 7, 10, 12, tzinfo=UTC)
 
 def killed(client):
     """End a connection without leaving, as a killed process does."""
-    client._socket.close()  # noqa: SLF001  no public way to die
+    client._socket.close()
 
 
 def test_a_held_world_wakes_who_can_take_the_place_of_a_killed_process():
