@@ -40,7 +40,7 @@ class LockstepClient:
         except (OSError, ValueError) as error:
             raise LinkLostError(f"the simulated world at {address} cannot be reached: {error}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._received = bytearray()
+        self._unsent, self._received = bytearray(), bytearray()
         self._lock = threading.Lock()
         self._now_s = 0.0
         asked = {"name": name, "system": system} | ({"grace_s": grace_s} if math.isfinite(grace_s) else {})
@@ -52,8 +52,10 @@ class LockstepClient:
             return self._heard()
 
     def _send(self, letter: bytes, body: bytes) -> None:
+        self._unsent += LENGTH.pack(1 + len(body)) + letter + body
         try:
-            self._socket.sendall(LENGTH.pack(1 + len(body)) + letter + body)
+            self._socket.sendall(self._unsent)
+            self._unsent.clear()
         except OSError as error:
             raise LinkLostError(f"the simulated world is gone: {error}") from error
 
@@ -92,9 +94,9 @@ class LockstepClient:
     # Transport
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the vehicle."""
+        """Send bytes to the vehicle: they leave with what is asked next, before which no time passes."""
         with self._lock:
-            self._send(WRITE, data)
+            self._unsent += LENGTH.pack(1 + len(data)) + WRITE + data
 
     def read(self, timeout_s: float = 0.0) -> bytes:
         """Bytes from the vehicle; lets time pass until there are some or the time-out is over (then empty)."""
