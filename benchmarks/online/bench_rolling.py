@@ -3,7 +3,8 @@
 Each delivery of an instance is planned by every rival and flown in the same runs; the clairvoyant `exact` is told each run.
 Results are written as they come, one delivery a line, and a run that was broken off goes on where it was; several
 processes may write parts of one instance to the same file. One decision takes 0.1 to 2 s, a delivery a few seconds, so
-that 500 deliveries take a quarter of an hour to an hour on one core.
+that 500 deliveries take a quarter of an hour to an hour on one core. `--alone` flies the rolling horizon without its rivals,
+`--no-gusts` in truths without gusts and errors of energy, of which it is told.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +22,7 @@ from benchmarks.cases.instances import LONG_FILE, read_instance
 from benchmarks.planners.trials import ROLLING, Case, Contender, case_of, try_case
 from benchmarks.tables.figure import Figure
 from benchmarks.tables.lines import Row, append, missing, read
-from skyway.planner.evaluation.evaluate import clairvoyant_times
+from skyway.planner.evaluation.evaluate import NO_ERRORS, clairvoyant_times
 from skyway.planner.evaluation.statistics import DayBootstrap
 from skyway.planner.registry import ROBUST
 
@@ -47,12 +49,12 @@ BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
 """Percent below other planners that are wanted on average, on requests that all solve."""
 
 
-def try_delivery(case: Case) -> Row:
-    """Let all rivals fly one delivery: a line of the file of results, times in seconds, None where not delivered."""
+def try_delivery(case: Case, rivals: Sequence[Contender] = RIVALS) -> Row:
+    """Let rivals fly one delivery: a line of the file of results, times in seconds, None where not delivered."""
     delivery = case.instance.deliveries[case.number]
     best, spent, _ = clairvoyant_times(case.realizations, case.instance.drone, BEST, range(len(case.realizations)))
     row: Row = {"number": case.number, "day": delivery.truth, BEST: {"delivery_s": _plain(best), "seconds": spent}}
-    for rival in RIVALS:
+    for rival in rivals:
         started = time.perf_counter()
         trial = try_case(case, rival)
         row[rival.label] = {
@@ -69,12 +71,17 @@ def _plain(values: NDArray[np.float64]) -> list[float | None]:
 
 
 def run(
-    instance: Instance, path: Path, *, part: tuple[int, int] = (0, 1), progress: Callable[[str], None] = print
+    instance: Instance,
+    path: Path,
+    *,
+    part: tuple[int, int] = (0, 1),
+    rivals: Sequence[Contender] | None = None,
+    progress: Callable[[str], None] = print,
 ) -> None:
     """Fly the deliveries of an instance that a file of results does not hold yet, every n-th from the k-th on."""
     scenario = instance.scenario()
     for number in missing(path, len(instance.deliveries), part):
-        row = try_delivery(case_of(scenario, instance, number, instance.runs))
+        row = try_delivery(case_of(scenario, instance, number, instance.runs), RIVALS if rivals is None else rivals)
         append(path, row)
         spent = sum(one["seconds"] for one in row.values() if isinstance(one, dict))
         progress(f"{instance.name}: delivery {number + 1} of {len(instance.deliveries)}, {spent:.1f} s")
@@ -94,7 +101,7 @@ def figures_of(rows: Sequence[Row]) -> list[Figure]:
     found.append(Figure(f"{ours} above {BEST}, median of each delivery's", float(np.median(each)), "%"))
     found += [_above(times, name, BEST, whole, day, None, "delivered by all") for name in names[1:]]
     for rival in RIVALS:
-        if rival.planner not in BELOW:
+        if rival.planner not in BELOW or rival.label not in names:
             continue
         least = BELOW[rival.planner] if rival.recharge == "enough" else None
         found.append(
@@ -141,12 +148,16 @@ def main() -> int:
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
     parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
     parser.add_argument("--runs", type=int, default=10**6, help="of each delivery, at most")
+    parser.add_argument("--alone", action="store_true", help="the rolling horizon and the clairvoyant only")
+    parser.add_argument("--no-gusts", action="store_true", help="truths without gusts and errors of energy")
     options = parser.parse_args()
     instance = read_instance(options.instance)
     instance = instance.cut(options.deliveries, options.runs)
+    if options.no_gusts:
+        instance = replace(instance, errors=NO_ERRORS)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     first, _, parts = options.part.partition("/")
-    run(instance, options.out, part=(int(first), int(parts)))
+    run(instance, options.out, part=(int(first), int(parts)), rivals=RIVALS[:1] if options.alone else RIVALS)
     for figure in figures_of(read(options.out)):
         print(figure.line())
     return 0

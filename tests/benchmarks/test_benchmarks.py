@@ -183,6 +183,18 @@ def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatc
     assert above.value > -1.0
 
 
+def test_the_rolling_horizon_is_measured_alone_and_without_gusts_if_so_asked(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "rows.jsonl"
+    asked = ["--alone", "--no-gusts", "--deliveries", "1", "--runs", "1", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["bench_rolling", *asked])
+    assert bench_rolling.main() == 0
+    (row,) = bench_rolling.read(out)
+    assert set(row) == {"number", "day", bench_rolling.BEST, "robust, rolling horizon"}
+    (best,), (ours,) = (row[name]["delivery_s"] for name in (bench_rolling.BEST, "robust, rolling horizon"))
+    assert ours >= best * (1.0 - 1e-6)  # in gusts from behind it may be earlier
+    assert "above exact" in capsys.readouterr().out
+
+
 def test_a_reserve_for_gusts_makes_the_clairvoyant_no_faster(long_instance):
     scenario = long_instance.scenario()
     for number in range(3):
