@@ -76,10 +76,19 @@ class ExactParameters(Parameters):
         measured="1,000 stations on 60 km: where the answer near the straight way is an hour late, half the time (decision 131)",
     )  # fmt: skip
     gate_labels: int = parameter(
-        400, "labels in which the best delivery after a time when stations open is looked for, and a way to it", 1, 10**9, measured=_SPEED
+        400,
+        "labels in which the best delivery after a time when stations open is looked for, and a way to it",
+        1,
+        10**9,
+        measured=_SPEED,
     )
     gate_late_s: float = parameter(
-        1.0, "how much later than the best delivery after such a time that way may arrive", 1e-5, 3600, unit="s", measured=_SPEED
+        1.0,
+        "how much later than the best delivery after such a time that way may arrive",
+        1e-5,
+        3600,
+        unit="s",
+        measured=_SPEED,
     )
     first_labels: int = parameter(
         30, "labels in which a first answer is looked for there up to one deadline, before the next one's turn", 1, 10**9,
