@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.problem.speeds import Speeds
 
-_GRIDS = 2
-"""Grids of which a subnetwork keeps when there is a pad: those of the passes in turn."""
-
 
 @dataclass(frozen=True, eq=False)
 class Subnetwork:
@@ -65,8 +62,7 @@ class Subnetwork:
         """Return when arrivals in each cell get a pad, and a place to land (`planner.exact.relaxation_grid_kernels.queue_cells`)."""
         known = self._waits
         if cells not in known:
-            while len(known) >= _GRIDS:
-                del known[next(iter(known))]
+            known.clear()  # passes over one grid follow one another
             known[cells] = queue_cells(self.grounds, cells, self.table.descent_s, len(self.nodes))
         return known[cells]
 
