@@ -67,7 +67,12 @@ class Gate:
         if not stop_labels.subnetwork.has_pads[node]:
             on_pad = np.empty((0, 3))
         cells, first = self.forward.cells, int(np.argmax(np.isfinite(most)))
-        begin_s = cells.over_s - stop_labels.table.climb_s - _EARLY_S + cells.step_s * np.arange(first, len(most))
+        begin_s = (
+            cells.over_s
+            - stop_labels.table.climb_s
+            - _EARLY_S
+            + cells.step_s * np.arange(first, len(most), dtype=np.float64)
+        )
         begin_s[-1] = self.time_s if first == self.before else min(begin_s[-1], self.time_s)
         return StopLabel(node, on_pad, _steps(begin_s, most[first:]), (curve_s, curve_soc))
 
