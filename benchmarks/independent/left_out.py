@@ -146,9 +146,7 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     chosen = [known[name] for name in options.worlds.split(",")]
-    study = LeftOut(
-        options.city, "fly", options.requests, options.days, 1, options.seed, longest_min=options.longest
-    )
+    study = LeftOut(options.city, "fly", options.requests, options.days, 1, options.seed, longest_min=options.longest)
     found = read_lines(options.out, study) if options.out is not None else []
     done = {(one["world"], one["order"]["seed"]) for one in found}
     for order in orders(study):
