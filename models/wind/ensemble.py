@@ -144,7 +144,9 @@ class WindEnsemble:
         return min(max(math.floor((posix_s - self.start_s) / self.slot_s), 0), self.slots - 1)
 
     def at_height(self, height_m: float, exponent: float) -> WindEnsemble:
-        """Return the wind at another height above ground, by the power law of `models.wind.triangle.height_factor`."""
+        """Return the wind at a height above ground, by the power law of `models.wind.triangle.height_factor`."""
+        if height_m == self.height_m:
+            return self
         factor = height_factor(height_m, self.height_m, exponent)
         gust = None if self.gust is None else self.gust.times(factor)
         return replace(self, north=self.north * factor, east=self.east * factor, height_m=height_m, gust=gust)

@@ -21,7 +21,7 @@ from skyway.models.flight.rules import STEP_MPS2, air_between
 from skyway.models.flight.way_heights import level_over_m, straight_ways, way_heights, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
-from skyway.planner.reach.wind_ahead import slower_s
+from skyway.planner.reach.wind_ahead import drifted_s, slower_s
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -180,7 +180,8 @@ class Reach:
             whole_s = flight_s.sum(axis=1, keepdims=True) if in_turn else flight_s
             speed_mps = np.hypot(north, east)
             sd_mps = self.ahead.sd_mps(end_m - length_m, end_m, speed_mps, self.expected(whole_s))
-            doubt = soc_per_s * slower_s(length_m, (along, across), self.airspeed_mps, most, sd_mps)
+            given = length_m, (along, across), self.airspeed_mps, most, sd_mps
+            doubt = soc_per_s * np.hypot(slower_s(*given), drifted_s(*given))  # the components are independent
         return Flown(flight_s, soc_per_s * flight_s, doubt)
 
     def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
