@@ -289,6 +289,20 @@ def test_a_gust_that_was_felt_slows_the_flights_that_begin_now(newyork):
     assert flown(felt, now_s + 3600.0)[0] == pytest.approx(flown(None, now_s + 3600.0)[0], rel=1e-6)
 
 
+def test_the_risk_of_a_flight_includes_the_error_of_a_wind_across_near_the_airspeed(newyork, policy, monkeypatch):
+    nodes = np.array([newyork.network.index["jacobi"]])
+    here = (float(newyork.network.lat[newyork.network.index["bellevue"]]), -73.97)
+
+    def doubt(from_deg):
+        found = policy.reach(wind(14.0, from_deg), SURE).to_stations(here, DEPART.timestamp(), nodes)
+        return float(found.doubt[0, 0])
+
+    across, against = doubt(110.0), doubt(20.0)
+    monkeypatch.setattr("skyway.planner.reach.reach.drifted_s", lambda *given: 0.0 * given[4])
+    assert across > 1.2 * doubt(110.0)
+    assert against < 1.1 * doubt(20.0)
+
+
 def test_flights_from_all_points_of_a_leg_are_those_from_each(newyork):
     reach = Reach(newyork, wind(6.0, 200.0), newyork.drone("m200"), 0.8, SURE, watched=True)
     nodes = reach.pads[:7]
