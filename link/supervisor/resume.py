@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Identity
 
 SETTLE_S = 90.0
-"""Armed on the ground, it either takes off or disarms within this time."""
+"""Time within which a vehicle armed on the ground takes off or disarms, s."""
 
 
 # From the journal
 
 
 def restore(ctx: Context, records: Sequence[Record]) -> None:
-    """Bring back what the journal knows: plan, place, energy, wind, and the leg under way."""
+    """Restore the contents of the journal: plan, place, energy, wind, and the present leg."""
     delivery = ctx.delivery
     delivery.restore_flight(max(record.flight for record in records))
     ctx.parameters.follow(records)
@@ -81,13 +81,13 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             delivery.take_leg(None)
             ctx.divert.call_off()
             delivery.note_landing(landed.standing.station)
-            delivery.reach(landed.standing.station)  # a later plan in the journal replaces what is left of this one
+            delivery.reach(landed.standing.station)  # a later plan in the journal replaces the rest of this one
         elif delivery.leg is not None:
             _restore_flight(ctx, delivery.leg, record)
 
 
 def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
-    """Bring back what became of a leg in the air: what it should have taken so far, and where it was sent."""
+    """Restore the state of a leg in the air: its modelled use so far, and its destination."""
     if (point := record.entry(Tracked)) and leg.modelled is not None and point.modelled_soc is not None:
         leg.modelled.restore(point.modelled_soc, record.time_s)
     elif (turned := record.entry(Turned)) and turned.destination:
@@ -95,7 +95,7 @@ def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
 
 
 def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
-    """Make the leg under way again from what was written before its take-off."""
+    """Rebuild the present leg from the record before its take-off."""
     if ctx.job.work is not None:
         return restored_leg(ctx, told, time_s)
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
@@ -180,7 +180,7 @@ def _settle(ctx: Context) -> None:
 
 
 def _in_the_air(ctx: Context) -> After:
-    """Continue with a flight where the vehicle flies what we gave it."""
+    """Continue a flight if the vehicle flies our mission."""
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"

@@ -1,4 +1,4 @@
-"""Command of a delivery: one person among all who watch; another person asks for it, and is given it or refused."""
+"""Command authority over a delivery: held by one of the persons who watch it; others request it, and the holder grants or refuses it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.operators import Said
 
 SILENT_S = 20.0
-"""Who has command and does not answer for so long has left: it goes to the one who asks."""
+"""Time after which a holder who has not answered a request loses command to the requester, s."""
 WORDS = ("take", "give", "keep")
-"""What is said about command itself: ask for it; give it to the one who asks, or keep it."""
+"""Commands about command authority itself: request it; grant it to the requester; or keep it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,21 +26,21 @@ class Person:
 
 @dataclass(slots=True)
 class Commander:
-    """Command of one delivery. Commands at the console of the program itself do not need it."""
+    """Command authority over one delivery. Commands at the program's own console do not need it."""
 
     holder: Person | None = None
-    """Who has it."""
+    """The person who has command."""
     asker: Person | None = None
-    """Who asks for it."""
+    """The person who requests command."""
     asked_s: float = 0.0
-    """Since when, by the clock of this computer."""
+    """Time of the request by this computer's clock, POSIX seconds."""
 
     def restore(self, holder: Person | None) -> None:
         """Restore command from a journal."""
         self.holder, self.asker = holder, None
 
     def refuse(self, said: Said) -> str:
-        """Return why somebody may not give orders; empty where they may."""
+        """Return why a person may not give orders; empty if the person may."""
         if self.holder is None:
             return "nobody has command: press Take command first"
         if self.holder.id != said.who:
@@ -48,7 +48,7 @@ class Commander:
         return ""
 
     def hear(self, said: Said, now_s: float) -> tuple[bool, str]:
-        """Hear one of `WORDS`; returns whether it is taken, and what becomes of command."""
+        """Process one of `WORDS`; return whether it is accepted, and its effect in words."""
         person = Person(said.who, said.name or "somebody")
         if said.word == "take":
             return self._asked(person, now_s)
@@ -74,7 +74,7 @@ class Commander:
         return True, f"{person.name} asks {self.holder.name} for command, who has {duration(SILENT_S)} to keep it"
 
     def overdue(self, now_s: float) -> str:
-        """Give command to the asker where nobody has answered in time; returns what happened, or nothing."""
+        """Give command to the requester if the holder has not answered in time; return what happened, or an empty string."""
         if self.asker is None or self.holder is None or now_s < self.asked_s + SILENT_S:
             return ""
         before, self.holder, self.asker = self.holder, self.asker, None

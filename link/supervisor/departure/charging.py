@@ -1,4 +1,4 @@
-"""Actions at a pad: request one until it is free, charge, and set the battery counter of the vehicle."""
+"""Actions at a pad: request one until it is free, charge, and set the vehicle's battery counter."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ if TYPE_CHECKING:
 
 POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5
-"""A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
+"""A reported charge that is higher by more than the first value is doubted until the second share of the modelled
+charging time has passed."""
 SHORT_SOC = 0.01
-"""A charge that is less short of what was requested counts as it."""
+"""A charge that is lower than requested by less than this counts as reached."""
 REDECIDE_S = 600.0
-"""A drone that waits for a pad, or is still to be charged for longer, thinks again this often: others come and leave, and hours of the forecast begin."""
+"""Interval, s, at which a drone that waits for a pad, or has long to charge, decides again: other drones arrive and
+leave, and new hours of the forecast begin."""
 
 
 def waiting(ctx: Context) -> After:
-    """Ask for a pad until there is one."""
+    """Request a pad until one is free."""
     begun_s = ctx.now_s
     said = ""
     rest(ctx)
@@ -57,7 +59,7 @@ def waiting(ctx: Context) -> After:
 
 
 def charging(ctx: Context) -> After:
-    """Wait until it is charged."""
+    """Wait until the battery is charged."""
     target = ctx.delivery.charge_to or 1.0
     compared = ctx.delivery.charged
     job = ctx.job
@@ -108,19 +110,19 @@ def charging(ctx: Context) -> After:
 
 
 def _least_s(ctx: Context, before: float, after: float) -> float:
-    """How long it takes at least to charge from one state to another."""
+    """Least time to charge from one SoC to another, s."""
     curve = ctx.job.scenario.drone(ctx.job.request.drone or "").charging_curve()
     return FASTER * float(curve.duration_s(before, np.float64(after))) if after > before + DOUBT_SOC else 0.0
 
 
 def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
-    """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
+    """Replace an implausible answer of a pad: the drone is on the pad and charges, its SoC is unknown."""
     ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asking again")
     return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
 
 
 def _hear_charged(ctx: Context) -> None:
-    """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
+    """Process the input ``charged``, or ``charged 83`` for 83 %, where people charge batteries."""
     while isinstance(ctx.pads, ManualPads) and (said := ctx.conversation.next_word()) is not None:
         word, _, percent = said.partition(" ")
         if word != "charged":
@@ -133,7 +135,7 @@ def _hear_charged(ctx: Context) -> None:
 
 
 def _reset_counter(ctx: Context, soc: float | None) -> None:
-    """Tell an autopilot that counts charge what the battery holds; one that estimates it refuses, and that is right."""
+    """Set the battery counter of an autopilot that counts charge; one that estimates charge refuses this, which is correct."""
     if soc is None:
         return
     ctx.battery.forget()

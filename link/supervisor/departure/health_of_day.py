@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
-    """Return whether the drone was found healthy today, and the findings; None where no check is configured.
+    """Return whether the drone was found healthy today, and the findings; None if no check is configured.
 
     Raises a `VehicleTimeoutError` if it does not answer.
     """

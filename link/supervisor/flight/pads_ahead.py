@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService
 
 ASK_EVERY_S = 30.0
-"""What was told of a station holds for so long."""
+"""Time for which a report about a station is valid, s."""
 SILENT_S = 60.0
-"""Pause after a failure of a pad service: each request may take seconds, during which nothing else is monitored."""
+"""Pause after a failure of a pad service, s: each request may take seconds, during which nothing else is monitored."""
 
 
 class PadsAhead(Mapping[str, int]):
@@ -43,7 +43,7 @@ class PadsAhead(Mapping[str, int]):
         return status.present
 
     def __iter__(self) -> Iterator[str]:
-        """Over those that were told of."""
+        """Iterate over the stations with a report."""
         return iter(self._told)
 
     def __len__(self) -> int:

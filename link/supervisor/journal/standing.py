@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def standing(ctx: Context) -> Standing:
-    """Return it as the journal has it."""
+    """Return the state as a part of the journal."""
     delivery = ctx.delivery
     return Standing(
         station=delivery.station,
@@ -32,7 +32,7 @@ def standing(ctx: Context) -> Standing:
 
 
 def restore_standing(ctx: Context, told: Standing) -> None:
-    """Bring it back."""
+    """Restore the state."""
     ctx.delivery.restore(told.station, told.visited, told.diverts, told.charge_to)
     belief = {key: float(value) for key, value in told.belief.items()}
     ctx.energy.restore(belief, 1.0 if told.gauge is None else told.gauge)
@@ -42,7 +42,7 @@ def restore_standing(ctx: Context, told: Standing) -> None:
 
 
 def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
-    """Return the winds at cruise height that a journal last recorded."""
+    """Return the winds at cruise height of the last record in a journal."""
     for record in reversed(records):
         told = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
         if told is not None:

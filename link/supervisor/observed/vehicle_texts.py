@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
 
 NOTICE = 5
-"""MAV_SEVERITY from which on (downwards) a person is told: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
+"""Least severe MAV_SEVERITY that is shown: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 AGAIN_S = 30.0
-"""A text that goes on being said is told again after so long, then after twice as long, and so on."""
+"""Time after which a persistent text is shown again, s; the interval then doubles each time."""
 _QUIET_S = 600.0
-"""One that was not said for so long counts as new."""
+"""A text not repeated for this time counts as new, s."""
 _MAX_TEXTS = 500
 _FIGURE = re.compile(r"[-+]?\d+\.\d+")
 
 
 @dataclass(slots=True)
 class Said:
-    """One text, said once or more."""
+    """One text, received once or more."""
 
     text: str
-    """As it was said last."""
+    """Its last version."""
     severity: int
     """MAV_SEVERITY."""
     count: int = 0
-    """How often."""
+    """Number of times."""
     heard_s: float = -math.inf
     told_s: float = -math.inf
     told_count: int = 0
@@ -56,7 +56,7 @@ class TextLog:
     _said: dict[str, Said] = field(default_factory=dict)
 
     def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
-        """Read new messages; returns those to report to a person or the journal now."""
+        """Process new messages; return those to be shown or journaled now."""
         for severity, text in texts:
             key = _FIGURE.sub("#", text)
             said = self._said.get(key)
@@ -70,7 +70,7 @@ class TextLog:
         return list(self._due(now_s))
 
     def saying(self, words: re.Pattern[str], since_s: float) -> str:
-        """The last message since an instant that has some words in it; empty where there was none."""
+        """Return the last message since an instant that contains some words; empty if there is none."""
         found = [said for said in self._said.values() if said.heard_s >= since_s and words.search(said.text)]
         return max(found, key=lambda said: said.heard_s).text if found else ""
 

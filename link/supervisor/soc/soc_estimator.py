@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 MIN_GAUGE_SOC = 0.08
-"""A flight that used less tells nothing of the gauge."""
+"""A flight that used less charge is not compared."""
 EVERY_S = 0.5
-"""Batteries are told of once a second; samples repeat it."""
+"""Battery messages come once a second; samples repeat them."""
 CONFIRMING_S = 6.0
-"""So long a report that is being confirmed by the voltage is not also taken for what the voltage lost."""
+"""Time in which a report that the voltage is confirming is not also counted as a loss by the voltage, s."""
 
 
 @dataclass(slots=True)
@@ -30,22 +30,22 @@ class SocEstimator:
     """The state of charge of one vehicle."""
 
     soc: float = math.nan
-    """Believed."""
+    """Estimate."""
     told_soc: float = math.nan
-    """As the vehicle says, as far as that can be."""
+    """Accepted report of the vehicle."""
     source: str = "unknown"
-    """Where `soc` comes from, for a person."""
+    """Source of `soc`, for a person."""
     lost_s: float = -math.inf
-    """When charge was last lost at once, POSIX seconds."""
+    """Time of the last sudden loss of charge, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
     _voltage: VoltageWatch = field(default_factory=VoltageWatch)
     _flown_from: tuple[float, float] = (math.nan, math.nan)
-    """Charge at the first take-off after charging: as the vehicle said, and believed."""
+    """Charge at the first take-off after charging: as reported by the vehicle, and as estimated."""
     _heard_s: float = -math.inf
 
     @property
     def lost_soc(self) -> float:
-        """Charge that was lost and that the vehicle does not count."""
+        """Return charge that was lost and that the vehicle does not count."""
         return self._voltage.lost
 
     def doubtful(self, *, affordable: bool = True) -> bool:
@@ -93,7 +93,7 @@ class SocEstimator:
             self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge had been lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
-        """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
+        """Subtract lost charge, which was not used, from the charge at the start of the flight. A loss that did not happen is added again."""
         if ctx.delivery.leg is not None:
             ctx.delivery.leg.lose(fell)
         self._flown_from = (math.nan, math.nan)
@@ -106,12 +106,12 @@ class SocEstimator:
     # Flights and pads
 
     def begin_flight(self, *, charged: bool) -> None:
-        """Note what a flight begins with; after charging, that is what the next pad is compared with."""
+        """Store the charge at the start of a flight; after charging, the next pad is compared with it."""
         if charged or not math.isfinite(self._flown_from[0]):
             self._flown_from = (self.told_soc, self.soc)
 
     def compare(self, ctx: Context, pad_soc: float) -> None:
-        """Compare what the vehicle said it used since it was charged with what the pad finds missing."""
+        """Compare the use reported since charging with the charge that the pad finds missing."""
         said, used = self._flown_from[0] - self.told_soc, self._flown_from[1] - pad_soc
         if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
             return
@@ -120,16 +120,16 @@ class SocEstimator:
         ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=ctx.energy.gauge), reason)
 
     def measured(self, pad_soc: float) -> None:
-        """Take what a pad measures."""
+        """Take the measurement of a pad."""
         self.soc, self.source = pad_soc, "the pad"
 
     def counter_set(self, time_s: float, reported: float) -> None:
-        """Take what the vehicle reports after its counter was set."""
+        """Take the vehicle's report after its counter was set."""
         self._reported.measured(time_s, reported)
         self.soc, self.told_soc, self.source = reported, reported, "the vehicle"
 
     def forget(self) -> None:
-        """Begin again: the battery was measured, another one put in, or the vehicle has restarted."""
+        """Reset: the battery was measured or replaced, or the vehicle has restarted."""
         self._voltage.forget()
         self._reported.forget()
 
@@ -139,7 +139,7 @@ class SocEstimator:
 
 
 def _load(ctx: Context, sample: TelemetrySample) -> float:
-    """Power at the present airspeed and climb, over that of hover: momentum theory, blades as they are."""
+    """Power at the present airspeed and climb, relative to hover: momentum theory, constant blade power."""
     use = None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
     wind = ctx.wind.here(sample)
     airspeed = math.hypot(sample.vel_north_mps - wind[0], sample.vel_east_mps - wind[1])

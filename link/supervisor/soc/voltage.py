@@ -1,9 +1,9 @@
 """Uncounted losses of charge: an autopilot that counts the current does not see a failing pack.
 
-The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
-more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that
-is laid through what was known before the fall. Such a curve is flat in its middle: what it says is good to a tenth or two, and
-is meant to be used for one thing, to land while there is charge.
+The voltage shows it. Its sag under current is subtracted, with the resistance from the step at the take-off; if the rest falls by
+more in half a minute than in any flight, the charge is read from a discharge curve of lithium-polymer cells that
+is fitted to the state before the fall. Such a curve is flat in its middle: its result is accurate to a tenth or two, and
+serves one purpose, to land while there is charge.
 """
 
 from __future__ import annotations
@@ -22,52 +22,55 @@ if TYPE_CHECKING:
 
 _SOC = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _CELL_V = (3.20, 3.56, 3.655, 3.71, 3.75, 3.785, 3.83, 3.87, 3.94, 4.02, 4.12, 4.25)
-"""Open voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V) lithium-polymer cells."""
+"""Open-circuit voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V)
+lithium-polymer cells."""
 FALL = 0.025
-"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, has lost charge."""
+"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, indicates lost charge."""
 NOW_S, BACK_S = 4.0, 90.0
-"""What is compared: medians of the last seconds, and of as many from so long ago at most."""
+"""Compared are medians of the last seconds, and of as many from at most this time before, s."""
 MIN_LOST_SOC = 0.1
-"""Less is not told apart from a gust, or from a cold battery."""
+"""A smaller loss is not distinguished from a gust, or from a cold battery."""
 NOTICED_SOC = 0.05
 REST_A, FLIGHT_A = 5.0, 10.0
 SURE = 16
-"""So many measurements, two a second, tell whether the power fell with the voltage."""
+"""Number of measurements, at two per second, that decide whether the power fell with the voltage."""
 DOUBTED_S = 130.0
-"""A voltage that stays low for longer is no burst of wrong values."""
+"""A voltage that stays low for longer is no burst of wrong values, s."""
 WITNESS_S, AFTER_S = 30.0, 60.0
-"""The power is requested so long after a fall; later it differs for other reasons."""
+"""Time after a fall within which the power is compared, s; and length of the comparison: later it differs for other
+reasons."""
 HALF, TOO_MUCH = 0.5, 1.5
-"""Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
+"""Ratios of the fall of power to that of the voltage: below the first, power was not measured with it; above the
+second, it changed for another reason."""
 SIGMAS = 1.5
-"""So many standard deviations a share must lie on one side of `HALF` to say anything."""
+"""Number of standard deviations by which a ratio must differ from `HALF` to be significant."""
 POWER_ERROR, LOAD_ERROR, YOUNG_ERROR = 0.03, 0.4, 0.05
-"""Error of a power compared with one before: always; by how much the load changed between; where little is known of before."""
+"""Relative error of a power compared with an earlier one: always; per change of the load; with few earlier values."""
 SAME_GUST = 0.5
-"""What half a minute of gusts leaves of their spread in a median."""
+"""Share of the spread by gusts that remains in a median over half a minute."""
 AGAIN, AGAIN_S = 6, 300.0
-"""A loss is taken back where so many voltages in a row, so long after it at most, are as before. A fall so long after a rise in flight,
+"""A loss is undone if this number of successive voltages, within this time after it, s, are as before. A fall within this time after a rise in flight,
 to no less than before that rise, is none."""
 FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
-"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is unknown; and by which share
-of what charge used and a change of the sag explain these may be wrong."""
+"""Excess fall of the voltage against a sound battery that indicates a nearly empty one; the same with unknown resistance; and relative error of
+the explanation by charge used and change of the sag."""
 FALLS_ON_S, SURE_NOW, STEADY = 8.0, 8, 0.015
-"""Not told earlier after a loss, nor by voltages that differ by more among themselves."""
+"""Earliest decision after a loss, s; number of voltages; and their greatest spread."""
 REST_S = 180.0
-"""A voltage at rest so long ago still tells what the current lets it sag."""
+"""Greatest age of a voltage at rest that still gives the resistance, s."""
 MAX_SAG = 0.15
-"""Share of the voltage: whatever sags by more was measured wrongly at rest or after."""
+"""Share of the voltage: a greater sag is a measurement error at rest or after."""
 RAW_SHARE = 0.4
-"""So much of a fall must be seen before what the current lets it sag is taken off: else the current was told wrongly."""
+"""Share of a fall that must be seen before the sag is subtracted: otherwise the current was wrong."""
 
 
 def open_voltage(soc: float) -> float:
-    """Voltage of a cell without load at a state of charge."""
+    """Return the voltage of a cell without load at a state of charge."""
     return float(np.interp(soc, _SOC, _CELL_V))
 
 
 def soc_of(cell_v: float) -> float:
-    """State of charge of a cell with some voltage without load."""
+    """Return the state of charge of a cell with an open-circuit voltage."""
     return float(np.interp(cell_v, _CELL_V, _SOC))
 
 
@@ -76,21 +79,21 @@ class _Heard(NamedTuple):
 
     time_s: float
     volts: float
-    """Without what the current lets it sag."""
+    """Without the sag."""
     raw_v: float
     """As measured."""
     told: float
-    """State of charge that the vehicle told."""
+    """State of charge reported by the vehicle."""
     watts: float
     """Power."""
     load: float
-    """That of this airspeed and climb over hover, NaN where it is unknown."""
+    """Power of this airspeed and climb relative to hover, NaN if unknown."""
     sag_v: float
-    """What was taken off."""
+    """Subtracted sag."""
 
 
 def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
-    """Median of power for its load, its spread as a share (between quartiles), and the median load; None for too few."""
+    """Median of power over its load, its spread as a share (between quartiles), and the median load; None for too few."""
     known = [one for one in heard if math.isfinite(one.watts) and one.load > 0.0]
     if len(known) < AGAIN:
         return None
@@ -101,31 +104,31 @@ def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
 
 @dataclass(slots=True)
 class _Fall:
-    """A loss found, and what became of voltage and power since."""
+    """A loss found, and voltage and power since."""
 
     lost: float
     told: float
-    """`lost`, `told`: charge, and what the vehicle said of it before."""
+    """`lost`, `told`: charge lost, and the vehicle's report before."""
     found_s: float
-    """When."""
+    """Time of detection."""
     volts: float
     """The voltage before."""
     before: tuple[float, float, float] | None
-    """Power before, as `_power` tells it."""
+    """Power before, as returned by `_power`."""
     after: deque[_Heard]
-    """Since then."""
+    """Measurements since."""
     mismeasured: bool = False
     """In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a
     weaker battery."""
 
     def hear(self, one: _Heard) -> None:
-        """Take a measurement, and ask the power once there are enough."""
+        """Take a measurement, and compare the power once there are enough."""
         self.after.append(one)
         if not self.mismeasured and len(self.after) >= SURE and one.time_s < self.found_s + WITNESS_S:
             self.mismeasured = self.power_fell(list(self.after))
 
     def power_fell(self, after: list[_Heard]) -> bool:
-        """Whether the power, for its load, clearly fell with the voltage; False where it cannot be compared."""
+        """Whether the power, relative to its load, clearly fell with the voltage; False if it cannot be compared."""
         now = _power(after)
         fell = 1.0 - median(one.volts for one in after) / self.volts
         if now is None or self.before is None or not fell > 0.0:
@@ -138,7 +141,7 @@ class _Fall:
         return share - error > HALF and share < TOO_MUCH
 
     def sound(self, volts: float, told: float) -> float:
-        """Present voltage of a sound battery that had `volts` when this loss was found."""
+        """Return the present voltage of a sound battery that had `volts` when this loss was found."""
         return volts * open_voltage(told) / open_voltage(self.told)
 
     def falls_on(self, *, blind: bool) -> bool:
@@ -160,13 +163,13 @@ class _Fall:
 
 
 class _Rise(NamedTuple):
-    """A voltage that rose in flight, as no battery's does: a wrong measurement, then or before."""
+    """A rise of the voltage in flight, impossible for a battery: a measurement error, then or before."""
 
     found_s: float
     volts: float
     """The voltage before."""
     told: float
-    """State of charge that the vehicle told before."""
+    """State of charge reported by the vehicle before."""
 
 
 @dataclass(slots=True)
@@ -176,7 +179,7 @@ class VoltageWatch:
     lost: float = 0.0
     """Charge that was lost and that the vehicle does not count."""
     ohm: float = 0.0
-    """Resistance of the battery, as the last take-off showed it; 0 until then."""
+    """Resistance of the battery, from the last take-off; 0 until then."""
     _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
     _seen: deque[_Heard] = field(default_factory=deque)
     _heard_s: float = -math.inf
@@ -196,7 +199,7 @@ class VoltageWatch:
         self._heard_s = time_s
         if amperes < FLIGHT_A:
             if not flies:
-                self._seen.clear()  # on the ground: nothing that is compared with flight
+                self._seen.clear()  # on the ground: not comparable with flight
                 self._rise = None
             if amperes < REST_A and not flies:
                 self._rest = (time_s, volts, amperes)
@@ -217,7 +220,7 @@ class VoltageWatch:
         return self._again(time_s) or self._fallen(time_s)
 
     def _again(self, time_s: float) -> float:
-        """Take losses back whose voltage is there again: a battery does not mend."""
+        """Undo losses whose voltage has come back: a battery does not recover."""
         for number, fall in enumerate(self._falls):
             now = [one.volts for one in list(fall.after)[-AGAIN:]]
             if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
@@ -283,7 +286,7 @@ class VoltageWatch:
         self.lost = lost
 
     def forget(self) -> None:
-        """Begin again: the battery was measured, or another one put in."""
+        """Reset: the battery was measured, or replaced."""
         self.lost = 0.0
         self._rise = None
         self._falls.clear()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def restore_work(ctx: Context, record: Record) -> None:
-    """Follow a record of a journal, if it is one of the work."""
+    """Restore from a record of a journal, if it belongs to the work."""
     work = ctx.work
     if stands := record.entry(WorkStands):
         _stand(ctx, stands)
@@ -65,7 +65,7 @@ def _take(ctx: Context, span: Span, time_s: float) -> None:
 
 
 def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
-    """Make the leg under way again from what was written before its take-off."""
+    """Rebuild the present leg from the record before its take-off."""
     flight = ctx.work.flight
     if flight is None:
         return None
@@ -83,7 +83,7 @@ def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
 
 
 def turning(ctx: Context) -> After | None:
-    """Finish a change of the mission that was started before the program ended; None where there was none."""
+    """Finish a change of the mission that began before the program ended; None if there was none."""
     span, s = ctx.work.intended, ctx.observed.sample
     if span is None or ctx.work.flight is None or s is None or not s.mission_item >= 0.0:
         return None
