@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from skyway.models.ledger.desk import Entry
 
 TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
-"""How often a flight tells how far it is; at once where its state changes, or it is later by so much."""
+"""Interval of progress records, s; an additional one when the state changes, or the delay grows by the second value."""
 ALONE_S, AGAIN_S = 120.0, 5.0
-"""So long it waits for another process that still speaks with its vehicle, and how often it listens whether that does."""
+"""Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
 
 
@@ -45,7 +45,7 @@ class Flight:
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
 
     def start(self) -> None:
-        """Begin, or go on."""
+        """Begin, or continue."""
         self._thread.start()
 
     @property
@@ -58,11 +58,11 @@ class Flight:
         try:
             world = LockstepClient(self._worker.service.world, f"flight {self._entry.id}", system=record.system)
         except LinkError:
-            return  # looked at again
+            return  # checked again
         try:
             self._fly(world)
         except (FencedError, VersionError):
-            pass  # another has taken it over
+            pass  # another process has taken it over
         except SkywayError as error:
             self._give_up(world, str(error))
         finally:
@@ -107,7 +107,7 @@ class Flight:
             journal.close()
 
     def _alone(self, world: LockstepClient) -> Vehicle:
-        """Connect; where the process that had this flight before still speaks with the vehicle in our name, wait for its end."""
+        """Connect; if the process that had this flight before still sends to the vehicle under our id, wait for its end."""
         until_s = world.now_s() + ALONE_S
         while True:
             connection = Connection(world, world)
@@ -117,10 +117,10 @@ class Flight:
                 return vehicle
             world.sleep_until(world.now_s() + AGAIN_S)
 
-    # Telling
+    # Progress
 
     def _tell(self, ctx: Context) -> None:
-        """Write how far it is, where that is news; say nothing more to the vehicle where another process has the flight."""
+        """Write the progress if it has changed; send nothing more to the vehicle if another process has the flight."""
         if self._worker.leases.kept(self._entry.keeper) is None:
             raise FencedError(f"the lease of {self._entry.keeper} is lost")
         late_s = self._late_s(ctx)
@@ -141,7 +141,7 @@ class Flight:
         self._entry = self._worker.change(self._entry, "flying", self._record)
 
     def _late_s(self, ctx: Context) -> float:
-        """How far behind its plan: by when the flight under way lands, or by the take-off that is due."""
+        """Delay against the plan, s: by the expected landing of the present flight, or by the due take-off."""
         flights = [one for one in self._record.steps if one.kind == "fly"]
         number = ctx.delivery.flight
         leg = ctx.delivery.leg
@@ -167,7 +167,7 @@ class Flight:
         self._entry = self._worker.change(self._entry, "ended", record)
 
     def _give_up(self, world: LockstepClient, why: str) -> None:
-        """End a flight that cannot be supervised: a person must look at it."""
+        """End a flight that cannot be supervised: a person must inspect it."""
         record = self._record
         record.end = End(
             at_s=world.posix_s(), state="not supervised", reason=why, station=None, soc=None, arrived=False,

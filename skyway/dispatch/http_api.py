@@ -1,6 +1,6 @@
 """The HTTP API of a service: takes orders and reports the status; described by OpenAPI at ``/openapi.json``.
 
-It reads and writes the desk alone, so it is as true as the ledger, and may be asked while the dispatcher plans.
+It only reads and writes the desk, so it agrees with the ledger, and answers while the dispatcher plans.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class NewOrder(BaseModel):
 
 
 class OrderStatus(BaseModel):
-    """What has become of an order."""
+    """State of an order."""
 
     id: str
     state: str = Field(description="new, promised, under way, aboard, delivered, refused, or handed to a person.")
@@ -72,13 +72,13 @@ class OrderStatus(BaseModel):
 
 
 class Problem(BaseModel):
-    """Why a request was refused: one line for each fault."""
+    """Reason for the refusal of a request: one line for each fault."""
 
     problems: list[str]
 
 
 def application(ledger: str, dispatcher: str, *, token: str | None = None) -> FastAPI:
-    """Return the API of a dispatcher as an ASGI application; with a token, who asks must have it (``Authorization: Bearer …``)."""
+    """Return the API of a dispatcher as an ASGI application; with a token, requests must carry it (``Authorization: Bearer …``)."""
     api = FastAPI(title="skyway dispatch", version="1", description=__doc__ or "", docs_url=None, redoc_url=None)
     refused: dict[int | str, dict[str, Any]] = {422: {"model": Problem}, 404: {"model": Problem}}
 
@@ -109,7 +109,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
 
     @api.post("/orders", status_code=201, response_model=OrderStatus, responses=refused)
     def add_order(order: NewOrder) -> dict[str, Any]:
-        """Take an order; it is on the desk when the answer comes."""
+        """Take an order; it is on the desk when the answer is sent."""
         values = {
             "id": order.id,
             "from": order.origin,
@@ -129,14 +129,14 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
 
     @api.get("/orders", response_model=list[OrderStatus])
     def list_orders() -> list[dict[str, Any]]:
-        """Tell of all orders."""
+        """Return all orders."""
         place = desk()
         with place.ledger:
             return [order_document(name, state, one) for name, (state, one) in status_of(place).orders.items()]
 
     @api.get("/orders/{order_id}", response_model=OrderStatus, responses=refused)
     def get_order(order_id: str) -> dict[str, Any]:
-        """Tell of one order."""
+        """Return one order."""
         place = desk()
         with place.ledger:
             if place.get("order", order_id) is None:
@@ -145,14 +145,14 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
 
     @api.get("/status")
     def status() -> dict[str, Any]:
-        """Tell how the service stands (``skyway.fleet-status/1``)."""
+        """Return the status of the service (``skyway.fleet-status/1``)."""
         place = desk()
         with place.ledger:
             return document_of(status_of(place))
 
     @api.get("/metrics", response_class=PlainTextResponse)
     def metrics() -> str:
-        """Tell figures in the text format of Prometheus."""
+        """Return figures in the text format of Prometheus."""
         place = desk()
         with place.ledger:
             return prometheus(status_of(place))
@@ -170,7 +170,7 @@ def _told(desk: Desk, order: str) -> dict[str, Any]:
 
 
 def serve_in_background(ledger: str, dispatcher: str, where: str) -> str:
-    """Serve the API at ``HOST:PORT`` in a thread of its own; returns its address. Beyond this machine a token is needed."""
+    """Serve the API at ``HOST:PORT`` in a separate thread; return its address. A token is required unless only this machine has access."""
     import uvicorn
 
     host, _, port = where.rpartition(":")

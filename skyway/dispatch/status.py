@@ -41,32 +41,32 @@ class Status:
     led: bool
     """A dispatcher has its lease now."""
     now_s: float
-    """Newest time that the service told of, POSIX seconds of its own."""
+    """Latest reported time of the service, POSIX seconds of its own clock."""
     service: ServiceRecord
     orders: dict[str, tuple[str, OrderRecord]]
     drones: dict[str, tuple[str, DroneRecord]]
     flights: dict[str, tuple[str, FlightRecord]]
-    """Those that are not over."""
+    """Flights that are not over."""
     pads: dict[str, tuple[str, PadRecord]]
-    """Those out of order."""
+    """Pads out of order."""
     changes: dict[str, tuple[str, ChangeRecord]]
     holds: list[Hold]
     workers: dict[str, bool]
-    """By name, whether somebody has its lease."""
+    """By name, whether its lease is held."""
 
     def count(self, state: str) -> int:
-        """How many orders are in a state."""
+        """Return the number of orders in a state."""
         return sum(one == state for one, _ in self.orders.values())
 
     @property
     def lateness_s(self) -> list[float]:
-        """By how much each delivered order was after its due time; negative where it was before."""
+        """Return the delay of each delivered order, s; negative if it was early."""
         done = (one for _, one in self.orders.values() if one.delivered_s is not None)
         return [float(one.delivered_s or 0.0) - one.order.due.timestamp() for one in done]
 
 
 def status_of(desk: Desk) -> Status:
-    """Read how the service of a desk stands; an `InputError` says that there is none."""
+    """Read the status of the service of a desk; an `InputError` if there is none."""
     board = Board(desk)
     found = desk.get("service", "service")
     if found is None:
@@ -93,7 +93,7 @@ def status_of(desk: Desk) -> Status:
 
 
 def order_document(name: str, state: str, record: OrderRecord) -> dict[str, Any]:
-    """Return what is told of one order."""
+    """Return an order as JSON values."""
     order, promise = record.order, record.promise
     return {
         "id": name,

@@ -37,8 +37,8 @@ SURE = 16
 DOUBTED_S = 130.0
 """A voltage that stays low for longer is no burst of wrong values, s."""
 WITNESS_S, AFTER_S = 30.0, 60.0
-"""Time after a fall within which the power is compared, s; and length of the comparison: later it differs for other
-reasons."""
+"""Time after a fall within which the power is compared, s, since later it differs for other reasons; and duration
+of the measurements that are kept, s."""
 HALF, TOO_MUCH = 0.5, 1.5
 """Ratios of the fall of power to that of the voltage: below the first, power was not measured with it; above the
 second, it changed for another reason."""
