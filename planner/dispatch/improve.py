@@ -33,7 +33,8 @@ KEEPS_BEST = 200
 HALTED = 1
 """Largest number of changed orders that get or lose a charging stop, on the way to the package or with it."""
 HALTED_HOME = 0.1
-"""Chance that it is one on the way home. With a third, and drones that try all stops in a fifth of the changes (`ELSEWHERE`), 11 of 90 small problems came out worse, with these 2, as many as without either."""
+"""Chance that it is one on the way home. With a third, and with all stops tried in a fifth of the changes
+(`ELSEWHERE`), 11 of 90 small problems had a higher cost; with these values 2, as many as without either."""
 NEAREST = 6
 """Number of nearby stations from which such a stop is chosen."""
 LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

@@ -77,12 +77,12 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
 
 
 _AHEAD = 2.0
-"""Queues are sampled for so many times as long as the longest delivery by the same route took before."""
+"""Ratio of the sampled time of queues to the longest previous delivery by the same route."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChargePolicy:
-    """Flights in a fixed order, each charged from the information when it is due."""
+    """Flights in a fixed order, each charged by the information available when it is due."""
 
     problem: Problem
     """With the forecast at the time of planning."""
@@ -91,7 +91,7 @@ class ChargePolicy:
     known: Known
     """The rule."""
     most_full: float = 1.0
-    """A flight starts when the chance to find its station full is at most this."""
+    """A flight starts when the probability that its station is full is at most this."""
     first_s: float = -math.inf
     """The drone waits at its origin until then, POSIX seconds."""
 
