@@ -1,4 +1,4 @@
-"""New York: 200 drones and 300 orders in an hour, planned together, one after another, and each as if alone; flown where strangers charge, too."""
+"""New York: 200 drones and 300 orders in an hour, planned jointly, one after another, and each alone; flown with other drones at the pads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_LATE_S = 1800.0
 
 
 def city(seed: int, drones: int, orders: int, utilisation: float, start: datetime = START) -> Work:
-    """New York with so many drones, and orders over an hour, and strangers who keep so much of the pads busy."""
+    """Return New York with numbers of drones, and orders over an hour, and other drones that occupy a share of the pads."""
     scenario = read_scenario(NEW_YORK)
     rng = np.random.default_rng(seed)
     pads = np.maximum(scenario.network.pads, 1)

@@ -1,13 +1,13 @@
-"""A day of a fleet, flown in simulation with faults: nothing booked twice, nothing lost, no drone stranded, no order forgotten.
+"""A day of a fleet, flown in simulation with faults: no double booking, no lost order or package, no stranded drone.
 
 Two operators share one PostgreSQL ledger, each with half of the drones, a dispatcher, workers and a simulated world of its own; other drones use
-the pads as well. The wind is that of a day of the record that no forecast knows. Drones fall, pads are dead, workers and dispatchers are killed,
-the database is killed and started again, and the network of one operator is cut. What is found is written as it goes: a line a minute into
+the pads as well. The wind is that of a day of the record that no forecast contains. Drones crash, pads fail, workers and dispatchers are killed,
+the database is killed and restarted, and the network of one operator is interrupted. Results are written during the run: a line per minute into
 ``progress.jsonl``, each fault into ``faults.jsonl``, and at the end each order into ``orders.csv``.
 
 ``python -m benchmarks.fleet.bench_day --drones 200 --hours 24 --seed 1``; with ``--minutes``, and on
-Ctrl-C or SIGTERM, it ends before, and judges what there is. All
-that it has started ends with it.
+Ctrl-C or SIGTERM, it ends earlier, and evaluates the results so far. All
+processes that it has started end with it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 DAY = "2013-04-18T06:00"
-"""Where the day begins, local time; its wind is in no forecast."""
+"""Beginning of the day, local time; its wind is in no forecast."""
 NAMES = ("north", "south")
 LOOK_WALL_S, TELL_WALL_S = 5.0, 60.0
 
@@ -61,7 +61,7 @@ class Day:
         self.operators: list[Operator] = []
         self.faults: list[Faults] = []
         self.strayed: dict[str, set[str]] = {}
-        """Of each operator, drones that did not stand where its desk has them, when they were looked at last."""
+        """Of each operator, drones that were not at their station of the desk at the last check."""
         self.astray: list[str] = []
         self.told_to_end = False
         for number, name in enumerate(NAMES):
@@ -86,7 +86,7 @@ class Day:
             )  # fmt: skip
 
     def run(self) -> bool:
-        """Fly the day; returns whether both operators came to its end."""
+        """Fly the day; return whether both operators reached its end."""
         with lifeline() as environment:
             environment |= {"OPENBLAS_NUM_THREADS": "1"}
             for one in self.operators:
@@ -111,11 +111,11 @@ class Day:
         return False
 
     def end(self, *_: object) -> None:
-        """End the day before its time; what was found until then is judged."""
+        """End the day early; the results so far are evaluated."""
         self.told_to_end = True
 
     def stop(self) -> None:
-        """Stop all processes of a day that is not over, so that the ledger stands still while it is judged."""
+        """Stop all processes of an unfinished day, so that the ledger does not change during the evaluation."""
         for one in self.operators:
             one.kill()
             for kind in ("worker", "world"):
@@ -124,7 +124,7 @@ class Day:
                         os.kill(pid, signal.SIGKILL)
 
     def tell(self) -> None:
-        """Write how far the day is."""
+        """Write the progress of the day."""
         for one, faults in zip(self.operators, self.faults, strict=True):
             found = one.look()
             told: dict[str, Any] = {"wall": time.strftime("%H:%M:%S"), "operator": one.name}
@@ -152,7 +152,7 @@ class Day:
             print(json.dumps(told), flush=True)
 
     def _look_for_astray(self, one: Operator, truth: dict[str, Any]) -> None:
-        """Drones that stand, by the desk, must stand there; one that does not, twice in a row, is astray."""
+        """Check that drones that stand, by the desk, stand there; one that does not, twice in a row, is astray."""
         with open_ledger(one.outside) as book:
             drones = Board(Desk(book, one.name)).read("drone", DroneRecord)
         now = {
@@ -168,7 +168,7 @@ class Day:
         self.strayed[one.name] = now
 
     def judged(self, *, over: bool) -> int:
-        """Print what was found; returns how many things are wrong."""
+        """Print the findings; return the number of violations."""
         wrong: list[str] = [f"drone {name} does not stand where its desk has it" for name in self.astray]
         with open_ledger(self.uri) as book:
             wrong += audit(book)
@@ -196,7 +196,7 @@ class Day:
 
 
 def main() -> None:
-    """Fly a day and judge it."""
+    """Fly a day and evaluate it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drones", type=int, default=200)
     parser.add_argument("--hours", type=float, default=24.0, help="orders come for so long")

@@ -1,4 +1,4 @@
-"""How far the dispatcher's plans are from the proved optimum, on small problems in whole steps."""
+"""Gap of the dispatcher's plans to the proved optimum, on small problems in whole steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many whole itineraries a ledger books in a second when 16 clients want the same 40 pads."""
+"""Rate at which a ledger books whole itineraries when 16 clients want the same 40 pads."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WANTED = {"SQLite": 1000.0, "PostgreSQL": 300.0}
 
 
 def measure(store: str, count: int, kill: int = 0, parts: int = 1) -> Iterator[Load]:
-    """Load one store in parts, and look through its history after each; with `kill` so many clients of a part are killed, and the server of PostgreSQL once."""
+    """Load one store in parts, and check its history after each; with `kill`, this number of clients of a part are killed, and the server of PostgreSQL once."""
     with tempfile.TemporaryDirectory() as folder:
         if store == "SQLite":
             for part in range(parts):

@@ -1,4 +1,4 @@
-"""New York: the probabilities with which orders are promised, and what becomes of them on days that were not forecast, flown by a simulation of its own."""
+"""New York: the probabilities with which orders are promised, and their outcome on days that were not forecast, flown by an independent simulation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RESERVE = 0.2
 
 
 def main() -> None:
-    """Print stated probabilities beside what came."""
+    """Print stated probabilities beside observed frequencies."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drones", type=int, default=200)
     parser.add_argument("--orders", type=int, default=300)
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _show(rows: list[tuple[int, float, bool, float]]) -> None:
-    """Print what all days come to."""
+    """Print the result over all days."""
     days, stated, kept, late = np.array(rows).T
     rest = np.array([(kept - stated)[days == one].sum() for one in np.unique(days)])
     error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / len(kept)

@@ -1,4 +1,4 @@
-"""The rebuilt Sydney set: what our plans make of it, beside the rules of the study, greedy and first come, first served."""
+"""The rebuilt Sydney set: our plans compared with the rules of the study, a greedy rule, and first come, first served."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from skyway.planner.parameters.dispatch import DispatchParameters
 EACH = 40
 """Requests of a provider in an hour."""
 ENERGY_S = 7000.0
-"""What the energy of a battery is worth in the measure of quality, about, in seconds of delivery."""
+"""Approximate value of a battery's energy in the measure of quality, seconds of delivery."""
 FULL_S = 86_400.0
 """Nobody waits for the last hundredth of a charge."""
 RULES = {
@@ -46,11 +46,11 @@ RULES = {
 
 
 def problem(town: City, asked: list[Request]) -> DispatchProblem:
-    """The set as a dispatch problem.
+    """Return the set as a dispatch problem.
 
-    An order ends at its destination, and its drone where it has its final charge, on any roof: home is a place for each final charge, which is reached from
-    any roof in no time, with a need of that charge, and the time until then counts like that of the delivery. Drones begin at places of their providers
-    that no drone comes back to, so that each has one order; those of a provider with one final charge are alike.
+    An order ends at its destination, and its drone at any roof where it has its final charge: home is a virtual place for each final charge, reached from
+    any roof in zero time with a required SoC of that charge, and the time until then counts like that of the delivery. Drones begin at places of their providers
+    to which no drone returns, so that each has one order; those of a provider with one final charge are identical.
     """
     roofs, finals = SOURCES + FLATS, sorted(FINALS.values())
     kinds = len(finals)
@@ -92,7 +92,7 @@ def problem(town: City, asked: list[Request]) -> DispatchProblem:
 
 
 def searched(town: City, asked: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:
-    """Plan the set, each request by its own drone: the shortest charges are put in first, each at its destination; the search may choose other stops."""
+    """Plan the set, each request by its own drone: the shortest charges are inserted first, each at its destination; the search may choose other stops."""
     made = problem(town, asked)
     search = Search(made, DispatchParameters(vehicles_tried=2))
     search.warm_up()
@@ -109,9 +109,9 @@ def searched(town: City, asked: list[Request], time_limit_s: float, iterations: 
 
 
 def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flown], float]:
-    """Read what a plan does to each request, and check it: no pad twice, no charge quicker than it can be.
+    """Return the outcome of each request in a plan, and check the plan: no pad used twice, no charge faster than possible.
 
-    A drone that must wait for its first pad begins so much later; at any other it waits on a waiting pad, or hovers where those are taken.
+    A drone that must wait for its first pad begins later by that wait; at any other it waits on a waiting pad, or hovers if those are occupied.
     """
     windows: dict[int, list[tuple[float, float]]] = defaultdict(list)
     waits: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
@@ -152,7 +152,7 @@ def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flow
 
 
 def told(name: str, flown: list[Flown], congested_min: float) -> str:
-    """One line of the table."""
+    """Return one line of the table."""
     late = np.array([one.late_s for one in flown]) / MIN_S
     return (
         f"{name:<26} quality {np.mean([one.quality for one in flown]):.3f}; not served {100.0 * np.mean([not one.served for one in flown]):.1f} %; "

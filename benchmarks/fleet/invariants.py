@@ -1,7 +1,7 @@
-"""What must be true of a fleet that was flown, judged from the history of its ledger by code that shares nothing with what wrote it.
+"""Invariants of a flown fleet, checked on the history of its ledger by code that shares none with the writer.
 
 It reads the tables with SQL and the documents as plain JSON: no module of skyway is imported. ``python -m benchmarks.fleet.invariants LEDGER``
-prints what is wrong, and figures; exit code 1 where something is.
+prints violations and figures; exit code 1 if there are violations.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Line:
 
 @dataclass
 class Judged:
-    """What was found."""
+    """Findings."""
 
     wrong: list[str] = field(default_factory=list)
     figures: dict[str, float] = field(default_factory=dict)
@@ -58,7 +58,7 @@ def _postgresql(name: str) -> Iterator[Rows]:
 
 
 def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2, running: bool = False) -> Judged:
-    """Judge all that one dispatcher did; the pads are judged for all together. Where it is `running`, what is under way may be open."""
+    """Check everything done by one dispatcher; the pads are checked for all together. If it is `running`, open entries are permitted."""
     with (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger) as rows:
         return _judged(rows, dispatcher, reserve, running=running)
 
@@ -87,7 +87,7 @@ def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Ju
 
 
 def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judged, *, running: bool) -> None:
-    """Each order ends once, with a reason or a delivery; its package goes on from where it was, in one drone at a time."""
+    """Each order ends once, with a reason or a delivery; its package continues from its last place, in one drone at a time."""
     carried: dict[str, list[Line]] = defaultdict(list)
     for one in flights:
         if one.document["phase"] == WITH_PACKAGE and one.document["order"] is not None:
@@ -129,7 +129,7 @@ def _drones(
     *,
     running: bool,
 ) -> None:
-    """Each drone has one flight at a time, which begins where the one before ended; it stands at a station at the end, or a person was told."""
+    """Each drone has one flight at a time, which begins where the previous one ended; it stands at a station at the end, or was handed over to a person."""
     active: dict[str, str] = {}
     for kind, id_, _, state, document in history:
         if kind != "flight":
@@ -189,7 +189,7 @@ def _pads(rows: Rows, found: Judged, *, running: bool) -> None:
 
 
 def main() -> None:
-    """Judge a ledger."""
+    """Check a ledger."""
     found = judge(*sys.argv[1:3])
     for name, value in found.figures.items():
         print(f"{name}: {value:g}")

@@ -1,7 +1,7 @@
-"""Planning again at every stop against the rest: 500 deliveries on held-out days, the same truths for all.
+"""Replanning at every stop against the other planners: 500 deliveries on held-out days, the same realizations for all.
 
-Each delivery of an instance is planned by every rival and flown in the same runs; the clairvoyant `exact` is told each run.
-Results are written as they come, one delivery a line, and a run that was broken off goes on where it was; several
+Each delivery of an instance is planned by every planner and flown in the same runs; the clairvoyant `exact` has perfect information about each run.
+Results are written immediately, one delivery per line, and an interrupted run continues where it ended; several
 processes may write parts of one instance to the same file. One decision takes 0.1 to 2 s, a delivery a few seconds, so
 that 500 deliveries take a quarter of an hour to an hour on one core.
 """
@@ -40,15 +40,15 @@ RIVALS = (
     Contender("pfs", "full"),
 )
 BEST = "exact"
-"""The clairvoyant planner that all are compared with."""
+"""The planner with perfect information, to which all are compared."""
 ABOVE_BEST = 4.0
-"""Percent above the clairvoyant that are allowed on average."""
+"""Target for the mean excess over `BEST`, percent."""
 BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
-"""Percent below other planners that are wanted on average, on requests that all solve."""
+"""Target for the mean reduction against other planners, percent, on requests that all solve."""
 
 
 def try_delivery(case: Case) -> Row:
-    """Let all rivals fly one delivery: a line of the file of results, times in seconds, None where not delivered."""
+    """Fly one delivery with all planners: a line of the file of results, times in seconds, None if not delivered."""
     delivery = case.instance.deliveries[case.number]
     best, spent, _ = clairvoyant_times(case.realizations, case.instance.drone, BEST, range(len(case.realizations)))
     row: Row = {"number": case.number, "day": delivery.truth, BEST: {"delivery_s": _plain(best), "seconds": spent}}
@@ -71,7 +71,7 @@ def _plain(values: NDArray[np.float64]) -> list[float | None]:
 def run(
     instance: Instance, path: Path, *, part: tuple[int, int] = (0, 1), progress: Callable[[str], None] = print
 ) -> None:
-    """Fly the deliveries of an instance that a file of results does not hold yet, every n-th from the k-th on."""
+    """Fly the deliveries of an instance that are not yet in a file of results, every n-th from the k-th on."""
     scenario = instance.scenario()
     for number in missing(path, len(instance.deliveries), part):
         row = try_delivery(case_of(scenario, instance, number, instance.runs))
@@ -81,7 +81,7 @@ def run(
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
-    """What planning again reaches, beside what is wanted; times over the runs that all delivered, failures counted apart."""
+    """Return the results of replanning, with the targets; times over the runs that all delivered, failures counted separately."""
     names = [BEST, *(rival.label for rival in RIVALS if rival.label in rows[0])]
     times = {name: _times(rows, name) for name in names}
     day = np.repeat([int(row["day"].replace("-", "")) for row in rows], [len(row[BEST]["delivery_s"]) for row in rows])
@@ -125,7 +125,7 @@ def _above(
     target: float | None,
     note: str,
 ) -> Figure:
-    """Mean delivery time above that of another, percent, with its interval over days."""
+    """Mean excess of the delivery time over that of another planner, percent, with its interval over days."""
     ratio = DayBootstrap(day[runs]).ratio(times[name][runs], times[other][runs]).scaled(100.0)
     note = f"95 %: {ratio.low - 100.0:.1f} to {ratio.high - 100.0:.1f}, {runs.sum()} {note}"
     return Figure(f"{name} above {other}", ratio.value - 100.0, "%", target, note)
