@@ -133,7 +133,7 @@ def dispatch(
         laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
         before=before(work, laid, kept or {}, promised or {}),
     )  # fmt: skip
-    routes, answers = told(work, laid, search)
+    routes, answers = result_of(work, laid, search)
     hoped = None
     if hope is not None and len(answers) < len(work.orders):
         hoped = lay_out_problem(work, depart, hope, parameters, holds=holds, reserve=reserve, promised=once, seen=seen)
@@ -156,7 +156,7 @@ def dispatch(
     )
 
 
-def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
+def result_of(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
     """Convert the routes, and the outcome of each order, to the result."""
     stations = [work.scenario.network.stations[node].id for node in laid.places]
     first_pad, pads = laid.problem.flights.first_pad, laid.problem.flights.pads
@@ -224,7 +224,7 @@ def _explained(
     )
     for count, number in enumerate(refused):
         order = work.orders[number]
-        reason, hopeless = "the drones and pads serve orders that count more", False
+        reason, hopeless = "the drones and pads serve orders of greater weight", False
         if alone is not None and count < MAX_EXPLAINED:
             latest = float(laid.problem.orders.latest_s[number])
             reason, hopeless = _alone(work, alone, number, reason, latest)
@@ -238,7 +238,7 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: flo
     """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return "no drone of the fleet can fetch it, deliver it and be home in its time, even alone", True
+        return "no drone of the fleet can pick it up, deliver it and return in time, even without other orders", True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)
@@ -250,5 +250,5 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: flo
     alone.drone_of[number] = -1
     if done_s > latest_s:
         late_s = done_s - work.orders[number].due.timestamp()
-        return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
+        return f"even without other orders it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
     return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it", False

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from skyway.planner.tours.search import Search
 
 NO_DRONE = "no drone of the fleet stands at its station and is at home there"
-HOPELESS = "no drone there can deliver it by when it is due and come home, even alone"
-CROWDED = "the drones and pads serve orders that count more"
+HOPELESS = "no drone there can deliver it by its due time and return, even without other orders"
+CROWDED = "the drones and pads serve orders of greater weight"
 
 
 def plan_tours(
@@ -99,7 +99,7 @@ def plan_tours(
         search = solve(group.tours, parameters.tours, seed=seed, time_limit_s=time_limit_s / len(teams), iterations=max(iterations // len(teams), 1), fewest_vehicles=fewest_drones)  # fmt: skip
         cost, tried = cost + search.cost, tried + search.iterations
         for vehicle, rows in search.timetables().items():
-            route, found = _told(work, laid, group, group.drones[vehicle], rows)
+            route, found = _result_of(work, laid, group, group.drones[vehicle], rows)
             routes.append(route)
             answers.update(found)
             charges = rows[(rows[:, KIND] == CHARGE) & (rows[:, PAD] >= 0)]
@@ -174,7 +174,7 @@ def _without_waiting(rows: NDArray[np.float64], due: NDArray[np.float64]) -> NDA
     return shifted
 
 
-def _told(
+def _result_of(
     work: Work, laid: Laid, group: Group, drone: int, rows: NDArray[np.float64]
 ) -> tuple[Route, dict[int, Answer]]:
     """Convert the timetable of a drone, and the outcome of its orders, to the result."""

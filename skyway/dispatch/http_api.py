@@ -38,8 +38,8 @@ class NewOrder(BaseModel):
     origin: str = Field(alias="from", description="Station id, part of its name, or lat,lon.")
     to: str = Field(description="Station id, part of its name, or lat,lon.")
     mass_kg: float = Field(description="Mass of the package, kg.")
-    ready: str = Field(description="It can be fetched from then on; ISO 8601 with UTC offset.")
-    due: str = Field(description="It should be there by then; ISO 8601 with UTC offset.")
+    ready: str = Field(description="Earliest pick-up; ISO 8601 with UTC offset.")
+    due: str = Field(description="Due time of the delivery; ISO 8601 with UTC offset.")
     kind: str = ""
     priority: int = 0
     value: float | None = None
@@ -58,17 +58,15 @@ class OrderStatus(BaseModel):
     ready: str
     due: str
     drone: str | None
-    promised: str | None = Field(description="When it will be delivered, as promised now.")
-    chance: float | None = Field(
-        description="Probability that it is there by when it is due, as the plan was flown in many worlds."
-    )
-    p50: str | None = Field(description="It is there by then with a probability of one half.")
-    p95: str | None = Field(description="It is there by then with a probability of 0.95.")
+    promised: str | None = Field(description="Promised delivery time.")
+    chance: float | None = Field(description="Probability of delivery by the due time, from simulations of the plan.")
+    p50: str | None = Field(description="Median of the delivery time.")
+    p95: str | None = Field(description="95 % quantile of the delivery time.")
     first_promised: str | None
-    changes: int = Field(description="How often the promise was changed.")
+    changes: int = Field(description="Number of changes of the promise.")
     delivered: str | None
-    place: str = Field(description="Where the package is, or was fetched.")
-    reason: str = Field(description="Why it is refused, waits, or was handed to a person.")
+    place: str = Field(description="Place of the package, or of its pick-up.")
+    reason: str = Field(description="Reason for a refusal, a wait, or a hand-over to a person.")
 
 
 class Problem(BaseModel):
@@ -89,7 +87,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
     async def guarded(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
         host = request.headers.get("host", "").rpartition(":")[0] or request.headers.get("host", "")
         if token is None and host.strip("[]") not in LOOPBACK:
-            return JSONResponse({"problems": ["asked under the name of another host"]}, 403)
+            return JSONResponse({"problems": ["the request names another host"]}, 403)
         if token is not None:
             given = request.headers.get("authorization", "").removeprefix("Bearer ")
             if not hmac.compare_digest(given.encode(), token.encode()):
@@ -125,7 +123,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         place = desk()
         with place.ledger:
             put_order(place, one)
-            return _told(place, order.id)
+            return _order_status(place, order.id)
 
     @api.get("/orders", response_model=list[OrderStatus])
     def list_orders() -> list[dict[str, Any]]:
@@ -141,7 +139,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         with place.ledger:
             if place.get("order", order_id) is None:
                 raise HTTPException(404, {"problems": [f"there is no order {order_id}"]})
-            return _told(place, order_id)
+            return _order_status(place, order_id)
 
     @api.get("/status")
     def status() -> dict[str, Any]:
@@ -160,7 +158,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
     return api
 
 
-def _told(desk: Desk, order: str) -> dict[str, Any]:
+def _order_status(desk: Desk, order: str) -> dict[str, Any]:
     from skyway.dispatch.records import OrderRecord, read
 
     entry = desk.get("order", order)

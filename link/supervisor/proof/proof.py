@@ -83,7 +83,7 @@ class Proof:
             if gain is not None:
                 ctx.note(
                     Proved(gain_w=gain),
-                    f"power of this take-off under the package: {gain:.0f} W by the model of the scale",
+                    f"power of this take-off with the package: {gain:.0f} W by the model of the scale",
                 )
             return
         self._take(ctx, replace(self.evidence, weight=scale.weigh()))
@@ -138,15 +138,15 @@ class Proof:
     def restore(self, records: Iterable[Record], package_kg: float) -> None:
         """Restore the evidence from a journal."""
         for record in records:
-            told = record.entry(Proved)
-            if told is None:
+            entry = record.entry(Proved)
+            if entry is None:
                 continue
-            if told.gain_w is not None:
-                self._gains.append(told.gain_w)
+            if entry.gain_w is not None:
+                self._gains.append(entry.gain_w)
                 continue
             self.evidence = Evidence(
-                told.acknowledged, bool(told.by_person), told.how or "", told.lost_s,
-                _weight(told.before, told.before_sigma), _weight(told.share, told.sigma), package_kg,
+                entry.acknowledged, bool(entry.by_person), entry.how or "", entry.lost_s,
+                _weight(entry.before, entry.before_sigma), _weight(entry.share, entry.sigma), package_kg,
             )  # fmt: skip
 
 

@@ -112,7 +112,7 @@ def test_packages_that_are_too_heavy_together_are_shared_out(forecast):
     assert made.served == 2
     assert {len(route.orders) for route in made.routes} == {1}
     assert [one.reason for one in made.answers if one.status == "refused"] == [
-        "the drones and pads serve orders that count more"
+        "the drones and pads serve orders of greater weight"
     ]
 
 
