@@ -63,7 +63,7 @@ class Day:
         self.strayed: dict[str, set[str]] = {}
         """Of each operator, drones that were not at their station of the desk at the last check."""
         self.astray: list[str] = []
-        self.told_to_end = False
+        self.ends_early = False
         for number, name in enumerate(NAMES):
             ledger = self.network.address if number == 0 else uri
             words = ("--time-limit", "1", "--iterations", str(given.iterations))
@@ -92,27 +92,27 @@ class Day:
             for one in self.operators:
                 one.start(environment)
             end_s = time.monotonic() + 60.0 * self.given.minutes
-            told_s = -TELL_WALL_S
-            while time.monotonic() < end_s and not self.told_to_end:
+            written_s = -TELL_WALL_S
+            while time.monotonic() < end_s and not self.ends_early:
                 over = [one.ended(environment) for one in self.operators]
                 for one, faults in zip(self.operators, self.faults, strict=True):
                     one.pids("")
                     found = one.look()
                     if found is not None:
                         faults.look(found[0])
-                if time.monotonic() >= told_s + TELL_WALL_S or all(over):
-                    told_s = time.monotonic()
-                    self.tell()
+                if time.monotonic() >= written_s + TELL_WALL_S or all(over):
+                    written_s = time.monotonic()
+                    self.write_progress()
                 if all(over):
                     return True
                 time.sleep(LOOK_WALL_S)
-            self.tell()
+            self.write_progress()
             self.stop()
         return False
 
     def end(self, *_: object) -> None:
         """End the day early; the results so far are evaluated."""
-        self.told_to_end = True
+        self.ends_early = True
 
     def stop(self) -> None:
         """Stop all processes of an unfinished day, so that the ledger does not change during the evaluation."""
@@ -123,33 +123,33 @@ class Day:
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(pid, signal.SIGKILL)
 
-    def tell(self) -> None:
+    def write_progress(self) -> None:
         """Write the progress of the day."""
         for one, faults in zip(self.operators, self.faults, strict=True):
             found = one.look()
-            told: dict[str, Any] = {"wall": time.strftime("%H:%M:%S"), "operator": one.name}
+            line: dict[str, Any] = {"wall": time.strftime("%H:%M:%S"), "operator": one.name}
             try:
                 with open_ledger(one.outside) as book:
                     status = status_of(Desk(book, one.name))
             except SkywayError as error:
-                told["error"] = str(error)
+                line["error"] = str(error)
             else:
-                told |= {
+                line |= {
                     "orders": dict(Counter(state for state, _ in status.orders.values())),
                     "drones": dict(Counter(state for state, _ in status.drones.values())),
                     "flights": len(status.flights), "changes": len(status.changes),
                 }  # fmt: skip
                 if found is not None:
                     self._look_for_astray(one, found[1])
-            told |= {
+            line |= {
                 "at_h": None if found is None else round(found[0] / 3600.0, 3), "air_h": round(one.air_h(), 2),
                 "cpu_s": {kind: round(sum(used for (name, _), used in one.cpu_s.items() if name == kind), 1) for kind in ("run", "worker", "world")},
                 "faults": {kind: count for kind, count in faults.done.items() if count}, "starts": one.starts,
                 "astray": len(self.astray),
             }  # fmt: skip
             with (self.folder / "progress.jsonl").open("a", encoding="utf-8") as file:
-                file.write(json.dumps(told) + "\n")
-            print(json.dumps(told), flush=True)
+                file.write(json.dumps(line) + "\n")
+            print(json.dumps(line), flush=True)
 
     def _look_for_astray(self, one: Operator, truth: dict[str, Any]) -> None:
         """Check that drones that stand, by the desk, stand there; one that does not, twice in a row, is astray."""

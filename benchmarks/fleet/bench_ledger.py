@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.fleet.ledger_load import STOPS, Load, postgresql_server, run, told_booked
+from benchmarks.fleet.ledger_load import STOPS, Load, confirmed_bookings, postgresql_server, run
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.opening import open_ledger
 
@@ -40,7 +40,7 @@ def _audited(
         for one in ledger.holds():
             stops[one.itinerary] = stops.get(one.itinerary, 0) + 1
     found += [f"{one} is booked half" for one, many in stops.items() if many != STOPS]
-    found += [f"{one} is lost" for one in told_booked(folder) - stops.keys()]
+    found += [f"{one} is lost" for one in confirmed_bookings(folder) - stops.keys()]
     if found:
         raise AssertionError(found[0])
     return load

@@ -49,7 +49,7 @@ def main() -> None:
         )  # fmt: skip
         change_s, change_used_s = time.perf_counter() - begun, time.process_time() - used
         print(
-            f"{drones:>6} drones, {len(before.orders):>6} orders: planned in {whole_s:.1f} s ({whole_used_s:.1f} s of a processor), {plan.served} served, {plan.iterations} changes tried; "
+            f"{drones:>6} drones, {len(before.orders):>6} orders: planned in {whole_s:.1f} s ({whole_used_s:.1f} s of a processor), {plan.served} served, {plan.iterations} iterations; "
             f"one order more {change_s:.2f} s ({change_used_s:.2f} s), {after.served} served",
             flush=True,
         )

@@ -71,8 +71,8 @@ def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Ju
         f"SELECT kind, id, version, state, document FROM desk_history WHERE dispatcher = '{name}' ORDER BY seq"
     )
     for kind, id_, version, state, document in history:
-        told = document if isinstance(document, dict) else json.loads(document)
-        kinds[kind][id_].append(Line(id_, version, state, told))
+        data = document if isinstance(document, dict) else json.loads(document)
+        kinds[kind][id_].append(Line(id_, version, state, data))
     for kind, entries in kinds.items():
         for lines in entries.values():
             if [one.version for one in lines] != list(range(1, len(lines) + 1)):

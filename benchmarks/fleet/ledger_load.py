@@ -187,7 +187,7 @@ def run(
     return Load(attempts, booked, wall_s, sum(spent) / max(len(spent), 1), kill)
 
 
-def told_booked(folder: Path) -> set[str]:
+def confirmed_bookings(folder: Path) -> set[str]:
     """Return the itineraries whose booking was confirmed to clients."""
     lines = (line for journal in folder.glob("client-*.txt") for line in journal.read_text().splitlines())
     return {line.split()[1] for line in lines if line.startswith("booked ")}

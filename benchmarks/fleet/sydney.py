@@ -170,18 +170,18 @@ def alone(town: City, one: Request) -> tuple[float, float]:
     return time_s, used
 
 
-def queued(town: City, asked: list[Request], first: Callable[[float, float], float]) -> tuple[list[Flown], float]:
+def queued(town: City, given: list[Request], first: Callable[[float, float], float]) -> tuple[list[Flown], float]:
     """Simulate the study's rule: the drone with the least `first` of its wait and its charging time, both in minutes, gets the next pad.
 
     A drone without a pad waits on a waiting pad, or hovers. Returns the outcome of each, and the mean wait at a roof in minutes.
     """
-    drones = [expected(town, one) for one in asked]
+    drones = [expected(town, one) for one in given]
     done_s = [0.0] * len(drones)
     queue: dict[int, list[int]] = defaultdict(list)
     busy = dict.fromkeys(range(len(town.pads)), 0)
     congested = 0.0
     since: dict[int, float] = {}
-    events = [(one.ready_s + drones[number].stops[0][0], number, True) for number, one in enumerate(asked)]
+    events = [(one.ready_s + drones[number].stops[0][0], number, True) for number, one in enumerate(given)]
     heapq.heapify(events)
     while events:
         now_s, number, comes = heapq.heappop(events)
@@ -210,7 +210,7 @@ def queued(town: City, asked: list[Request], first: Callable[[float, float], flo
         elif place in since:
             congested += now_s - since.pop(place)
     found = []
-    for number, one in enumerate(asked):
+    for number, one in enumerate(given):
         expected_s, use = alone(town, one)
         late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
         hovered = min(drones[number].hovered, MOST_HOVERED)

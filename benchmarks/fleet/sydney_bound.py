@@ -23,15 +23,15 @@ AFTER_S = 4.0 * 3600.0
 class Prices:
     """The requests that must charge, and the prices for their drones."""
 
-    def __init__(self, town: City, asked: list[Request]) -> None:
-        at = np.array([(one.origin, one.destination) for one in asked])
-        final = np.array([FINALS[one.threshold] for one in asked])
+    def __init__(self, town: City, given: list[Request]) -> None:
+        at = np.array([(one.origin, one.destination) for one in given])
+        final = np.array([FINALS[one.threshold] for one in given])
         left = 1.0 - town.need[at[:, 0], at[:, 1]]
         some = left < final
-        self.count, self.pads = len(asked), town.pads.astype(float)
+        self.count, self.pads = len(given), town.pads.astype(float)
         at, final, left = at[some], final[some], left[some]
-        ready = np.array([one.ready_s for one in asked])[some]
-        self.expected_s, use = np.array([alone(town, one) for one in asked])[some].T
+        ready = np.array([one.ready_s for one in given])[some]
+        self.expected_s, use = np.array([alone(town, one) for one in given])[some].T
         on_s, on = town.time_s[at[:, 1]], town.need[at[:, 1]]  # to each roof, from the destination
         on_s[np.arange(len(at)), at[:, 1]] = on[np.arange(len(at)), at[:, 1]] = 0.0
         self.come_s = ready[:, None] + town.time_s[at[:, 0], at[:, 1]][:, None] + on_s
@@ -71,9 +71,9 @@ class Prices:
         return float(best.sum() - (self.pads[:, None] * price * STEP_S).sum()) / self.count, slack
 
 
-def most_quality(town: City, asked: list[Request], reached: float, iterations: int = ITERATIONS) -> float:
+def most_quality(town: City, given: list[Request], reached: float, iterations: int = ITERATIONS) -> float:
     """Return an upper bound of the mean quality of any plan; `reached` is that of some plan, which determines the step size."""
-    prices = Prices(town, asked)
+    prices = Prices(town, given)
     price = np.zeros((len(town.pads), len(prices.at_s)))
     best, share, since = 0.0, 1.0, 0
     for _ in range(iterations):

@@ -46,11 +46,11 @@ def measure(trials: int = TRIALS) -> list[Figure]:
     """Time decisions on the ground and in the air."""
     scenario = dense(STATIONS, SEED)
     rng = np.random.default_rng(SEED)
-    asked = requests(scenario, trials)
+    given = requests(scenario, trials)
     ground: list[float] = []
     calm: list[float] = []
     danger: list[float] = []
-    for number, request in enumerate([asked[0], *asked]):
+    for number, request in enumerate([given[0], *given]):
         forecast = scenario.forecast(request.state.time, HORIZON_H)
         try:
             found = plan(scenario, request, planner="robust", forecast=forecast)
@@ -64,7 +64,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
             plan=found.composition,
         )  # fmt: skip
         begun = time.thread_time()
-        told = policy.on_ground(known, tell=True)
+        decision = policy.on_ground(known, tell=True)
         spent = time.thread_time() - begun
         if number:
             ground.append(spent)
@@ -99,7 +99,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
                 decided = policy.in_air(
                     Information(
                         time_s=time_s, soc=max(soc, 0.02), forecast=now, belief=belief, here=here, via=first.via, destination=first.destination,
-                        diverts=told.diverts, sudden=True, flight=FlightMemory(),
+                        diverts=decision.diverts, sudden=True, flight=FlightMemory(),
                     )
                 )  # fmt: skip
                 spent = time.thread_time() - begun
@@ -107,7 +107,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
                     (danger if decided.action in ("divert", "land") or "options" in decided.figures else calm).append(
                         spent
                     )
-    peer_ms = 1000.0 * networkx_s(scenario, asked)
+    peer_ms = 1000.0 * networkx_s(scenario, given)
     return [
         *_figures("on the ground", ground, peer_ms, None),
         *_figures("in the air", calm + danger, peer_ms, TARGET_MS),

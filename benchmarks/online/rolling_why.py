@@ -43,26 +43,26 @@ if TYPE_CHECKING:
     from skyway.planner.robust.information_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
-TOLD = (NOTHING, QUEUES, WIND, BOTH)
+REVEALED = (NOTHING, QUEUES, WIND, BOTH)
 BOUND = "exact, least reserve for gusts"
 """Name of the bound in the file of results."""
 DEVIATIONS = (1.0, 2.0, 3.1)
 """Deviations of the mean gust of a flight that `exact` must also bear; the last is exceeded once in a thousand."""
 
 
-class ToldProblem(Problem):
+class InformedProblem(Problem):
     """A problem whose queues are the true ones, except for the queue in which the drone stands."""
 
-    told: dict[int, QueuePath]
+    revealed: dict[int, QueuePath]
 
     def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
         """Return the true queues."""
         sampled = super().queue_paths(nodes, sample, seed)
         mine = None if self.in_flight else self.origin
-        return {node: path if node == mine else self.told.get(node, path) for node, path in sampled.items()}
+        return {node: path if node == mine else self.revealed.get(node, path) for node, path in sampled.items()}
 
 
-class ToldPolicy(OnlinePolicy):
+class InformedPolicy(OnlinePolicy):
     """The online policy with perfect information about the queues."""
 
     queues: dict[int, QueuePath]
@@ -70,41 +70,41 @@ class ToldPolicy(OnlinePolicy):
     def problem(self, info: Information) -> Problem:
         """The rest of the delivery, with the true queues."""
         plain = super().problem(info)
-        now = ToldProblem(plain.scenario, plain.request, plain.drone, info.forecast)
-        now.told = self.queues
+        now = InformedProblem(plain.scenario, plain.request, plain.drone, info.forecast)
+        now.revealed = self.queues
         return now
 
 
 @dataclass(frozen=True)
-class ToldRolling(RollingRobust):
+class InformedRolling(RollingRobust):
     """`RollingRobust` with perfect information about the queues."""
 
     queues: dict[int, QueuePath] = field(default_factory=dict)
 
     @cached_property
-    def policy(self) -> ToldPolicy:
+    def policy(self) -> InformedPolicy:
         """The policy that is flown."""
-        found = ToldPolicy(self.start.scenario, self.start.request, self.start.parameters, errors=self.errors)
+        found = InformedPolicy(self.start.scenario, self.start.request, self.start.parameters, errors=self.errors)
         found.queues = self.queues
         return found
 
 
-def fly_told(case: Case, told: str) -> float:
+def fly_informed(case: Case, revealed: str) -> float:
     """Delivery time of the first run, s, of the rolling horizon with perfect information about something; NaN if not delivered."""
     realizations, drone = case.realizations, case.instance.drone
-    forecast = realizations.wind.member(int(realizations.day[0])) if told in (WIND, BOTH) else case.forecast
+    forecast = realizations.wind.member(int(realizations.day[0])) if revealed in (WIND, BOTH) else case.forecast
     start = Problem(case.scenario, realizations.request, case.scenario.drone(drone), forecast)
     policy = RollingRobust(start, realizations.errors)
-    if told in (QUEUES, BOTH):
+    if revealed in (QUEUES, BOTH):
         problem = realizations.problem(drone)
         nodes = np.flatnonzero(problem.network.pads > 0).tolist()
-        policy = ToldRolling(
+        policy = InformedRolling(
             start, realizations.errors, queues=realizations.queues(problem, nodes, int(realizations.queue[0]))
         )
     return float(fly_policy(realizations, drone, policy, np.array([0]))[0].delivery_s[0])
 
 
-def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
+def _all_revealed(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
     """The first run of a delivery with perfect information: its wind, its queues, and its gusts."""
     request, wind = case.realizations.perfect_information(0)
     p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
@@ -120,7 +120,7 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
     that the battery allows, and as a share of the ground speed it is least with a tail wind. With the least wind of any site
     in any slot up to some time that is a bound for all that arrive by then; later arrivals are above it anyway.
     """
-    p, queues, known = _told_all(case)
+    p, queues, known = _all_revealed(case)
     share = NormalDist().inv_cdf(1.0 - p.epsilon) * LATERAL * float(gust_mean(known, p.longest_flight_s))
     calmest = np.hypot(p.air.north[0], p.air.east[0]).min(axis=1)
 
@@ -142,7 +142,7 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
 
 def bearing_gusts(case: Case) -> Row:
     """Delivery times, s, of `exact` with perfect information about wind and queues, in ground speeds with a mean gust of some deviations against each flight."""
-    p, queues, known = _told_all(case)
+    p, queues, known = _all_revealed(case)
     gust = float(gust_mean(known, USUAL_FLIGHT_S))
     slots, segments = np.arange(p.air.north.shape[1]), np.arange(len(p.air.distance_m))
     found: Row = {}
@@ -163,7 +163,11 @@ def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
         row: Row = {"number": number, "day": instance.deliveries[number].truth, "exact": best, BOUND: bound}
         row |= bearing_gusts(gusty)
         realizations = {"gusts": gusty, "no gusts": still}
-        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in realizations.items() for told in TOLD}
+        row |= {
+            f"told {revealed}, {name}": fly_informed(case, revealed)
+            for name, case in realizations.items()
+            for revealed in REVEALED
+        }
         plain = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in row.items()}
         append(path, plain)
 

@@ -63,7 +63,7 @@ def unhindered(seed: int, runs: int = RUNS) -> Unhindered:
     )
 
 
-def told(name: str, minutes: list[float]) -> str:
+def statistics(name: str, minutes: list[float]) -> str:
     """Return the statistics of the delivery times in one line."""
     times = np.array(minutes)
     quantiles = ", ".join(f"p{q} {np.percentile(times, q, method='higher'):.0f}" for q in (50, 90, 95))
@@ -72,10 +72,10 @@ def told(name: str, minutes: list[float]) -> str:
 
 def main() -> None:
     """Fly many orders and print the statistics of the delivery times."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--first", type=int, default=7000)
-    asked.add_argument("--seeds", type=int, default=300)
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--first", type=int, default=7000)
+    parser.add_argument("--seeds", type=int, default=300)
+    given = parser.parse_args()
     policy, perfect, below = list[float](), list[float](), 0
     for seed in range(given.first, given.first + given.seeds):
         try:
@@ -85,8 +85,8 @@ def main() -> None:
         policy += found.policy
         perfect += found.perfect
         below += found.below_reserve
-    print(told("no faults, wind measured at all airports", policy) + f"; {below} below the reserve")
-    print(told("perfect information", perfect))
+    print(statistics("no faults, wind measured at all airports", policy) + f"; {below} below the reserve")
+    print(statistics("perfect information", perfect))
 
 
 if __name__ == "__main__":

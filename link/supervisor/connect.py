@@ -57,15 +57,15 @@ def _meet(ctx: Context) -> None:
     """Wait until position, charge, arming and landed state are known."""
     request_telemetry(ctx)
     end = ctx.clock.now_s() + KNOWN_S
-    asked = ctx.clock.now_s()
+    requested_s = ctx.clock.now_s()
     while ctx.clock.now_s() < end:
         ctx.tick()
         s = ctx.observed.sample
         if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, ctx.battery.soc))):
             return
-        if ctx.clock.now_s() > asked + 10.0:
+        if ctx.clock.now_s() > requested_s + 10.0:
             must_answer(ctx, "the drone does not send the telemetry it was asked for")
-            asked = ctx.clock.now_s()
+            requested_s = ctx.clock.now_s()
             request_telemetry(ctx)
     s = ctx.observed.sample
     lacking = ["position"] if ctx.place is None else []

@@ -15,7 +15,7 @@ from skyway.link.supervisor.flight.track import Track
 from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.clients import tell_clients, tell_radios, tell_traffic
-from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
+from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_in_contact, request_telemetry
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
 from skyway.link.supervisor.proof.proof import Proof
@@ -180,7 +180,7 @@ class Context:
         self.track.write(self)
         if self.on_tick is not None:
             self.on_tick(self)
-        must_be_heard(self)
+        must_be_in_contact(self)
         must_be_alone(self)
         if self.state in ON_GROUND:
             refuse_on_ground(self, changes)

@@ -30,11 +30,11 @@ class Conversation:
     """The open question; None if there is none."""
     answers: tuple[str, ...] = ()
     """Answers allowed to it."""
-    asked_n: int = 0
+    question_n: int = 0
     """Number of the journal record with it."""
     stays: bool = False
     """The operator wants the vehicle to stay at the next landing."""
-    asked_once: bool = False
+    take_off_confirmed: bool = False
     """A take-off of this delivery was confirmed."""
     paused: bool = False
     """The vehicle was ordered to hold its position, and not yet to continue."""
@@ -73,22 +73,22 @@ class Conversation:
 
     def allow(self, *, once: bool = True) -> None:
         """Record that a take-off was confirmed."""
-        self.asked_once = once
+        self.take_off_confirmed = once
 
     def ask_again(self, *, stays: bool) -> None:
         """Record that a person ended the flight: the next take-off needs a confirmation, or, if the drone stays, the command `go`."""
-        self.asked_once = False
+        self.take_off_confirmed = False
         self.stays = self.stays or stays
 
-    def restore(self, told: Ordered) -> None:
+    def restore(self, entry: Ordered) -> None:
         """Restore from an ``order`` record of a journal: a request that was processed once is never processed again."""
-        self._known.add(told.id or "")
-        if told.holder is not None:
-            self.commander.restore(Person(told.holder, told.holder_name or "somebody"))
+        self._known.add(entry.id or "")
+        if entry.holder is not None:
+            self.commander.restore(Person(entry.holder, entry.holder_name or "somebody"))
 
     def listen(self, ctx: Context) -> None:
         """Read the operator's input at any time; Ctrl-C on the ground, or twice in the air, raises a `Turn`."""
-        if (said := self.operator.heard()) is not None:
+        if (said := self.operator.next_input()) is not None:
             self._take(ctx, replace(said, word=" ".join(said.word.split()).lower()))
         if over := self.commander.overdue(ctx.vehicle.connection.clock.now_s()):
             self._note_command(ctx, "take", "taken", over)
@@ -123,12 +123,12 @@ class Conversation:
     def _note_command(self, ctx: Context, word: str, done: str, why: str, said: Said | None = None) -> None:
         """Journal the effect of a command."""
         holder = self.commander.holder
-        told = Ordered(
+        entry = Ordered(
             word=word, done=done, id=None if said is None else said.id, who=None if said is None else said.who,
             name=None if said is None else said.name, holder=None if holder is None else holder.id,
             holder_name=None if holder is None else holder.name,
         )  # fmt: skip
-        ctx.say(told, why)
+        ctx.say(entry, why)
 
     def _refused(self, ctx: Context, said: Said, meant: str | None) -> str:
         """Return why a request is rejected; empty if it is accepted."""
@@ -139,7 +139,7 @@ class Conversation:
         if meant is None:
             now = ", ".join(offered(ctx)) or "nothing"
             return f"in the state {ctx.state} there is: {now}"
-        if self.question is not None and said.about != self.asked_n:
+        if self.question is not None and said.about != self.question_n:
             return "it does not answer the open question"
         return ""
 
@@ -180,9 +180,9 @@ class Conversation:
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
         """Let time pass until the operator types one of the allowed words; a `Turn` if no operator is present any more."""
-        asked = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
+        record = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
-        self.question, self.answers, self.asked_n = question, words, asked.n
+        self.question, self.answers, self.question_n = question, words, record.n
         try:
             while True:
                 while (word := self.next_word()) is not None:

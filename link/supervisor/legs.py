@@ -57,11 +57,11 @@ class Leg:
     """Time of that command, POSIX seconds."""
     start_s: float = math.nan
     soc_start: float = math.nan
-    told_start: float = math.nan
+    reported_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
     planned_soc_sd: float = math.nan
-    """`start_s`, `soc_start`, `told_start`, `planned_s`, `planned_soc`, `planned_soc_sd`: take-off, charge at that time, and as
+    """`start_s`, `soc_start`, `reported_start`, `planned_s`, `planned_soc`, `planned_soc_sd`: take-off, charge at that time, and as
     reported by the vehicle; planned flight time and charge at the landing, and the standard deviation of that."""
     modelled: ModelledUse | None = None
     """Modelled charge used so far."""
@@ -85,9 +85,9 @@ class Leg:
         heights = (item.z for item in items if item.command is Command.NAV_WAYPOINT)
         return self.home_ground_m + max(heights, default=math.nan)
 
-    def begin(self, time_s: float, soc: float, told_soc: float) -> None:
+    def begin(self, time_s: float, soc: float, reported_soc: float) -> None:
         """Begin with the take-off."""
-        self.start_s, self.soc_start, self.told_start = time_s, soc, told_soc
+        self.start_s, self.soc_start, self.reported_start = time_s, soc, reported_soc
         self.commanded_s = time_s
         if self.modelled is not None:
             self.modelled.begin(time_s)
@@ -104,9 +104,9 @@ class Leg:
         """Subtract charge that was lost, not used, from the charge at the start."""
         self.soc_start -= soc
 
-    def lose_told(self, soc: float) -> None:
+    def lose_reported(self, soc: float) -> None:
         """Subtract a fall of the vehicle's report that is not consumption from its report at the start."""
-        self.told_start -= soc
+        self.reported_start -= soc
 
     def learn_nothing(self) -> None:
         """Exclude the whole flight from learning: part of it was used already."""

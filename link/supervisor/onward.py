@@ -46,11 +46,11 @@ class Onward:
     leave_s: float
     """Earliest departure from the target, POSIX seconds."""
 
-    def request(self, asked: Request) -> Request:
+    def request(self, delivery: Request) -> Request:
         """Return the request from the target on."""
-        payload_kg = asked.payload_kg if self.loaded else 0.0
+        payload_kg = delivery.payload_kg if self.loaded else 0.0
         return replace(
-            asked, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
+            delivery, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
             undelivered_to=None, release="gripper", stop_at=(), escape=False,
         )  # fmt: skip
 

@@ -41,10 +41,10 @@ class Operator(Protocol):
         ...
 
     def ask(self, question: str) -> None:
-        """Show a question; `heard` returns the answer later."""
+        """Show a question; `next_input` returns the answer later."""
         ...
 
-    def heard(self) -> Said | None:
+    def next_input(self) -> Said | None:
         """Return the next input; None if there is none. Never waits."""
         ...
 
@@ -66,6 +66,6 @@ class NobodyThere:
         """Show a question."""
         self.show(question)
 
-    def heard(self) -> Said | None:
+    def next_input(self) -> Said | None:
         """Return None: there is no input."""
         return None

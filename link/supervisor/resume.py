@@ -94,32 +94,32 @@ def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
         ctx.divert.to(turned.destination, turned=not turned.begun)
 
 
-def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
+def _restored_leg(ctx: Context, entry: LegBegun, time_s: float) -> Leg | None:
     """Rebuild the present leg from the record before its take-off."""
     if ctx.job.work is not None:
-        return restored_leg(ctx, told, time_s)
+        return restored_leg(ctx, entry, time_s)
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         return None
     try:
-        _, mission = make_leg(ctx, _number(told.ground_speed_mps))
+        _, mission = make_leg(ctx, _number(entry.ground_speed_mps))
     except (InputError, Turn):
         return None
     use = ModelledUse.by(ctx.policy().reach(ctx.job.forecast, ctx.energy.belief))
     use.begin(time_s)
     return Leg(
-        origin=told.origin or "",
-        destination=told.destination or "",
-        via=told.via,
-        diverts=told.standing.diverts,
+        origin=entry.origin or "",
+        destination=entry.destination or "",
+        via=entry.via,
+        diverts=entry.standing.diverts,
         mission=mission,
-        commanded_mps=_number(told.ground_speed_mps),
+        commanded_mps=_number(entry.ground_speed_mps),
         start_s=time_s,
-        soc_start=_number(told.soc),
-        told_start=_number(told.told_soc),
-        planned_s=_number(told.planned_s),
-        planned_soc=_number(told.planned_soc),
+        soc_start=_number(entry.soc),
+        reported_start=_number(entry.told_soc),
+        planned_s=_number(entry.planned_s),
+        planned_soc=_number(entry.planned_soc),
         modelled=use,
-        last=bool(told.last),
+        last=bool(entry.last),
     )
 
 

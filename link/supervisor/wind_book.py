@@ -114,9 +114,9 @@ class WindBook:
             (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
         )
 
-    def restore(self, told: Sequence[Observation]) -> None:
+    def restore(self, stored: Sequence[Observation]) -> None:
         """Restore measured winds from a journal."""
-        numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in told)
+        numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in stored)
         self.earlier = tuple(WindObservation(**one) for one in numbers)
 
     def here(self, sample: TelemetrySample) -> tuple[float, float]:
@@ -203,8 +203,8 @@ class WindBook:
 
     def _update(self, *, slot_s: float, here: tuple[float, float] | None) -> WindEnsemble:
         """Update the forecast, with a site at the place of the last measurement."""
-        heard = self._ask_stations(max(self._updated_s, self.base.start_s))
-        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in heard)
+        received = self._ask_stations(max(self._updated_s, self.base.start_s))
+        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in received)
         return update_forecast(
             self.base,
             (*self._at_stations, *self.observations),

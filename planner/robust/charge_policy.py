@@ -139,11 +139,11 @@ class ChargePolicy:
         if not len(paths):
             raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
-        told, true = known.air.north.shape[2], truth.air.north.shape[2]
-        if told != true:
+        given, true = known.air.north.shape[2], truth.air.north.shape[2]
+        if given != true:
             remedy = "bring the forecast to the sites of the true wind with at_sites"
             problem = "the forecast is for other sites than those where the wind is measured"
-            raise InputError(Fault(problem, field="sites", value=f"{told} instead of {true}", remedy=remedy))
+            raise InputError(Fault(problem, field="sites", value=f"{given} instead of {true}", remedy=remedy))
         check_shape(
             "share", known.share, (realizations if share is not None else len(known.share), len(known.air.north))
         )
@@ -199,12 +199,12 @@ class ChargePolicy:
             found, schedule, energy_ratio = fly(math.inf)
         members, disturbance = found.members, found.disturbance
         weight, control = calibrated(p, place_nodes(p, self.itinerary), found, schedule)
-        told = OutOfSample(
+        simulated = OutOfSample(
             schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
             np.ascontiguousarray(disturbance.energy[:, : len(self)]), errors.energy_of(p.drone), tables, control,
         )  # fmt: skip
         if not p.needs_escape:
-            return told
+            return simulated
 
         def fly_way_on(
             leaving: Problem,
@@ -223,7 +223,7 @@ class ChargePolicy:
         onward_soc = np.where(arrives, schedule[:, -1, SOC_LANDING] - taken, np.inf)
         broken = arrives & (onward_soc < p.reserve - 1e-9)
         ratio = np.where(broken, taken / self.way_on_soc, 0.0)
-        return replace(told, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
+        return replace(simulated, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
 
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.

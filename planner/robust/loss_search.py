@@ -225,11 +225,11 @@ class LossSearch:
 
     def _stage(self, label: Landing, target: int) -> int:
         """Number of required stops visited up to a landing at a station; -1 if it may not land there yet."""
-        asked = self.problem.must_stop
-        if label.stage < len(asked) and target == asked[label.stage]:
+        required = self.problem.must_stop
+        if label.stage < len(required) and target == required[label.stage]:
             return label.stage + 1
-        early = target == self.problem.destination and label.stage < len(asked)
-        return -1 if early or target in asked else label.stage
+        early = target == self.problem.destination and label.stage < len(required)
+        return -1 if early or target in required else label.stage
 
     def _escape_soc(self) -> Floats:
         """Charge for the way on from the destination, where it has no pads, for each target; 0 elsewhere."""

@@ -327,8 +327,8 @@ class RobustSearch:
         """Remove the stops at which hardly any run charges, unless they are required."""
         legs = [itinerary[0]]
         for leg, share in zip(itinerary[1:], charges[1:], strict=True):
-            asked = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
-            if share < self.parameters.idle_share and not asked:
+            required = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
+            if share < self.parameters.idle_share and not required:
                 legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
             else:
                 legs.append(leg)

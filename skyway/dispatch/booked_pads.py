@@ -38,10 +38,10 @@ class BookedPads:
         window = next((one for one in self._windows if one.origin == station), None)
         if window is not None and self._posix_s() < window.begin_s - EARLY_S:
             return DroneOnPad(drone=drone, state="waiting", to_soc=to_soc, pad_free_s=window.begin_s)
-        told = self._pads.charge(station, drone, to_soc)
-        known_s = told.pad_free_s if told.state == "waiting" else told.done_s
+        on_pad = self._pads.charge(station, drone, to_soc)
+        known_s = on_pad.pad_free_s if on_pad.state == "waiting" else on_pad.done_s
         self.charged_s = -math.inf if known_s is None else known_s
-        return told
+        return on_pad
 
     def release(self, station: str, drone: str) -> DroneOnPad:
         """Release the pad; its window is over."""

@@ -25,10 +25,10 @@ RENEWED_S = 600.0
 EXPECTED_VARIANCE = 0.25
 """Variance of a wind component that a drone of known drag measures over some minutes, m2/s2."""
 NOBODY = -1
-Told = tuple[float, float, float, float, float, float]
+WindRecord = tuple[float, float, float, float, float, float]
 
 
-def told_of(measured: Sequence[WindObservation]) -> Told | None:
+def last_of(measured: Sequence[WindObservation]) -> WindRecord | None:
     """Return the last of some measurements in the form of a record."""
     if not measured:
         return None
@@ -76,7 +76,7 @@ class FleetForecast:
 
     def __init__(self, region: Region) -> None:
         self._region, self._winds = region, FleetWinds()
-        self._made_s, self._heard = -math.inf, False
+        self._made_s, self._measured = -math.inf, False
         self._known: tuple[WindEnsemble, dict[str, DepartureMargin]] | None = None
 
     def hear(self, flights: Iterable[FlightRecord]) -> None:
@@ -91,9 +91,9 @@ class FleetForecast:
         """
         forecast = self._region.forecast(now_s)
         measured = [one for one in self._winds.at(now_s) if one.time_s >= forecast.start_s]
-        first = bool(measured) and not self._heard
+        first = bool(measured) and not self._measured
         if self._known is None or first or now_s >= self._made_s + RENEWED_S:
-            self._made_s, self._heard = now_s, bool(measured)
+            self._made_s, self._measured = now_s, bool(measured)
             known = self._updated(forecast, measured)
             then = known if measured else self._updated(forecast, [_as_expected(known, now_s)])
             self._known = known, self._margins(then, now_s)

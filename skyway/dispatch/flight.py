@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.booked_pads import BookedPads
-from skyway.dispatch.fleet_winds import told_of
+from skyway.dispatch.fleet_winds import last_of
 from skyway.dispatch.records import WITH_PACKAGE, End, Progress
 from skyway.flying import request_of
 from skyway.link.protocol.connection import Connection
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.models.ledger.desk import Entry
 
-TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
+RECORD_EVERY_S, RECORD_LATE_S = 60.0, 30.0
 """Interval of progress records, s; an additional one when the state changes, or the delay grows by the second value."""
 ALONE_S, AGAIN_S = 120.0, 5.0
 """Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
@@ -40,7 +40,7 @@ class Flight:
 
     def __init__(self, worker: Worker, entry: Entry, record: FlightRecord) -> None:
         self._worker, self._entry, self._record = worker, entry, record
-        self._told = Progress(at_s=-math.inf, state="")
+        self._last = Progress(at_s=-math.inf, state="")
         self._pads: BookedPads | None = None
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
 
@@ -124,19 +124,19 @@ class Flight:
         if self._worker.leases.kept(self._entry.keeper) is None:
             raise FencedError(f"the lease of {self._entry.keeper} is lost")
         late_s = self._late_s(ctx)
-        told = self._told
+        last = self._last
         state = "preparing" if ctx.state in NOT_TOLD else str(ctx.state)
-        news = state != told.state or abs(late_s - told.late_s) >= TELL_LATE_S
-        if not (news or ctx.now_s >= told.at_s + TELL_EVERY_S):
+        news = state != last.state or abs(late_s - last.late_s) >= RECORD_LATE_S
+        if not (news or ctx.now_s >= last.at_s + RECORD_EVERY_S):
             return
         place, soc = ctx.place, ctx.battery.soc
         progress = Progress(
             at_s=ctx.now_s, state=state, flights=ctx.delivery.flight, station=ctx.delivery.station,
-            soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != told.state else told.since_s,
+            soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != last.state else last.since_s,
             lat=None if place is None else place[0], lon=None if place is None else place[1],
-            wind=told_of(ctx.wind.measured),
+            wind=last_of(ctx.wind.measured),
         )  # fmt: skip
-        self._told = self._record.progress = progress
+        self._last = self._record.progress = progress
         self._worker.winds.tell(self._record.system, ctx.wind.measured)
         self._entry = self._worker.change(self._entry, "flying", self._record)
 

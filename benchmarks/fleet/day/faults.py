@@ -83,8 +83,8 @@ class Faults:
             return
         self.done[one.kind] += 1
         with self.log.open("a", encoding="utf-8") as file:
-            told = {"operator": self.operator.name, "at_s": round(now_s, 1), "kind": one.kind, "what": what}
-            file.write(json.dumps(told) + "\n")
+            record = {"operator": self.operator.name, "at_s": round(now_s, 1), "kind": one.kind, "what": what}
+            file.write(json.dumps(record) + "\n")
 
     def _do(self, kind: str, now_s: float) -> str | None:
         if kind == "drone lost":

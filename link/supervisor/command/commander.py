@@ -30,14 +30,14 @@ class Commander:
 
     holder: Person | None = None
     """The person who has command."""
-    asker: Person | None = None
+    requester: Person | None = None
     """The person who requests command."""
-    asked_s: float = 0.0
+    requested_s: float = 0.0
     """Time of the request by this computer's clock, POSIX seconds."""
 
     def restore(self, holder: Person | None) -> None:
         """Restore command from a journal."""
-        self.holder, self.asker = holder, None
+        self.holder, self.requester = holder, None
 
     def refuse(self, said: Said) -> str:
         """Return why a person may not give orders; empty if the person may."""
@@ -51,31 +51,31 @@ class Commander:
         """Process one of `WORDS`; return whether it is accepted, and its effect in words."""
         person = Person(said.who, said.name or "somebody")
         if said.word == "take":
-            return self._asked(person, now_s)
+            return self._request(person, now_s)
         if self.holder is None or self.holder.id != person.id:
             return False, f"{person.name} does not have command"
-        if self.asker is None:
+        if self.requester is None:
             return False, "nobody asks for command"
-        asker, self.asker = self.asker, None
+        requester, self.requester = self.requester, None
         if said.word == "keep":
-            return True, f"{person.name} keeps command; {asker.name} had asked for it"
-        self.holder = asker
-        return True, f"{person.name} gave command to {asker.name}"
+            return True, f"{person.name} keeps command; {requester.name} had asked for it"
+        self.holder = requester
+        return True, f"{person.name} gave command to {requester.name}"
 
-    def _asked(self, person: Person, now_s: float) -> tuple[bool, str]:
+    def _request(self, person: Person, now_s: float) -> tuple[bool, str]:
         if self.holder is None:
             self.holder = person
             return True, f"{person.name} has command"
         if self.holder.id == person.id:
             return False, f"{person.name} has command already"
-        if self.asker is not None:
-            return False, f"{self.asker.name} asks for command already"
-        self.asker, self.asked_s = person, now_s
+        if self.requester is not None:
+            return False, f"{self.requester.name} asks for command already"
+        self.requester, self.requested_s = person, now_s
         return True, f"{person.name} asks {self.holder.name} for command, who has {duration(SILENT_S)} to keep it"
 
     def overdue(self, now_s: float) -> str:
         """Give command to the requester if the holder has not answered in time; return what happened, or an empty string."""
-        if self.asker is None or self.holder is None or now_s < self.asked_s + SILENT_S:
+        if self.requester is None or self.holder is None or now_s < self.requested_s + SILENT_S:
             return ""
-        before, self.holder, self.asker = self.holder, self.asker, None
+        before, self.holder, self.requester = self.holder, self.requester, None
         return f"{self.holder.name} took command: {before.name} had not answered for {duration(SILENT_S)}"

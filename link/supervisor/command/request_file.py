@@ -91,7 +91,7 @@ class RequestFile:
         """Show a question."""
         self.show(f"? {question}")
 
-    def heard(self) -> Said | None:
+    def next_input(self) -> Said | None:
         """Return the next request of the file, with its age; invalid lines are skipped."""
         self._read()
         return self._said.popleft() if self._said else None
@@ -112,7 +112,14 @@ class RequestFile:
                     self._said.append(_said(_DECODER.decode(line)))
 
 
-def _said(asked: Request) -> Said:
-    name = "".join(one for one in asked.name[:40] if one.isprintable()).strip()
-    age_s = max(time.time() - asked.time_s, 0.0)
-    return Said(asked.word[:120], id=asked.id[:64], who=asked.who[:64], name=name, about=asked.about, age_s=age_s)
+def _said(requested: Request) -> Said:
+    name = "".join(one for one in requested.name[:40] if one.isprintable()).strip()
+    age_s = max(time.time() - requested.time_s, 0.0)
+    return Said(
+        requested.word[:120],
+        id=requested.id[:64],
+        who=requested.who[:64],
+        name=name,
+        about=requested.about,
+        age_s=age_s,
+    )

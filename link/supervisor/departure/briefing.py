@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from skyway.link.supervisor.departure.parameter_changes import told
+from skyway.link.supervisor.departure.parameter_changes import change_lines
 from skyway.link.supervisor.journal.entries import Briefed, CheckDone, Waiting
 from skyway.link.supervisor.journal.parts import ParameterToSet, winds
 from skyway.models.base.formatting import duration, percent, zone_clock
@@ -60,7 +60,7 @@ def brief(ctx: Context, leg: Leg) -> None:
         f"wind on the way: {wind} ({ctx.wind.origin})",
         f"divert stations on the way: {', '.join(leg.diverts)}",
     ]
-    lines += told(changes, restored=ctx.job.restore_parameters)
+    lines += change_lines(changes, restored=ctx.job.restore_parameters)
     if first:
         lines += ["what the drone does without commands:", *(f"  {line}" for line in alone)]
     to_set = tuple(ParameterToSet(name=one.name, now=one.before, then=one.after, why=one.why) for one in changes)

@@ -36,22 +36,20 @@ def waiting(ctx: Context) -> After:
     rest(ctx)
     while True:
         try:
-            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
+            on_pad = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
         except PadServiceError as error:
             if str(error) != said:
                 said = str(error)
                 ctx.note(PadAnswered(answer="refused"), said)
                 ctx.tell(f"no pad at {ctx.delivery.station} yet: {said}. Asking again every {duration(POLL_S)}")
         else:
-            if told.state in ("charging", "done"):
-                _note_pad(ctx, told)
+            if on_pad.state in ("charging", "done"):
+                _note_pad(ctx, on_pad)
                 return State.CHARGING, f"on a pad at {ctx.delivery.station}"
-            line = (
-                f"waiting for a pad at {ctx.delivery.station}, {told.place_in_line} drones ahead in line. Nothing to do"
-            )
+            line = f"waiting for a pad at {ctx.delivery.station}, {on_pad.place_in_line} drones ahead in line. Nothing to do"
             if line != said:
                 said = line
-                _note_pad(ctx, told)
+                _note_pad(ctx, on_pad)
                 ctx.tell(line)
         if ctx.now_s > begun_s + REDECIDE_S:
             return State.REPLANNING, f"no pad was free for {duration(REDECIDE_S)}: deciding again"
@@ -74,32 +72,32 @@ def charging(ctx: Context) -> After:
                 f"charge the battery at {ctx.delivery.station}, then start again with --resume: nobody can type charged here",
             )
         try:
-            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
+            on_pad = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
             ctx.note(PadAnswered(answer="refused"), str(error))
             return State.REPLANNING, f"charging was interrupted, deciding again: {error}"
-        if told.state == "waiting":
+        if on_pad.state == "waiting":
             return State.WAITING, "the pad was given to another drone: waiting for a free one"
-        if told.soc is not None and not 0.0 <= told.soc <= 1.0:
-            told = _doubted(ctx, told, "not a state of charge")
-        if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
-            told = _doubted(ctx, told, "faster than any charger")
-        if told.soc is not None:
+        if on_pad.soc is not None and not 0.0 <= on_pad.soc <= 1.0:
+            on_pad = _doubted(ctx, on_pad, "not a state of charge")
+        if on_pad.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, on_pad.soc):
+            on_pad = _doubted(ctx, on_pad, "faster than any charger")
+        if on_pad.soc is not None:
             if not compared:
                 compared = True
-                ctx.battery.compare(ctx, told.soc)
-            ctx.battery.measured(told.soc)
-        if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
+                ctx.battery.compare(ctx, on_pad.soc)
+            ctx.battery.measured(on_pad.soc)
+        if on_pad.state == "done" or (on_pad.soc is not None and on_pad.soc >= target - 1e-6):
             break
-        left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
-        if thinks and told.soc is not None and left > REDECIDE_S and ctx.now_s > begun_s + REDECIDE_S:
+        left = POLL_S if on_pad.done_s is None else on_pad.done_s - ctx.now_s
+        if thinks and on_pad.soc is not None and left > REDECIDE_S and ctx.now_s > begun_s + REDECIDE_S:
             break
         ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
-        if told.soc is not None:
-            ctx.battery.measured(told.soc)
-    _note_pad(ctx, told)
+        if on_pad.soc is not None:
+            ctx.battery.measured(on_pad.soc)
+    _note_pad(ctx, on_pad)
     wake(ctx)
-    _reset_counter(ctx, told.soc)
+    _reset_counter(ctx, on_pad.soc)
     ctx.delivery.charge_done()
     reached = f"charged to {percent(ctx.battery.soc)}"
     ctx.tell(f"{reached} at {ctx.delivery.station}")
@@ -115,10 +113,10 @@ def _least_s(ctx: Context, before: float, after: float) -> float:
     return FASTER * float(curve.duration_s(before, np.float64(after))) if after > before + DOUBT_SOC else 0.0
 
 
-def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
+def _doubted(ctx: Context, on_pad: DroneOnPad, why: str) -> DroneOnPad:
     """Replace an implausible answer of a pad: the drone is on the pad and charges, its SoC is unknown."""
-    ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asking again")
-    return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
+    ctx.note(PadAnswered(answer="doubted", soc=on_pad.soc), f"the pad reports {on_pad.soc}: {why}; asking again")
+    return DroneOnPad(drone=on_pad.drone, state="charging", to_soc=on_pad.to_soc)
 
 
 def _hear_charged(ctx: Context) -> None:
@@ -149,13 +147,13 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
         ctx.battery.counter_set(ctx.now_s, reported)
 
 
-def _note_pad(ctx: Context, told: DroneOnPad) -> None:
+def _note_pad(ctx: Context, on_pad: DroneOnPad) -> None:
     answer = PadAnswered(
-        answer=told.state,
-        soc=told.soc,
-        to_soc=told.to_soc,
-        place_in_line=told.place_in_line,
-        pad_free_s=told.pad_free_s,
-        done_s=told.done_s,
+        answer=on_pad.state,
+        soc=on_pad.soc,
+        to_soc=on_pad.to_soc,
+        place_in_line=on_pad.place_in_line,
+        pad_free_s=on_pad.pad_free_s,
+        done_s=on_pad.done_s,
     )
-    ctx.note(answer, f"{told.state} at {ctx.delivery.station}")
+    ctx.note(answer, f"{on_pad.state} at {ctx.delivery.station}")

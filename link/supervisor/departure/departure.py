@@ -107,9 +107,9 @@ def preflight(ctx: Context) -> After:
             break
         shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
         ctx.wait(CHECK_AGAIN_S)
-    told = tuple(Checked(name=one.name, verdict=one.verdict, said=one.said) for one in checks)
+    checked = tuple(Checked(name=one.name, verdict=one.verdict, said=one.said) for one in checks)
     reason = "; ".join(map(str, wrong)) or "all checks passed"
-    ctx.note(ListDone(checks=told, failsafes=ctx.failsafes.values), reason)
+    ctx.note(ListDone(checks=checked, failsafes=ctx.failsafes.values), reason)
     if not wrong:
         return State.UPLOADING, reason
     return _after_preflight(ctx, wrong[0], reason)
@@ -194,8 +194,10 @@ def ready(ctx: Context) -> After:
         return State.PREFLIGHT, "preparing the leg again"
     job = ctx.job
     brief(ctx, leg)
-    must = job.asking == "each" or (job.asking == "once" and not (ctx.conversation.asked_once and _at_pads(ctx)))
-    if must or (job.asking != "never" and ctx.parameters.unasked):
+    must = job.asking == "each" or (
+        job.asking == "once" and not (ctx.conversation.take_off_confirmed and _at_pads(ctx))
+    )
+    if must or (job.asking != "never" and ctx.parameters.unconfirmed):
         if not ctx.conversation.attended:
             return (
                 State.STOPPED,
@@ -245,7 +247,7 @@ def arming(ctx: Context) -> After:
     ctx.delivery.begin_flight()
     ctx.divert.call_off()  # from an earlier flight
     ctx.lean.begin()
-    leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
+    leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.reported_soc)
     ctx.battery.begin_flight(charged=ctx.delivery.charged)
     work_ground.note_begun(ctx)
     ctx.note(
@@ -260,7 +262,7 @@ def arming(ctx: Context) -> After:
             wind=winds(ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)),
             wind_origin=ctx.wind.origin,
             soc=ctx.battery.soc,
-            told_soc=ctx.battery.told_soc,
+            told_soc=ctx.battery.reported_soc,
             ground_speed_mps=leg.commanded_mps,
             last=leg.last,
             standing=standing(ctx),

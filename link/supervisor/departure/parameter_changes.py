@@ -51,7 +51,7 @@ class ParameterChanges:
     """`before`, `ours`: by name: the value before the first change of the delivery, and the last value set."""
 
     @property
-    def unasked(self) -> tuple[ParameterChange, ...]:
+    def unconfirmed(self) -> tuple[ParameterChange, ...]:
         """Proposed changes that this delivery has not made before, and that the operator has not confirmed."""
         return tuple(setting for setting in self.proposed if setting.name not in self.ours)
 
@@ -67,19 +67,19 @@ class ParameterChanges:
     def follow(self, records: Iterable[Record]) -> None:
         """Restore from the ``parameter`` records of a journal."""
         for record in records:
-            if told := record.entry(ParameterNote):
-                self.take(told)
+            if note := record.entry(ParameterNote):
+                self.take(note)
 
-    def take(self, told: ParameterNote) -> None:
+    def take(self, note: ParameterNote) -> None:
         """Restore from one ``parameter`` record of a journal."""
-        if told.name is None:
+        if note.name is None:
             return  # a journal written before values were stored
-        if told.done == "setting" and told.before is not None and told.after is not None:
-            self.before.setdefault(told.name, told.before)
-            self.ours[told.name] = told.after
-        elif told.done in ("restored", "released"):
-            self.before.pop(told.name, None)
-            self.ours.pop(told.name, None)
+        if note.done == "setting" and note.before is not None and note.after is not None:
+            self.before.setdefault(note.name, note.before)
+            self.ours[note.name] = note.after
+        elif note.done in ("restored", "released"):
+            self.before.pop(note.name, None)
+            self.ours.pop(note.name, None)
 
     def words(self) -> str:
         """Describe the remaining changes."""
@@ -180,13 +180,13 @@ def restore_at_end(ctx: Context) -> None:
     else:
         done: list[str] = []
 
-        def told(name: str, how: str, sentence: str, value: float) -> None:
+        def report(name: str, how: str, sentence: str, value: float) -> None:
             done.append(name)
             if how == "released":
                 ctx.tell(sentence)
             _note(ctx, ParameterNote(name=name, done=how, value=value), sentence)
 
-        why = restore_all(ctx.vehicle, changes, told)
+        why = restore_all(ctx.vehicle, changes, report)
         if done:
             ctx.tell(f"parameters restored and read back: {', '.join(done)}")
     if changes.before:
@@ -201,7 +201,7 @@ def _count(number: int) -> str:
     return "1 parameter" if number == 1 else f"{number} parameters"
 
 
-def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
+def change_lines(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
     """List the changes to be made, one per line."""
     if not settings:
         return []

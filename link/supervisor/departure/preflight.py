@@ -169,8 +169,8 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     way, slot = [(place.lat, place.lon) for place in places], wind.slot_at(ctx.now_s)
     highest = np.max([np.hypot(*wind.wind_at(*point, slot)) for point in way], axis=0)
     p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
-    told = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
-    said = f"{told} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
+    expected = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
+    said = f"{expected} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
     lands_s = ctx.now_s + service.distance_m / max(service.ground_speed_mps, 1.0)
     closed = [
@@ -294,6 +294,6 @@ def _remote_id(ctx: Context) -> Check:
     status, who = ctx.remote_id.status(ctx), ctx.job.remote_id
     if not who.given:
         return Check("remote id", "ok", f"{status}; no operator to broadcast: give --operator-id")
-    told = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
+    identity = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
     verdict: Verdict = "ok" if status.ready else "unknown" if status.heard and status.ready is None else "no"
-    return Check("remote id", verdict, f"{status}; sent: {told}", waits=True)
+    return Check("remote id", verdict, f"{status}; sent: {identity}", waits=True)

@@ -50,14 +50,14 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
 
 def _obeyed_mps(ctx: Context, leg: Leg) -> float:
     """Commanded ground speed; the flown one if it has long been different, so that the command is repeated."""
-    s, told_mps = ctx.observed.sample, leg.commanded_mps
+    s, commanded_mps = ctx.observed.sample, leg.commanded_mps
     if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
-        return told_mps
+        return commanded_mps
     steps = ctx.job.scenario.network.over is not None
     if steps and ctx.place is not None and waypoint_m(leg, *ctx.place) < BRAKING_M:
-        return told_mps
+        return commanded_mps
     flown_mps = math.hypot(s.vel_north_mps, s.vel_east_mps)
-    return flown_mps if abs(flown_mps - told_mps) > DISOBEYED_MPS else told_mps
+    return flown_mps if abs(flown_mps - commanded_mps) > DISOBEYED_MPS else commanded_mps
 
 
 def _airspeed_limit(ctx: Context) -> float:

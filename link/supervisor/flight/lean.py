@@ -97,12 +97,12 @@ class LeanWatch:
 
     def hear(self, s: TelemetrySample, commanded_mps: float) -> bool:
         """Take a sample in the air; return whether the flight became limited, or no longer is, with it."""
-        told = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
-        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, told)):
+        values = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
+        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, values)):
             return False
         if self._rows and not s.time_s > self._rows[-1][0]:
             return False
-        self._rows.append((*told[:3], *lean_acceleration(*told[3:])))
+        self._rows.append((*values[:3], *lean_acceleration(*values[3:])))
         while self._rows[0][0] < s.time_s - WINDOW_S:
             self._rows.popleft()
         if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:

@@ -24,13 +24,13 @@ class PadsAhead(Mapping[str, int]):
 
     def __init__(self, pads: PadService, now_s: Callable[[], float]) -> None:
         self._pads, self._now_s = pads, now_s
-        self._told: dict[str, tuple[float, int]] = {}
+        self._reports: dict[str, tuple[float, int]] = {}
         self._silent_until_s = -math.inf
 
     def __getitem__(self, station: str) -> int:
         now_s = self._now_s()
-        asked_s, present = self._told.get(station, (-math.inf, 0))
-        if now_s < asked_s + ASK_EVERY_S:
+        requested_s, present = self._reports.get(station, (-math.inf, 0))
+        if now_s < requested_s + ASK_EVERY_S:
             return present
         if now_s < self._silent_until_s:
             raise KeyError(station)
@@ -39,12 +39,12 @@ class PadsAhead(Mapping[str, int]):
         except (LinkError, InputError) as error:
             self._silent_until_s = now_s + SILENT_S
             raise KeyError(station) from error
-        self._told[station] = now_s, status.present
+        self._reports[station] = now_s, status.present
         return status.present
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the stations with a report."""
-        return iter(self._told)
+        return iter(self._reports)
 
     def __len__(self) -> int:
-        return len(self._told)
+        return len(self._reports)

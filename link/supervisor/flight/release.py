@@ -43,7 +43,7 @@ class ReleaseWatch:
     """Line length as last reported while it was unwound; None if never reported."""
     stands: bool = False
     """Two successive reports were the same: the drum has stopped."""
-    asked_s: float = -math.inf
+    requested_s: float = -math.inf
     seen_before: bool = False
     """It was monitored from the beginning of the release: a program restarted over the target does not know how
     long the package hangs."""
@@ -76,8 +76,8 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
         if watch.seen_before and not watch.weighed and now_s >= watch.begun_s + HANGS_S:
             watch.weighed = True
             ctx.proof.before_release(ctx)
-        if ctx.job.options.release == "winch" and number == items[0] + 1 and now_s >= watch.asked_s + ASK_S:
-            watch.asked_s = now_s
+        if ctx.job.options.release == "winch" and number == items[0] + 1 and now_s >= watch.requested_s + ASK_S:
+            watch.requested_s = now_s
             watch.take(_line_m(ctx))
         return
     acknowledged, how = _said(ctx, watch)

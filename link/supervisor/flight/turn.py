@@ -124,14 +124,14 @@ def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoRet
 
 def land_here(ctx: Context) -> After:
     """Land at the present position; the command is repeated until the vehicle lands."""
-    told_s = -math.inf
+    commanded_s = -math.inf
     while True:
-        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:
+        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= commanded_s + LAND_AGAIN_S:
             try:
                 ctx.vehicle.land()
             except LinkError as error:
                 ctx.note(Turned(), f"the order to land was not accepted: {error}")
-            told_s = ctx.now_s
+            commanded_s = ctx.now_s
         refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
         if landed(ctx):
             return State.LANDED, "landed and disarmed where it was"

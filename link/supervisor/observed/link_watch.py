@@ -45,11 +45,11 @@ class LinkWatch:
     """The vehicle sends `UNREAD` at a low rate."""
     radios: RadioWatch = field(default_factory=RadioWatch)
     """Quality of each radio."""
-    _told: str = ""
+    _reported: str = ""
 
     def is_new(self, missing: str) -> bool:
         """Whether a missing answer has not yet been reported to the operator; marks it as reported."""
-        new, self._told = missing != self._told, missing
+        new, self._reported = missing != self._reported, missing
         return new
 
     def restarted(self) -> None:
@@ -58,7 +58,7 @@ class LinkWatch:
 
     def found_again(self) -> None:
         """Forget the missing answers: the link is back."""
-        self._told = ""
+        self._reported = ""
 
 
 def ask(ctx: Context, question: Callable[[], T]) -> T:
@@ -91,7 +91,7 @@ def must_answer(ctx: Context, reason: str) -> None:
         raise Turn(State.LOST_LINK, reason)
 
 
-def must_be_heard(ctx: Context) -> None:
+def must_be_in_contact(ctx: Context) -> None:
     """Return if the vehicle is in contact, or the link is known to be lost; otherwise it is lost now (a `Turn`)."""
     if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
         raise Turn(State.LOST_LINK, f"nothing was heard from the drone for {duration(ctx.vehicle.silent_s)}")
@@ -108,9 +108,9 @@ def request_telemetry(ctx: Context) -> None:
 
 def _unread(ctx: Context) -> set[int]:
     """Messages that the vehicle sends and nobody reads; none if another station on our link may read them."""
-    connection, heard = ctx.vehicle.connection, ctx.vehicle.peer.latest
+    connection, received = ctx.vehicle.connection, ctx.vehicle.peer.latest
     shared = connection.forwarder is not None or connection.shared_client is not None
-    return set() if shared else {number for number in UNREAD if kinds()[number].name in heard}
+    return set() if shared else {number for number in UNREAD if kinds()[number].name in received}
 
 
 def rest(ctx: Context) -> None:

@@ -20,7 +20,7 @@ class RemoteIdWatch:
     """The Remote ID module of one delivery; written only by its own methods."""
 
     _sender: RemoteIdSender | None = None
-    _told: ModuleStatus | None = None
+    _reported: ModuleStatus | None = None
     _begun_s: float = field(default=0.0)
 
     def begin(self, ctx: Context) -> None:
@@ -44,9 +44,9 @@ class RemoteIdWatch:
         """Report when the module appears, disappears, or changes its error status."""
         found = self.status(ctx)
         young = ctx.vehicle.connection.clock.now_s() < self._begun_s + PATIENCE_S
-        if found == self._told or (young and not found.ready):
+        if found == self._reported or (young and not found.ready):
             return
-        first, self._told = self._told is None, found
+        first, self._reported = self._reported is None, found
         who = ctx.job.remote_id
         entry = RemoteIdNote(
             heard=found.heard, ready=found.ready, lacks=found.lacks or None, operator=who.operator_id or None,

@@ -35,9 +35,9 @@ class Said:
     """MAV_SEVERITY."""
     count: int = 0
     """Number of times."""
-    heard_s: float = -math.inf
-    told_s: float = -math.inf
-    told_count: int = 0
+    received_s: float = -math.inf
+    shown_s: float = -math.inf
+    shown_count: int = 0
     wait_s: float = AGAIN_S
 
     def __str__(self) -> str:
@@ -60,9 +60,9 @@ class TextLog:
         for severity, text in texts:
             key = _FIGURE.sub("#", text)
             said = self._said.get(key)
-            if said is None or now_s > said.heard_s + _QUIET_S:
+            if said is None or now_s > said.received_s + _QUIET_S:
                 said = self._said[key] = Said(text, severity)
-            said.text, said.severity, said.heard_s = text, severity, now_s
+            said.text, said.severity, said.received_s = text, severity, now_s
             said.count += 1
             self.latest = said
         while len(self._said) > _MAX_TEXTS:
@@ -71,16 +71,16 @@ class TextLog:
 
     def saying(self, words: re.Pattern[str], since_s: float) -> str:
         """Return the last message since an instant that contains some words; empty if there is none."""
-        found = [said for said in self._said.values() if said.heard_s >= since_s and words.search(said.text)]
-        return max(found, key=lambda said: said.heard_s).text if found else ""
+        found = [said for said in self._said.values() if said.received_s >= since_s and words.search(said.text)]
+        return max(found, key=lambda said: said.received_s).text if found else ""
 
     def _due(self, now_s: float) -> Iterator[Said]:
         for said in self._said.values():
-            if said.count == said.told_count or now_s < said.told_s + (said.wait_s if said.told_count else 0.0):
+            if said.count == said.shown_count or now_s < said.shown_s + (said.wait_s if said.shown_count else 0.0):
                 continue
-            if said.told_count:
+            if said.shown_count:
                 said.wait_s *= 2.0
-            said.told_s, said.told_count = now_s, said.count
+            said.shown_s, said.shown_count = now_s, said.count
             yield said
 
 

@@ -69,8 +69,8 @@ def _fell(before: Points, after: Points, wanted: float, steady_share: float, ali
     explained = max(_PER_RAD * (leans[0] - leans[1]), _PER_MPS * abs(speeds[1] - speeds[0]))
     old, new = (fmean(one for _, one, *_ in some) for some in (before, after))
     fell = 1.0 - new / old
-    told = wanted >= _LEAST_FALL and max(leans) < _STEEP_RAD and fell < _MOST_SHARE * wanted
-    if not (told and fell - explained > _STEP_SHARE * wanted):
+    detectable = wanted >= _LEAST_FALL and max(leans) < _STEEP_RAD and fell < _MOST_SHARE * wanted
+    if not (detectable and fell - explained > _STEP_SHARE * wanted):
         return False
     spread = max(pstdev(one for _, one, *_ in some) for some in (before, after))
     return spread < steady_share * fell * old

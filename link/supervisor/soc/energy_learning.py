@@ -83,6 +83,6 @@ class EnergyLearning:
     def restore(self, belief: Mapping[str, float], gauge: float) -> None:
         """Restore the learned energy from a journal."""
         self.gauge = gauge
-        told = {_FORMER_NAMES.get(name, name): value for name, value in belief.items()}
-        known = replace(self.belief, **{name: told[name] for name in asdict(self.counted) if name in told})
+        stored = {_FORMER_NAMES.get(name, name): value for name, value in belief.items()}
+        known = replace(self.belief, **{name: stored[name] for name in asdict(self.counted) if name in stored})
         self.counted = known.times(1.0 / self._takes)

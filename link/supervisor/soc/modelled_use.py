@@ -23,7 +23,7 @@ class ModelledUse:
     """Its dependence on airspeed."""
     soc: float = 0.0
     """Charge so far, without `fixed`."""
-    heard_s: float = math.nan
+    counted_s: float = math.nan
     """Time up to which it is counted, POSIX seconds."""
 
     @classmethod
@@ -38,21 +38,21 @@ class ModelledUse:
 
     def begin(self, time_s: float) -> None:
         """Begin with the take-off."""
-        self.soc, self.heard_s = 0.0, time_s
+        self.soc, self.counted_s = 0.0, time_s
 
     def restore(self, soc: float, time_s: float) -> None:
         """Restore the modelled use until an instant from a journal."""
-        self.soc, self.heard_s = soc, time_s
+        self.soc, self.counted_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
         """Count the time since the last call; ground velocity and wind are (north, east), m/s."""
-        duration_s = time_s - self.heard_s
+        duration_s = time_s - self.counted_s
         if not duration_s > 0.0:
             return
         airspeed = math.hypot(velocity[0] - wind[0], velocity[1] - wind[1])
         factor = 1.0 if self.load is None or not math.isfinite(airspeed) else float(self.load.factor(airspeed))
         self.soc += self.per_s * factor * duration_s
-        self.heard_s = time_s
+        self.counted_s = time_s
 
 
 def count_use(ctx: Context) -> None:

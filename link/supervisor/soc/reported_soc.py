@@ -65,65 +65,65 @@ class ReportedSoc:
         self._met_s = time_s
         self._believe(time_s, soc)
 
-    def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
+    def hear(self, time_s: float, reported: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
         """Take a report with the open-circuit voltage of the battery; return charge lost suddenly, usually 0.
 
-        The state of charge `told` and the voltage are NaN where they are unknown.
+        The state of charge `reported` and the voltage are NaN where they are unknown.
         """
         if math.isfinite(open_v):
             self._volts.append((time_s, open_v))
             while self._volts[0][0] < time_s - BEFORE_S - BLIND_S:
                 self._volts.popleft()
-        if not math.isfinite(told):
+        if not math.isfinite(reported):
             return 0.0
         if not math.isfinite(self.soc):
             self._met_s = time_s
-            return self._believe(time_s, told)
+            return self._believe(time_s, reported)
         line = self.line(time_s, rate_per_s)
         near = NEAR_SOC + NEAR_SHARE * rate_per_s * max(time_s - self.at_s, 0.0)
-        if abs(told - line) <= near:
-            return self._believe(time_s, told)
+        if abs(reported - line) <= near:
+            return self._believe(time_s, reported)
         if math.isnan(self.held_s):
             self.held_s = time_s
             self._held_soc = line
             self._before = [volts for at_s, volts in self._volts if time_s - BEFORE_S <= at_s < time_s]
         if not flies:
-            stays_s = GROUND_FALL_S if told < line else GROUND_RISE_S
-            return self._believe(time_s, told) if time_s >= self.held_s + stays_s else 0.0
-        if told > line:
-            return self._restored(time_s, told, rate_per_s)
+            stays_s = GROUND_FALL_S if reported < line else GROUND_RISE_S
+            return self._believe(time_s, reported) if time_s >= self.held_s + stays_s else 0.0
+        if reported > line:
+            return self._restored(time_s, reported, rate_per_s)
         falling = time_s < self._fell[1] + FALLING_S
-        if falling or self._confirmed(time_s, line, told):
+        if falling or self._confirmed(time_s, line, reported):
             if not falling:
                 self._fell = line, time_s
-            self._believe(time_s, told)
-            return line - told
+            self._believe(time_s, reported)
+            return line - reported
         return 0.0
 
-    def _believe(self, time_s: float, told: float) -> float:
-        self.soc, self.at_s, self.held_s, self.contradicted = told, time_s, math.nan, False
+    def _believe(self, time_s: float, reported: float) -> float:
+        self.soc, self.at_s, self.held_s, self.contradicted = reported, time_s, math.nan, False
         return 0.0
 
-    def _restored(self, time_s: float, told: float, rate_per_s: float) -> float:
+    def _restored(self, time_s: float, reported: float, rate_per_s: float) -> float:
         """Undo a loss that did not happen: the report is again on the line before it."""
         before, at_s = self._fell
-        if not math.isfinite(before) or abs(told - (before - rate_per_s * (time_s - at_s))) > 2.0 * NEAR_SOC:
+        if not math.isfinite(before) or abs(reported - (before - rate_per_s * (time_s - at_s))) > 2.0 * NEAR_SOC:
             return 0.0
-        back = self.line(time_s, rate_per_s) - told
+        back = self.line(time_s, rate_per_s) - reported
         self._fell = math.nan, -math.inf
-        self._believe(time_s, told)
+        self._believe(time_s, reported)
         return back
 
-    def _confirmed(self, time_s: float, line: float, told: float) -> bool:
+    def _confirmed(self, time_s: float, line: float, reported: float) -> bool:
         """Whether a fall is confirmed by now."""
         now = [volts for at_s, volts in self._volts if at_s >= self.held_s]
         if len(now) < HEARD or len(self._before) < HEARD:
             return time_s >= self.held_s + BLIND_S
-        used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, told))
+        used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, reported))
         expected, found = used - lost, used - median(now[-2 * HEARD :]) / median(self._before)
         if expected < TELLING:  # once distinguished, it stays so although the line has come nearer
             return not self.contradicted and time_s >= self.held_s + FLAT_S
-        young = time_s < self._met_s + YOUNG_S and _misfit(told, median(now)) < _misfit(line, median(now)) - TELLING
+        young = time_s < self._met_s + YOUNG_S and _misfit(reported, median(now)) < _misfit(line, median(now)) - TELLING
         self.contradicted = found < CONFIRMED * expected and not young
         return not self.contradicted
 

@@ -74,7 +74,7 @@ def soc_of(cell_v: float) -> float:
     return float(np.interp(cell_v, _CELL_V, _SOC))
 
 
-class _Heard(NamedTuple):
+class _Measurement(NamedTuple):
     """One measurement in flight."""
 
     time_s: float
@@ -82,7 +82,7 @@ class _Heard(NamedTuple):
     """Without the sag."""
     raw_v: float
     """As measured."""
-    told: float
+    reported: float
     """State of charge reported by the vehicle."""
     watts: float
     """Power."""
@@ -92,9 +92,9 @@ class _Heard(NamedTuple):
     """Subtracted sag."""
 
 
-def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
+def _power(measurements: Iterable[_Measurement]) -> tuple[float, float, float] | None:
     """Median of power over its load, its spread as a share (between quartiles), and the median load; None for too few."""
-    known = [one for one in heard if math.isfinite(one.watts) and one.load > 0.0]
+    known = [one for one in measurements if math.isfinite(one.watts) and one.load > 0.0]
     if len(known) < AGAIN:
         return None
     low, middle, high = quantiles([one.watts / one.load for one in known], n=4)
@@ -107,27 +107,27 @@ class _Fall:
     """A loss found, and voltage and power since."""
 
     lost: float
-    told: float
-    """`lost`, `told`: charge lost, and the vehicle's report before."""
+    reported: float
+    """`lost`, `reported`: charge lost, and the vehicle's report before."""
     found_s: float
     """Time of detection."""
     volts: float
     """The voltage before."""
     before: tuple[float, float, float] | None
     """Power before, as returned by `_power`."""
-    after: deque[_Heard]
+    after: deque[_Measurement]
     """Measurements since."""
     mismeasured: bool = False
     """In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a
     weaker battery."""
 
-    def hear(self, one: _Heard) -> None:
+    def hear(self, one: _Measurement) -> None:
         """Take a measurement, and compare the power once there are enough."""
         self.after.append(one)
         if not self.mismeasured and len(self.after) >= SURE and one.time_s < self.found_s + WITNESS_S:
             self.mismeasured = self.power_fell(list(self.after))
 
-    def power_fell(self, after: list[_Heard]) -> bool:
+    def power_fell(self, after: list[_Measurement]) -> bool:
         """Whether the power, relative to its load, clearly fell with the voltage; False if it cannot be compared."""
         now = _power(after)
         fell = 1.0 - median(one.volts for one in after) / self.volts
@@ -140,26 +140,26 @@ class _Fall:
         share = (1.0 - watts / watts_before) / fell
         return share - error > HALF and share < TOO_MUCH
 
-    def sound(self, volts: float, told: float) -> float:
+    def sound(self, volts: float, reported: float) -> float:
         """Return the present voltage of a sound battery that had `volts` when this loss was found."""
-        return volts * open_voltage(told) / open_voltage(self.told)
+        return volts * open_voltage(reported) / open_voltage(self.reported)
 
     def falls_on(self, *, blind: bool) -> bool:
         """Whether the voltage keeps falling like that of a nearly empty battery, unlike under a measurement error.
 
         A voltage that falls on and takes the measured power with it is an error that grows.
         """
-        heard = list(self.after)
-        then, now = heard[:SURE_NOW], heard[-SURE_NOW:]
+        measurements = list(self.after)
+        then, now = measurements[:SURE_NOW], measurements[-SURE_NOW:]
         volts, before = median(one.volts for one in now), median(one.volts for one in then)
         if now[-1].time_s < self.found_s + FALLS_ON_S or max(one.volts for one in now) - volts > STEADY * before:
             return False
         sag = abs(median(one.sag_v for one in now) - median(one.sag_v for one in then)) / before
-        usual = open_voltage(now[-1].told) / open_voltage(then[0].told)
+        usual = open_voltage(now[-1].reported) / open_voltage(then[0].reported)
         least = (FALLS_ON_BLIND if blind else FALLS_ON) + CURVE_ERROR * (1.0 - usual + sag)
         if not volts < before * usual * (1.0 - least):
             return False
-        return not (self.mismeasured and self.power_fell(heard[-SURE:]))
+        return not (self.mismeasured and self.power_fell(measurements[-SURE:]))
 
 
 class _Rise(NamedTuple):
@@ -168,7 +168,7 @@ class _Rise(NamedTuple):
     found_s: float
     volts: float
     """The voltage before."""
-    told: float
+    reported: float
     """State of charge reported by the vehicle before."""
 
 
@@ -181,22 +181,29 @@ class VoltageWatch:
     ohm: float = 0.0
     """Resistance of the battery, from the last take-off; 0 until then."""
     _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
-    _seen: deque[_Heard] = field(default_factory=deque)
-    _heard_s: float = -math.inf
+    _seen: deque[_Measurement] = field(default_factory=deque)
+    _received_s: float = -math.inf
     _falls: list[_Fall] = field(default_factory=list)
     _rise: _Rise | None = None
 
     def hear(
-        self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
+        self,
+        time_s: float,
+        volts: float,
+        amperes: float,
+        reported_soc: float,
+        *,
+        load: float = 1.0,
+        flies: bool = False,
     ) -> float:
         """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
 
         `load` is the power at the present airspeed and climb over that of hover, NaN where it is unknown. `flies` says
         that it is known to be in the air, whatever the current says.
         """
-        if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
+        if not all(map(math.isfinite, (volts, amperes, reported_soc))) or time_s < self._received_s + 0.5:
             return 0.0
-        self._heard_s = time_s
+        self._received_s = time_s
         if amperes < FLIGHT_A:
             if not flies:
                 self._seen.clear()  # on the ground: not comparable with flight
@@ -209,9 +216,11 @@ class VoltageWatch:
             sag_v = max(rest_v - volts, 0.0)
             self.ohm = sag_v / (amperes - rest_a) if sag_v < MAX_SAG * rest_v else 0.0
             self._rest = (-math.inf, 0.0, 0.0)
-        if self._seen and told_soc < self._seen[-1].told - NOTICED_SOC:
+        if self._seen and reported_soc < self._seen[-1].reported - NOTICED_SOC:
             self._seen.clear()  # the vehicle has noticed it itself
-        one = _Heard(time_s, volts + amperes * self.ohm, volts, told_soc, volts * amperes, load, amperes * self.ohm)
+        one = _Measurement(
+            time_s, volts + amperes * self.ohm, volts, reported_soc, volts * amperes, load, amperes * self.ohm
+        )
         self._seen.append(one)
         while self._seen[0].time_s < time_s - BACK_S:
             self._seen.popleft()
@@ -225,7 +234,7 @@ class VoltageWatch:
             now = [one.volts for one in list(fall.after)[-AGAIN:]]
             if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
                 continue
-            if median(now) >= fall.sound(fall.volts, self._seen[-1].told) * (1.0 - 0.5 * FALL):
+            if median(now) >= fall.sound(fall.volts, self._seen[-1].reported) * (1.0 - 0.5 * FALL):
                 back = min(sum(one.lost for one in self._falls[number:]), self.lost)
                 self.lost -= back
                 del self._falls[number:]
@@ -241,7 +250,7 @@ class VoltageWatch:
         wait for that: where the charge, if the loss is true, is not `affordable`, enough for more than a landing.
         """
         blind = self.ohm == 0.0
-        late_s = -math.inf if affordable else self._heard_s - DOUBTED_S
+        late_s = -math.inf if affordable else self._received_s - DOUBTED_S
         believed = [(one.found_s <= late_s and not one.mismeasured) or one.falls_on(blind=blind) for one in self._falls]
         return bool(self._falls) and not any(believed)
 
@@ -253,33 +262,33 @@ class VoltageWatch:
         before, now = median(one.volts for one in old), median(one.volts for one in new)
         noted = self._rise is not None and time_s <= self._rise.found_s + AGAIN_S
         if now > before * (1.0 + FALL) and self.ohm > 0.0 and not noted and not self._falls:
-            self._rise = _Rise(time_s, before, old[-1].told)
+            self._rise = _Rise(time_s, before, old[-1].reported)
         fell_v = before - now
         if max(one.volts for one in new) > before * (1.0 - FALL):
             return 0.0
         if median(one.raw_v for one in old) - median(one.raw_v for one in new) < RAW_SHARE * fell_v:
             return 0.0
-        if self._fell_back(now, new[-1].told):
+        if self._fell_back(now, new[-1].reported):
             self._seen = deque(new)
             return 0.0
-        believed = max(old[-1].told - self.lost, 0.02)
+        believed = max(old[-1].reported - self.lost, 0.02)
         found = soc_of(now * open_voltage(believed) / before)
-        lost = new[-1].told - self.lost - found
+        lost = new[-1].reported - self.lost - found
         if lost < MIN_LOST_SOC:
             return 0.0
         self.lost += lost
         earlier = [one for one in self._seen if one not in new and one.volts > before - 0.5 * fell_v]
         after = deque(new, maxlen=int(2.0 * AFTER_S))
-        self._falls.append(_Fall(lost, old[-1].told, time_s, before, _power(earlier), after))
+        self._falls.append(_Fall(lost, old[-1].reported, time_s, before, _power(earlier), after))
         self._seen.clear()
         return lost
 
-    def _fell_back(self, volts: float, told: float) -> bool:
+    def _fell_back(self, volts: float, reported: float) -> bool:
         """Whether a voltage is no lower than a sound battery's after a wrong measurement that was too high."""
         rise, self._rise = self._rise, None
-        if rise is None or self._heard_s > rise.found_s + AGAIN_S:
+        if rise is None or self._received_s > rise.found_s + AGAIN_S:
             return False
-        return volts >= rise.volts * open_voltage(told) / open_voltage(rise.told) * (1.0 - 0.5 * FALL)
+        return volts >= rise.volts * open_voltage(reported) / open_voltage(rise.reported) * (1.0 - 0.5 * FALL)
 
     def restore(self, lost: float) -> None:
         """Restore the losses found before the program restarted."""

@@ -42,14 +42,14 @@ def _pair(point: int | None, pad: int | None) -> tuple[int, int] | None:
     return None if point is None or pad is None else (point, pad)
 
 
-def _stand(ctx: Context, told: WorkStands) -> None:
-    pad = planner_of(ctx).pad_of(told.pad)
-    if told.finished:
+def _stand(ctx: Context, entry: WorkStands) -> None:
+    pad = planner_of(ctx).pad_of(entry.pad)
+    if entry.finished:
         ctx.work.finish()
-    elif told.point is None or pad is None:
+    elif entry.point is None or pad is None:
         ctx.work.back_at_start()
     else:
-        ctx.work.stand(told.point, pad)
+        ctx.work.stand(entry.point, pad)
 
 
 def _take(ctx: Context, span: Span, time_s: float) -> None:
@@ -64,19 +64,19 @@ def _take(ctx: Context, span: Span, time_s: float) -> None:
         ctx.delivery.take_leg(changed)
 
 
-def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
+def restored_leg(ctx: Context, entry: LegBegun, time_s: float) -> Leg | None:
     """Rebuild the present leg from the record before its take-off."""
     flight = ctx.work.flight
     if flight is None:
         return None
-    numbers = (told.soc, told.told_soc, told.planned_s, told.planned_soc)
-    soc, told_soc, planned_s, planned_soc = (float("nan") if one is None else one for one in numbers)
+    numbers = (entry.soc, entry.told_soc, entry.planned_s, entry.planned_soc)
+    soc, reported_soc, planned_s, planned_soc = (float("nan") if one is None else one for one in numbers)
     return replace(
         leg_of(ctx, flight),
         start_s=time_s,
         commanded_s=time_s,
         soc_start=soc,
-        told_start=told_soc,
+        reported_start=reported_soc,
         planned_s=planned_s,
         planned_soc=planned_soc,
     )

@@ -87,12 +87,12 @@ class Alone:
             self._plan(now_s, name, drone, order)
 
     def _plan(self, now_s: float, name: str, drone: DroneRecord, order: OrderRecord | None) -> None:
-        asked = _order_on(name, drone, now_s, order)
+        wanted = _order_on(name, drone, now_s, order)
         vehicle = replace(
             drone.vehicle, place=drone.place, soc=drone.soc, available_from=from_posix(now_s), available_to=None
         )
         made = self._planner.plan(
-            now_s, [asked], [vehicle], self._held(now_s), iterations=ITERATIONS, seed=0, max_late_s=PATIENT_S
+            now_s, [wanted], [vehicle], self._held(now_s), iterations=ITERATIONS, seed=0, max_late_s=PATIENT_S
         )
         route = made.routes.get(name, ())
         if order is None:
@@ -102,7 +102,7 @@ class Alone:
         elif route:
             drone.route = route
         else:
-            self._leave_aboard(name, drone, order, made.answers[asked.id])
+            self._leave_aboard(name, drone, order, made.answers[wanted.id])
         self._situation.change_drone(name, STANDING, drone)
 
     def _leave_aboard(self, name: str, drone: DroneRecord, order: OrderRecord, answer: Answer) -> None:

@@ -112,11 +112,11 @@ class Events:
             if late_s - situation.late_s.get(name, 0.0) >= LATE_S:
                 situation.late_s[name] = late_s
                 why.of_drone[flight.drone] = f"{flight.drone} is {duration(late_s)} late"
-            told = flight.progress
+            progress = flight.progress
             state, drone = situation.drones[flight.drone]
-            longest_s = math.inf if told is None else HELD_UP_S.get(told.state, math.inf)
-            if told is not None and now_s > told.since_s + longest_s and state != LOST:
-                reason = f"{told.state} for {duration(now_s - told.since_s)}"
+            longest_s = math.inf if progress is None else HELD_UP_S.get(progress.state, math.inf)
+            if progress is not None and now_s > progress.since_s + longest_s and state != LOST:
+                reason = f"{progress.state} for {duration(now_s - progress.since_s)}"
                 self._lose(flight.drone, drone, reason, reason, why)
                 situation.change_drone(flight.drone, LOST, drone)
                 if flight.order is not None and flight.order in situation.orders:

@@ -85,11 +85,11 @@ def _promise_of(answer: Answer) -> Promise | None:
     """Return the promise to an order; None if it is not served."""
     if answer.drone is None or answer.fetched is None or answer.delivered is None:
         return None
-    told = answer.outlook
+    outlook = answer.outlook
     return Promise(
         drone=answer.drone, fetched_s=answer.fetched.timestamp(), delivered_s=answer.delivered.timestamp(),
-        chance=None if told is None else told.chance, p50_s=None if told is None or told.p50 is None else told.p50.timestamp(),
-        p95_s=None if told is None or told.p95 is None else told.p95.timestamp(),
+        chance=None if outlook is None else outlook.chance, p50_s=None if outlook is None or outlook.p50 is None else outlook.p50.timestamp(),
+        p95_s=None if outlook is None or outlook.p95 is None else outlook.p95.timestamp(),
     )  # fmt: skip
 
 

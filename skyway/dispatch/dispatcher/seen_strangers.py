@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService, StationStatus
     from skyway.models.scenario.scenario import Scenario
 
-ASKED_S = 300.0
+REQUEST_INTERVAL_S = 300.0
 """Shortest interval of requests to all stations, s of the service's time."""
 
 
@@ -30,13 +30,13 @@ class SeenStrangers:
     def __init__(self, scenario: Scenario, service: PadService | None) -> None:
         self._service = service
         self._stations = [one.id for one in scenario.network.stations if one.pads]
-        self._asked_s, self._seen = -math.inf, NOTHING_SEEN
+        self._requested_s, self._seen = -math.inf, NOTHING_SEEN
 
     def at(self, now_s: float) -> PadsSeen:
-        """Return the reported drones, at most `ASKED_S` old; stations that do not answer are absent."""
-        if self._service is None or now_s < self._asked_s + ASKED_S:
+        """Return the reported drones, at most `REQUEST_INTERVAL_S` old; stations that do not answer are absent."""
+        if self._service is None or now_s < self._requested_s + REQUEST_INTERVAL_S:
             return self._seen
-        self._asked_s = now_s
+        self._requested_s = now_s
         found: dict[str, int] = {}
         for station in self._stations:
             try:
