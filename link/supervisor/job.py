@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.work.task import WorkPlanner
     from skyway.link.vehicle.health_book import HealthBook
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyway.missions.builder.leg_builder import LegBuilder
 from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import Place
+from skyway.models.composition.service import Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Home
     from skyway.missions.items.parameters import Parameter
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
     from skyway.models.scenario.scenario import Scenario
 
 

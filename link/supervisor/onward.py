@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.legs import Leg
     from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.models.composition.composition import Composition
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.planner.online.information import Information
     from skyway.planner.problem.request import Request
 

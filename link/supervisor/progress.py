@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.legs import station_at
 from skyway.link.supervisor.work.progress import WorkProgress
-from skyway.models.composition.composition import Place
+from skyway.models.composition.service import Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.departure.preflight import Check
     from skyway.link.supervisor.legs import LegMission
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 UNKNOWN_PATIENCE_S = 840.0

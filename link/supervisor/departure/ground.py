@@ -20,7 +20,7 @@ from skyway.planner.online.information import Decision, Information
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 POLL_S = 10.0
 MAX_ASKED = 60

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.context import Context
     from skyway.link.supervisor.legs import LegMission
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0

@@ -17,7 +17,7 @@ from skyway.models.base.formatting import percent
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.work.task import WorkFlight, WorkPlanner
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 ENOUGH_SOC = 0.012
 """Tolerance of a charge reported in whole percent."""

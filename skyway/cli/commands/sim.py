@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.sim_stub.plant.wind_truth import WindTruth
     from skyway.sim_stub.transports.channel import Impairment

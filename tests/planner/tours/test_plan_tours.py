@@ -133,7 +133,7 @@ def test_what_no_drone_can_do_is_refused_with_its_reason(forecast):
         forecast, [order("far", "edison", due_min=10), order("else", "bellevue", origin="jacobi")], [drone("d1")]
     )
     reasons = {one.order: one.reason for one in made.answers}
-    assert "even alone" in reasons["far"]
+    assert "even without other orders" in reasons["far"]
     assert "stands at its station" in reasons["else"]
     assert made.routes == ()
 

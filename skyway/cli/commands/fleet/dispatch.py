@@ -53,7 +53,7 @@ class FleetOptions:
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None
     force: options.Force = False
 
-    def read(self, conditions: ConditionOptions, *, most_reserve: float) -> Asked:
+    def read(self, conditions: ConditionOptions, *, most_reserve: float) -> FleetInputs:
         """Read the files, and what is known of the wind.
 
         Raises
@@ -72,7 +72,7 @@ class FleetOptions:
         reserve = typed_values.percent(self.reserve, "--reserve", high=most_reserve)
         work = fit(conditions.loaded(), read_orders(self.orders), read_vehicles(self.fleet))
         known, _ = conditions.winds(work.scenario, conditions.instant, None)
-        return Asked(work, conditions.instant, known.forecast, parameters, reserve)
+        return FleetInputs(work, conditions.instant, known.forecast, parameters, reserve)
 
     def show(self, work: Work, made: DispatchPlan) -> None:
         """Print a plan, and write it to a file; exit with 1 where nothing is served."""
@@ -92,8 +92,8 @@ class FleetOptions:
             raise typer.Exit(1)
 
 
-class Asked(NamedTuple):
-    """What `FleetOptions` say."""
+class FleetInputs(NamedTuple):
+    """Values of `FleetOptions`."""
 
     work: Work
     depart: datetime
@@ -119,18 +119,18 @@ def plan(conditions: ConditionOptions, pads: PadOptions, fleet_options: FleetOpt
     from skyway.now import pads_now
     from skyway.planner.promises.booked import plan_fleet
 
-    asked = fleet_options.read(conditions, most_reserve=95.0)
+    inputs = fleet_options.read(conditions, most_reserve=95.0)
     seen = NOTHING_SEEN
     if pads.pads is not None:
-        found = pads_now(asked.work.scenario, pads.pads, asked.depart)
+        found = pads_now(inputs.work.scenario, pads.pads, inputs.depart)
         seen = PadsSeen(found.busy, found.free_s)
         for note in found.notes:
             typer.echo(note, err=True)
     made = plan_fleet(
-        asked.work, asked.depart, asked.forecast, asked.parameters, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
+        inputs.work, inputs.depart, inputs.forecast, inputs.parameters, reserve=inputs.reserve, time_limit_s=fleet_options.time_limit,
         iterations=fleet_options.iterations, seed=fleet_options.seed, ledger=fleet_options.ledger, holder=fleet_options.holder, seen=seen,
     )  # fmt: skip
-    fleet_options.show(asked.work, made)
+    fleet_options.show(inputs.work, made)
 
 
 @dispatch.command("tours")
@@ -157,16 +157,16 @@ def tours(
     from skyway.planner.promises.booked import booked
     from skyway.planner.tours.plan import plan_tours
 
-    asked = fleet_options.read(conditions, most_reserve=75.0)
+    inputs = fleet_options.read(conditions, most_reserve=75.0)
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
         return plan_tours(
-            asked.work, asked.depart, forecast=asked.forecast, holds=holds, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
-            iterations=fleet_options.iterations, seed=fleet_options.seed, fewest_drones=fewest_drones, parameters=asked.parameters,
+            inputs.work, inputs.depart, forecast=inputs.forecast, holds=holds, reserve=inputs.reserve, time_limit_s=fleet_options.time_limit,
+            iterations=fleet_options.iterations, seed=fleet_options.seed, fewest_drones=fewest_drones, parameters=inputs.parameters,
         )  # fmt: skip
 
-    made = booked(planned, asked.work, asked.depart, ledger=fleet_options.ledger, holder=fleet_options.holder, time_limit_s=fleet_options.time_limit)  # fmt: skip
-    fleet_options.show(asked.work, made)
+    made = booked(planned, inputs.work, inputs.depart, ledger=fleet_options.ledger, holder=fleet_options.holder, time_limit_s=fleet_options.time_limit)  # fmt: skip
+    fleet_options.show(inputs.work, made)
 
 
 Holder = Annotated[str, typer.Option(help="Name of the dispatcher, which holds the bookings.")]
@@ -240,7 +240,7 @@ def run(
     if not 0.5 <= lease <= 3600.0:
         raise InputError("out of range", field="--lease", value=lease, remedy="0.5 to 3600 s")
     typed_values.planner_parameters(settings)
-    asked = Options(
+    inputs = Options(
         ledger=ledger, dispatcher=holder, folder=folder, begin_s=typed_values.parse_depart(depart).timestamp(),
         orders=() if orders is None else read_orders(orders), fleet=() if fleet is None else read_vehicles(fleet),
         scenario=None if scenario is None else str(scenario.resolve()), wind=wind, actual_wind=actual_wind,
@@ -248,7 +248,7 @@ def run(
         iterations=iterations, lasts_s=None if hours is None else hours * 3600.0, seed=seed, strangers=traffic,
         settings=tuple(settings or ()), notice_s=None if notice is None else 60.0 * notice, say=typer.echo,
     )  # fmt: skip
-    service = Service(asked)
+    service = Service(inputs)
     if http is not None:
         from skyway.dispatch.http_api import serve_in_background
 
