@@ -160,7 +160,7 @@ def _drones(
     for name, lines in drones.items():
         last = lines[-1]
         if (last.state == "flying" and not running) or (last.state == "lost" and not last.document.get("reason")):
-            found.wrong.append(f"drone {name} is {last.state} at the end, and nobody was told")
+            found.wrong.append(f"drone {name} is {last.state} at the end, and no person was informed")
     found.figures |= {
         "drones": float(len(drones)), "drones lost": float(sum(lines[-1].state == "lost" for lines in drones.values())), "flights": float(len(flights)),
         "landings": float(landings), "landings below the reserve": float(below),

@@ -139,7 +139,7 @@ def main() -> int:
         "--out", type=Path, default=Path("out/bench/rolling.jsonl"), help="results; what is in it is kept"
     )
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     parser.add_argument("--runs", type=int, default=10**6, help="of each delivery, at most")
     options = parser.parse_args()
     instance = read_instance(options.instance)

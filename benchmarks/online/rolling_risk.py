@@ -79,7 +79,7 @@ def main() -> int:
     """Measure from a command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--instance", type=Path, default=LONG_FILE)
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     parser.add_argument("--runs", type=int, default=1, help="of each delivery")
     parser.add_argument("--gusts", type=int, default=600, help="that each flight is flown in")
     options = parser.parse_args()

@@ -194,7 +194,7 @@ def main() -> int:
     parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument("--out", type=Path, default=Path("out/bench/rolling-why.jsonl"), help="what is in it is kept")
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     options = parser.parse_args()
     instance = read_instance(options.instance)
     instance = instance.cut(options.deliveries, instance.runs)

@@ -24,7 +24,7 @@ def summary(runs: list[Run]) -> Iterator[str]:
     alarms = [run for run in good if run.verdict != Verdict.DELIVERED]
     missed = [run for run in bad if run.verdict == Verdict.DELIVERED]
     shares = Counter((run.autopilot, "winch" if run.winch else "gripper") for run in good)
-    yield f"{len(good)} good deliveries {dict(shares)}: {len(alarms)} not told delivered {dict(Counter(run.verdict for run in alarms))}"
+    yield f"{len(good)} good deliveries {dict(shares)}: {len(alarms)} not reported as delivered {dict(Counter(run.verdict for run in alarms))}"
     if good:
         yield f"  share of false alarms, 95 % bound: {100 * _most(len(alarms), len(good)):.2f} %"
     yield f"  lost by the power in flight, overruled or not: {sum(run.alarmed_s is not None for run in good)}"
@@ -40,7 +40,7 @@ def summary(runs: list[Run]) -> Iterator[str]:
     ]
     lost = sum(run.lost_after_s is not None for run in bad)
     if after:
-        yield f"  lost on the way: {len(after)} of {lost} told in flight, {max(after):.0f} s after the loss at the latest, {min(after):.0f} s at the earliest"
+        yield f"  lost on the way: {len(after)} of {lost} reported in flight, {max(after):.0f} s after the loss at the latest, {min(after):.0f} s at the earliest"
     yield from _weighed(runs)
     yield f"known at the latest {max((run.after_s for run in runs), default=0.0):.1f} s after the take-off"
     for run in (*alarms[:20], *missed[:20]):

@@ -147,7 +147,7 @@ class _Fall:
     def falls_on(self, *, blind: bool) -> bool:
         """Whether the voltage keeps falling like that of a nearly empty battery, unlike under a measurement error.
 
-        A voltage that falls on and takes the measured power with it is an error that grows.
+        A voltage that continues to fall together with the measured power is a growing measurement error.
         """
         measurements = list(self.after)
         then, now = measurements[:SURE_NOW], measurements[-SURE_NOW:]
@@ -196,10 +196,10 @@ class VoltageWatch:
         load: float = 1.0,
         flies: bool = False,
     ) -> float:
-        """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
+        """Take the vehicle's report; return the newly found loss of charge, usually 0; negative if a loss is undone.
 
-        `load` is the power at the present airspeed and climb over that of hover, NaN where it is unknown. `flies` says
-        that it is known to be in the air, whatever the current says.
+        `load` is the power at the present airspeed and climb over that of hover, NaN if unknown. `flies`: the vehicle
+        is known to be in the air, whatever the current.
         """
         if not all(map(math.isfinite, (volts, amperes, reported_soc))) or time_s < self._received_s + 0.5:
             return 0.0
@@ -245,9 +245,9 @@ class VoltageWatch:
     def doubtful(self, *, affordable: bool = True) -> bool:
         """Whether only a momentary voltage indicates lost charge.
 
-        A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near
-        empty; and one that stays low for longer than any burst of wrong values is believed where there is no time to
-        wait for that: where the charge, if the loss is true, is not `affordable`, enough for more than a landing.
+        The voltage of a battery that has lost charge continues to fall faster than a sound one's, as near empty. A voltage
+        that stays low for longer than any burst of wrong values is accepted without that if there is no time to wait:
+        if the charge after the loss is not `affordable`, not sufficient for more than a landing.
         """
         blind = self.ohm == 0.0
         late_s = -math.inf if affordable else self._received_s - DOUBTED_S
