@@ -87,7 +87,7 @@ def test_the_product_turns_back_where_the_charge_is_not_enough_and_flies_on_wher
     back = flight.seen(0.24, calm, share=0.1)
     assert air.turns(back, (home,)) == home
     assert air.turns(replace(back, turned=home, time_s=back.time_s + 20.0), (home,)) is None
-    empty = replace(back, turned=home, time_s=back.time_s + 40.0, told=0.001)
+    empty = replace(back, turned=home, time_s=back.time_s + 200.0, told=0.001)
     assert air.turns(empty, (home,)) == HERE
 
 
