@@ -77,7 +77,7 @@ def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
             ):  # who was killed may stay a zombie, which counts as alive
                 lock.unlink(missing_ok=True)
             end = time.monotonic() + AWAY_S
-            while True:  # until the last of its processes has left their common memory, and it has recovered, which takes minutes on a busy machine
+            while True:  # until the last of its processes has left their common memory, and it has recovered: longer than `start` waits, on a busy machine
                 try:
                     server.start()
                 except (subprocess.SubprocessError, AssertionError):  # it asserts that the server is ready
