@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Ledger
 
 START = datetime(2030, 1, 1, tzinfo=UTC)
-AWAY_S = 120.0
-"""Longest wait of a client for a database, s."""
+AWAY_S = 300.0
+"""Longest wait of a client for a database, and of a killed server for its restart, s."""
+PAUSE_S = 0.5
+"""Pause between the attempts of a client, s: 16 clients without one slow the recovery of the server."""
 HOT_PADS, STOPS, SLOT_MIN = 40, 4, 15
 LINE_BYTES = 12
 """Approximate length of a journal line, bytes."""
@@ -74,11 +76,16 @@ def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
                 *Path(folder).glob(".s.PGSQL.*.lock"),
             ):  # a killed process may stay a zombie, which counts as alive
                 lock.unlink(missing_ok=True)
-            for _ in range(20):  # until the last of its processes has released their shared memory
-                with contextlib.suppress(subprocess.CalledProcessError):
+            end = time.monotonic() + AWAY_S
+            while True:  # until the last of its processes has released their shared memory and it has recovered
+                try:
                     server.start()
+                except (subprocess.SubprocessError, AssertionError):  # it asserts that the server is ready
+                    if time.monotonic() >= end:
+                        raise
+                    time.sleep(0.5)
+                else:
                     return
-                time.sleep(0.5)
 
         try:
             yield server.get_uri(), kill
@@ -140,7 +147,7 @@ def _opened_again(name: str) -> Ledger:
         except SkywayError:
             if time.monotonic() >= end:
                 raise
-            time.sleep(0.1)
+            time.sleep(PAUSE_S)
 
 
 def run(
