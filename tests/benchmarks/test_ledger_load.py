@@ -18,7 +18,7 @@ def check(name, folder, meanwhile=lambda: None):
         by_itinerary.setdefault(hold.itinerary, []).append(hold)
     assert all(len(one) == 4 for one in by_itinerary.values())
     confirmed = confirmed_bookings(folder)
-    assert confirmed <= set(by_itinerary), "a booking that was confirmed to a client is lost"
+    assert confirmed <= set(by_itinerary), "a confirmed booking is lost"
     assert len(by_itinerary) - len(confirmed) <= 3, "at most the one under way when its client was killed"
     assert load.booked > 50
 
